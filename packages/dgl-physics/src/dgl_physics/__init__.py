@@ -1,1 +1,27 @@
-"""dgl_physics."""
+"""Batched cloth simulation on NVIDIA Warp, coupled to SAPIEN."""
+
+from dgl_physics.errors import ContactOverflowError as ContactOverflowError
+from dgl_physics.errors import MeshError as MeshError
+from dgl_physics.errors import PhysicsError as PhysicsError
+from dgl_physics.errors import SimulationDivergedError as SimulationDivergedError
+from dgl_physics.material import ClothMaterial as ClothMaterial
+from dgl_physics.model import Model as Model
+from dgl_physics.model import ModelBuilder as ModelBuilder
+from dgl_physics.shapes import Shape as Shape
+from dgl_physics.solver import SolverConfig as SolverConfig
+from dgl_physics.solver import SolverXPBD as SolverXPBD
+from dgl_physics.state import State as State
+
+__all__ = [
+    "ClothMaterial",
+    "ContactOverflowError",
+    "MeshError",
+    "Model",
+    "ModelBuilder",
+    "PhysicsError",
+    "Shape",
+    "SimulationDivergedError",
+    "SolverConfig",
+    "SolverXPBD",
+    "State",
+]

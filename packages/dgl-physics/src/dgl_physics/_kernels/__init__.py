@@ -1,0 +1,1 @@
+"""Warp kernels of the solver, the same for CPU and CUDA."""

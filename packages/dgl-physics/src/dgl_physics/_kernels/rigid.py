@@ -1,0 +1,284 @@
+"""Contact of particles with rigid shapes, and the velocity update that follows it."""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportOperatorIssue=false
+import warp as wp
+
+from dgl_physics._kernels.types import Limits, Material, ShapeTable
+
+PLANE = wp.constant(0)
+SPHERE = wp.constant(1)
+CAPSULE = wp.constant(2)
+
+
+@wp.func
+def shape_distance(kind: wp.int32, size: wp.vec3, p: wp.vec3):
+    """Signed distance and outward normal of a primitive at a point of its frame."""
+    if kind == PLANE:
+        return wp.vec4(0.0, 0.0, 1.0, p[2])
+    if kind == SPHERE or kind == CAPSULE:
+        axis = wp.vec3(0.0, 0.0, wp.clamp(p[2], -size[1], size[1]))
+        d = p - axis
+        r = wp.length(d)
+        n = wp.vec3(1.0, 0.0, 0.0)
+        if r > 1.0e-9:
+            n = d / r
+        return wp.vec4(n[0], n[1], n[2], r - size[0])
+    q = wp.vec3(wp.abs(p[0]) - size[0], wp.abs(p[1]) - size[1], wp.abs(p[2]) - size[2])
+    if q[0] > 0.0 or q[1] > 0.0 or q[2] > 0.0:
+        o = wp.vec3(wp.max(q[0], 0.0), wp.max(q[1], 0.0), wp.max(q[2], 0.0))
+        r = wp.length(o)
+        return wp.vec4(
+            wp.sign(p[0]) * o[0] / r, wp.sign(p[1]) * o[1] / r, wp.sign(p[2]) * o[2] / r, r
+        )
+    if q[0] >= q[1] and q[0] >= q[2]:
+        return wp.vec4(wp.sign(p[0]), 0.0, 0.0, q[0])
+    if q[1] >= q[2]:
+        return wp.vec4(0.0, wp.sign(p[1]), 0.0, q[1])
+    return wp.vec4(0.0, 0.0, wp.sign(p[2]), q[2])
+
+
+@wp.kernel
+def bound_cloth(
+    particles_per_env: wp.int32,
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+):
+    """Bounding box of each environment's particles."""
+    i = wp.tid()
+    if inverse_mass[i] > 0.0:
+        env = i // particles_per_env
+        wp.atomic_min(lower, env, position[i])
+        wp.atomic_max(upper, env, position[i])
+
+
+@wp.kernel
+def reset_bounds(lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3)):
+    """Make the boxes empty."""
+    e = wp.tid()
+    lower[e] = wp.vec3(1.0e6, 1.0e6, 1.0e6)
+    upper[e] = wp.vec3(-1.0e6, -1.0e6, -1.0e6)
+
+
+@wp.kernel
+def select_shapes(
+    margin: wp.float32,
+    shapes: ShapeTable,
+    body_start: wp.array2d(dtype=wp.transform),
+    body_end: wp.array2d(dtype=wp.transform),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    active: wp.array2d(dtype=wp.int32),
+    active_count: wp.array(dtype=wp.int32),
+):
+    """List the shapes whose swept sphere meets the cloth's box, one thread an environment.
+
+    Planes come last, so that the ground has the last word in a contact.
+    """
+    e = wp.tid()
+    count = int(0)
+    low = lower[e]
+    high = upper[e]
+    total = shapes.kind.shape[0]
+    for s in range(total):
+        if shapes.kind[s] != PLANE:
+            b = shapes.body[s]
+            start = wp.transform_get_translation(body_start[e, b] * shapes.pose[s])
+            end = wp.transform_get_translation(body_end[e, b] * shapes.pose[s])
+            r = shapes.radius[s] + margin
+            inside = int(1)
+            for k in range(3):
+                if wp.min(start[k], end[k]) - r > high[k] or wp.max(start[k], end[k]) + r < low[k]:
+                    inside = 0
+            if inside == 1:
+                active[e, count] = s
+                count += 1
+    for s in range(total):
+        if shapes.kind[s] == PLANE:
+            active[e, count] = s
+            count += 1
+    active_count[e] = count
+
+
+@wp.kernel
+def pose_shapes(
+    fraction: wp.float32,
+    shapes: ShapeTable,
+    body_start: wp.array2d(dtype=wp.transform),
+    body_end: wp.array2d(dtype=wp.transform),
+    active: wp.array2d(dtype=wp.int32),
+    active_count: wp.array(dtype=wp.int32),
+    pose_before: wp.array2d(dtype=wp.transform),
+    pose_now: wp.array2d(dtype=wp.transform),
+):
+    """Pose the active shapes at a fraction of the frame; the last pose becomes `pose_before`."""
+    e, k = wp.tid()
+    if k >= active_count[e]:
+        return
+    s = active[e, k]
+    b = shapes.body[s]
+    start = body_start[e, b]
+    end = body_end[e, b]
+    p = wp.lerp(
+        wp.transform_get_translation(start), wp.transform_get_translation(end), fraction
+    )
+    q0 = wp.transform_get_rotation(start)
+    q1 = wp.transform_get_rotation(end)
+    if wp.dot(q0, q1) < 0.0:
+        q1 = -q1
+    q = wp.normalize(q0 * (1.0 - fraction) + q1 * fraction)
+    pose = wp.transform(p, q) * shapes.pose[s]
+    if fraction == 0.0:
+        pose_before[e, k] = pose
+    else:
+        pose_before[e, k] = pose_now[e, k]
+    pose_now[e, k] = pose
+
+
+@wp.kernel
+def find_near_shapes(
+    dt: wp.float32,
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    active: wp.array2d(dtype=wp.int32),
+    active_count: wp.array(dtype=wp.int32),
+    pose_start: wp.array2d(dtype=wp.transform),
+    body_start: wp.array2d(dtype=wp.transform),
+    body_end: wp.array2d(dtype=wp.transform),
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    overflow: wp.array(dtype=wp.int32),
+):
+    """List the active shapes that each particle may touch within the coming frame."""
+    i = wp.tid()
+    count = int(0)
+    if inverse_mass[i] > 0.0:
+        e = i // particles_per_env
+        x = position[i]
+        m = materials[garment[i]]
+        # 5 cm/s more than now: gravity and pulls act within the frame
+        reach = m.rest_offset + m.adhesion_radius + (wp.length(velocity[i]) + 0.3) * dt
+        for k in range(active_count[e]):
+            s = active[e, k]
+            pose = pose_start[e, k]
+            b = shapes.body[s]
+            # how far the shape's frame travels, plus what its rotation sweeps
+            start = body_start[e, b]
+            end = body_end[e, b]
+            travel = wp.length(
+                wp.transform_point(end * shapes.pose[s], wp.vec3(0.0, 0.0, 0.0))
+                - wp.transform_get_translation(pose)
+            )
+            q = wp.mul(
+                wp.quat_inverse(wp.transform_get_rotation(start)), wp.transform_get_rotation(end)
+            )
+            turn = 2.0 * wp.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+            extent = wp.where(shapes.kind[s] == PLANE, 0.0, shapes.radius[s])
+            local = wp.transform_point(wp.transform_inverse(pose), x)
+            if shape_distance(shapes.kind[s], shapes.size[s], local)[3] < reach + travel + turn * extent:
+                if count < limits.near_capacity:
+                    near[i * limits.near_capacity + count] = k
+                    count += 1
+                else:
+                    wp.atomic_add(overflow, e, 1)
+    near_count[i] = count
+
+
+@wp.kernel
+def solve_rigid_contact(
+    dt: wp.float32,
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    inverse_mass: wp.array(dtype=wp.float32),
+    active: wp.array2d(dtype=wp.int32),
+    pose_before: wp.array2d(dtype=wp.transform),
+    pose_now: wp.array2d(dtype=wp.transform),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    correction: wp.array(dtype=wp.vec3),
+    previous: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    impulse: wp.array2d(dtype=wp.spatial_vector),
+):
+    """Apply the self-contact correction, resolve rigid contact, and update the velocity.
+
+    Contact comes last in the substep, so that a particle that sticks has exactly no tangential
+    displacement relative to the surface: no creep. The impulse on the particle, and the moment
+    about the origin of the shape's body frame at `pose_now`, go to `impulse` with opposite sign.
+    """
+    i = wp.tid()
+    w = inverse_mass[i]
+    if w == 0.0:
+        return
+    e = i // particles_per_env
+    before = previous[i]
+    x = position[i] + correction[i]
+    m = materials[garment[i]]
+    for c in range(near_count[i]):
+        k = near[i * limits.near_capacity + c]
+        s = active[e, k]
+        pose = pose_now[e, k]
+        local = wp.transform_point(wp.transform_inverse(pose), x)
+        hit = shape_distance(shapes.kind[s], shapes.size[s], local)
+        gap = hit[3] - m.rest_offset
+        if gap < m.adhesion_radius:
+            n_local = wp.vec3(hit[0], hit[1], hit[2])
+            n = wp.transform_vector(pose, n_local)
+            surface_local = local - n_local * hit[3]
+            surface = wp.transform_point(pose, surface_local)
+            drift = surface - wp.transform_point(pose_before[e, k], surface_local)
+            slip = (x - before) - drift
+            along = wp.dot(n, slip)
+            slip = slip - n * along
+            push = float(0.0)
+            support = float(0.0)
+            if gap < 0.0:
+                push = -gap
+                support = push
+                # overlap from before this substep must not throw the particle off the surface
+                before = before + n * wp.max(along + push - limits.separation_speed * dt, 0.0)
+            else:
+                push = -wp.min(m.adhesion * w * dt * dt, 1.0) * gap
+                support = -push
+            x = x + n * push
+            length = wp.length(slip)
+            limit = m.friction * shapes.friction[s] * support
+            if length > limit:
+                slip = slip * (limit / length)
+            x = x - slip
+            j = (slip - n * push) / (w * dt)
+            wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
+    v = (x - before) / dt
+    speed = wp.length(v)
+    if speed > limits.max_speed:
+        v = v * (limits.max_speed / speed)
+    position[i] = x
+    velocity[i] = v
+
+
+@wp.kernel
+def flag_divergence(
+    particles_per_env: wp.int32,
+    extent: wp.float32,
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    flag: wp.array(dtype=wp.int32),
+):
+    """Mark environments with a particle that is not finite or too far away."""
+    i = wp.tid()
+    if inverse_mass[i] > 0.0:
+        x = position[i]
+        if not (wp.length(x) < extent):
+            flag[i // particles_per_env] = 1

@@ -1,0 +1,109 @@
+"""Contact of particles with particles, of the same garment or of another."""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportOperatorIssue=false
+import warp as wp
+
+from dgl_physics._kernels.types import Limits, Material
+
+
+@wp.kernel
+def find_neighbours(
+    grid: wp.uint64,
+    limits: Limits,
+    environment: wp.array(dtype=wp.int32),
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    adjacency_start: wp.array(dtype=wp.int32),
+    adjacency: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.vec3),
+    neighbours: wp.array(dtype=wp.int32),
+    neighbour_count: wp.array(dtype=wp.int32),
+    overflow: wp.array(dtype=wp.int32),
+):
+    """List the particles that may touch each particle before the next search.
+
+    Particles that share an edge of the mesh are left out: the edge holds them apart.
+    """
+    i = wp.tid()
+    x = position[i]
+    env = environment[i]
+    radius = materials[garment[i]].thickness + limits.neighbour_margin
+    first = adjacency_start[i]
+    last = adjacency_start[i + 1]
+    count = int(0)
+    if last > first:  # padding has no edges
+        query = wp.hash_grid_query(grid, x, radius, env)
+        j = int(0)
+        while wp.hash_grid_query_next(query, j):
+            if j != i and wp.length_sq(position[j] - x) < radius * radius:
+                is_joined = int(0)
+                for k in range(first, last):
+                    if adjacency[k] == j:
+                        is_joined = 1
+                if is_joined == 0:
+                    if count < limits.neighbour_capacity:
+                        neighbours[i * limits.neighbour_capacity + count] = j
+                        count += 1
+                    else:
+                        wp.atomic_add(overflow, env, 1)
+    neighbour_count[i] = count
+
+
+@wp.kernel
+def solve_self_contact(
+    dt: wp.float32,
+    limits: Limits,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    previous: wp.array(dtype=wp.vec3),
+    neighbours: wp.array(dtype=wp.int32),
+    neighbour_count: wp.array(dtype=wp.int32),
+    correction: wp.array(dtype=wp.vec3),
+):
+    """Push apart particles closer than the thickness; rub and hold those that touch.
+
+    All particles read the same positions and write their own correction (Jacobi), averaged over
+    the contacts, so the result depends on no order. A pair leaves its overlap no faster than the
+    separation speed: all of an approach within the substep is undone at once, older overlap
+    slowly, so that contact does not throw particles apart.
+    Friction cancels the tangential displacement of the substep up to Coulomb's limit; adhesion
+    is the paper's spring within a radius.
+    """
+    i = wp.tid()
+    n_count = neighbour_count[i]
+    wi = inverse_mass[i]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    hits = float(0.0)
+    if n_count > 0 and wi > 0.0:
+        m = materials[garment[i]]
+        x = position[i]
+        moved = x - previous[i]
+        reach = m.thickness + m.adhesion_radius
+        for k in range(n_count):
+            j = neighbours[i * limits.neighbour_capacity + k]
+            d = x - position[j]
+            r2 = wp.length_sq(d)
+            if r2 < reach * reach and r2 > 1.0e-16:
+                r = wp.sqrt(r2)
+                n = d / r
+                share = wi / (wi + inverse_mass[j])
+                depth = m.thickness - r
+                if depth > 0.0:
+                    slip = moved - (position[j] - previous[j])
+                    along = wp.dot(n, slip)
+                    push = wp.clamp(limits.separation_speed * dt - along, 0.0, depth)
+                    total += n * (share * push)
+                    slip = slip - n * along
+                    length = wp.length(slip)
+                    limit = m.particle_friction * depth
+                    if length > limit:
+                        slip = slip * (limit / length)
+                    total -= slip * share
+                    hits += 1.0
+                else:
+                    pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
+                    total += n * pull
+    correction[i] = total / wp.max(1.0, hits)

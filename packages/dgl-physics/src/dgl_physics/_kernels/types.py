@@ -1,0 +1,41 @@
+"""Structs that the kernels share."""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+import warp as wp
+
+
+@wp.struct
+class Material:
+    """Contact parameters of one garment; see `dgl_physics.material.ClothMaterial`."""
+
+    friction: wp.float32
+    adhesion: wp.float32
+    adhesion_radius: wp.float32
+    particle_friction: wp.float32
+    particle_adhesion: wp.float32
+    rest_offset: wp.float32
+    thickness: wp.float32
+    drag: wp.float32
+
+
+@wp.struct
+class Limits:
+    """Numbers of the solver that no garment owns."""
+
+    max_speed: wp.float32
+    separation_speed: wp.float32
+    neighbour_margin: wp.float32
+    neighbour_capacity: wp.int32
+    near_capacity: wp.int32
+
+
+@wp.struct
+class ShapeTable:
+    """Rigid shapes of one environment; the same in all environments."""
+
+    kind: wp.array(dtype=wp.int32)
+    size: wp.array(dtype=wp.vec3)
+    pose: wp.array(dtype=wp.transform)
+    body: wp.array(dtype=wp.int32)
+    friction: wp.array(dtype=wp.float32)
+    radius: wp.array(dtype=wp.float32)

@@ -1,0 +1,259 @@
+"""What does not change during a simulation: meshes, constraints, shapes; and its builder."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from dgl_physics import topology
+from dgl_physics._kernels.types import Material, ShapeTable
+from dgl_physics.material import ClothMaterial
+from dgl_physics.shapes import KIND_CODES, Shape
+from dgl_physics.state import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Garment:
+    """Where one garment of one environment lies in the particle arrays."""
+
+    env: int
+    first: int
+    """Index of its first particle within the environment."""
+    vertex_count: int
+    faces: np.ndarray
+    """Vertex indices of the garment, shape (F, 3), int32."""
+    edges: np.ndarray
+    """Shape (E, 2), int32."""
+    rest_lengths: np.ndarray
+    """Rest length of each edge [m], shape (E,)."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Constants of a batch of environments, on one device.
+
+    Particles of environment e are rows e * particles_per_env ... of the flat arrays. Smaller
+    environments are padded with particles of zero inverse mass that take part in nothing.
+    """
+
+    device: str
+    env_count: int
+    particles_per_env: int
+    body_count: int
+    shape_count: int
+    garments: tuple[Garment, ...]
+    initial_positions: np.ndarray
+    """[m], shape (B, V, 3)."""
+    shapes: ShapeTable
+    materials: wp.array
+    environment: wp.array
+    garment_index: wp.array
+    inverse_mass: wp.array
+    pairs: wp.array
+    rest_length: wp.array
+    compliance: wp.array
+    colour_start: tuple[int, ...]
+    """First constraint of each colour, and the end of the last."""
+    adjacency_start: wp.array
+    adjacency: wp.array
+
+    def make_state(self) -> State:
+        """Make a state at the initial positions, at rest, with all bodies at the origin."""
+        return State(self)
+
+
+class ModelBuilder:
+    """Collects garments and rigid shapes and builds a `Model`.
+
+    Every environment has the same rigid shapes; garments may differ between environments.
+    """
+
+    def __init__(self, env_count: int = 1) -> None:
+        if env_count < 1:
+            raise ValueError(f"env_count must be >= 1; got {env_count}")
+        self.env_count = env_count
+        self._garments: list[list[dict]] = [[] for _ in range(env_count)]
+        self._bodies: list[str] = ["world"]
+        self._shapes: list[tuple[int, Shape]] = []
+
+    def add_garment(
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        *,
+        material: ClothMaterial | None = None,
+        rest: np.ndarray | None = None,
+        pinned: np.ndarray | tuple[int, ...] = (),
+        env: int | None = None,
+    ) -> None:
+        """Add a garment to one environment, or the same to all.
+
+        Args:
+            vertices: Initial positions [m], shape (V, 3).
+            faces: Vertex indices, shape (F, 3).
+            material: Fabric and contact parameters.
+            rest: Unstrained positions [m], shape (V, 2) or (V, 3); `vertices` when not given.
+                Two layers that share their flat coordinates have no strain from the gap between
+                them.
+            pinned: Vertices that do not move.
+            env: Environment; all when None.
+
+        Raises:
+            MeshError: If the mesh cannot be simulated.
+        """
+        vertices = np.asarray(vertices, dtype=np.float64)
+        faces = np.asarray(faces)
+        topology.check_mesh(vertices, faces)
+        rest = vertices if rest is None else np.asarray(rest, dtype=np.float64)
+        if rest.shape not in ((len(vertices), 2), (len(vertices), 3)):
+            raise ValueError(
+                f"rest must have shape ({len(vertices)}, 2) or (..., 3); got {rest.shape}"
+            )
+        if rest.shape[1] == 2:
+            rest = np.column_stack([rest, np.zeros(len(rest))])
+        entry = _make_constraints(vertices, faces.astype(np.int32), rest, material or ClothMaterial())
+        entry["inverse_mass"][list(pinned)] = 0.0
+        if env is not None and not 0 <= env < self.env_count:
+            raise ValueError(f"env must be in 0..{self.env_count - 1}; got {env}")
+        for e in range(self.env_count) if env is None else [env]:
+            self._garments[e].append(entry)
+
+    def add_body(self, name: str) -> int:
+        """Add a rigid body that moves by prescription; returns its index (0 is the world)."""
+        self._bodies.append(name)
+        return len(self._bodies) - 1
+
+    def add_shape(self, shape: Shape, *, body: int = 0) -> int:
+        """Fix a shape to a body; returns its index."""
+        if not 0 <= body < len(self._bodies):
+            raise ValueError(f"body must be in 0..{len(self._bodies) - 1}; got {body}")
+        self._shapes.append((body, shape))
+        return len(self._shapes) - 1
+
+    def add_ground(self, friction: float = 1.0) -> int:
+        """Add the plane z = 0; returns its shape index."""
+        return self.add_shape(Shape(kind="plane", friction=friction))
+
+    def build(self, device: str = "cpu") -> Model:
+        """Build the model on a Warp device ("cpu", "cuda:0")."""
+        if any(not g for g in self._garments):
+            raise ValueError("every environment needs a garment before build()")
+        sizes = [sum(len(g["vertices"]) for g in envs) for envs in self._garments]
+        per_env = max(sizes)
+        count = self.env_count * per_env
+        position = np.zeros((count, 3), dtype=np.float32)
+        # Padding is spread out, so that it does not crowd one cell of the neighbour grid.
+        position[:, 0] = 1.0e3 + np.arange(count) % per_env
+        inverse_mass = np.zeros(count, dtype=np.float32)
+        garment_index = np.zeros(count, dtype=np.int32)
+        garments: list[Garment] = []
+        blocks: list[tuple[np.ndarray, ...]] = []
+        edge_blocks: list[np.ndarray] = []
+        materials: list[ClothMaterial] = []
+        for e, entries in enumerate(self._garments):
+            first = 0
+            for g in entries:
+                base = e * per_env + first
+                n = len(g["vertices"])
+                position[base : base + n] = g["vertices"]
+                inverse_mass[base : base + n] = g["inverse_mass"]
+                garment_index[base : base + n] = len(garments)
+                blocks.append((g["pairs"] + base, g["rest_length"], g["compliance"], g["colour"]))
+                edge_blocks.append(g["edges"] + base)
+                materials.append(g["material"])
+                garments.append(
+                    Garment(
+                        env=e,
+                        first=first,
+                        vertex_count=n,
+                        faces=g["faces"],
+                        edges=g["edges"],
+                        rest_lengths=g["rest_length"][: len(g["edges"])],
+                    )
+                )
+                first += n
+        pairs, rest_length, compliance, colour = (np.concatenate(b) for b in zip(*blocks, strict=True))
+        order = np.argsort(colour, kind="stable")
+        starts = np.searchsorted(colour[order], np.arange(colour.max() + 2))
+        adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)
+
+        def to_device(values: np.ndarray, dtype: type) -> wp.array:
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+
+        return Model(
+            device=device,
+            env_count=self.env_count,
+            particles_per_env=per_env,
+            body_count=len(self._bodies),
+            shape_count=len(self._shapes),
+            garments=tuple(garments),
+            initial_positions=position.reshape(self.env_count, per_env, 3),
+            shapes=self._build_shapes(device),
+            materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
+            environment=to_device(np.repeat(np.arange(self.env_count), per_env), wp.int32),
+            garment_index=to_device(garment_index, wp.int32),
+            inverse_mass=to_device(inverse_mass, wp.float32),
+            pairs=to_device(pairs[order], wp.vec2i),
+            rest_length=to_device(rest_length[order], wp.float32),
+            compliance=to_device(compliance[order], wp.float32),
+            colour_start=tuple(int(s) for s in starts),
+            adjacency_start=to_device(adjacency_start, wp.int32),
+            adjacency=to_device(adjacency, wp.int32),
+        )
+
+    def _build_shapes(self, device: str) -> ShapeTable:
+        table = ShapeTable()
+        shapes = [s for _, s in self._shapes]
+        poses = np.array([s.pose for s in shapes], dtype=np.float32).reshape(-1, 7)
+        poses = poses[:, [0, 1, 2, 4, 5, 6, 3]]  # Warp stores quaternions as xyzw
+        radius = np.array([s.bounding_radius() for s in shapes], dtype=np.float32)
+        table.kind = wp.array([KIND_CODES[s.kind] for s in shapes], dtype=wp.int32, device=device)
+        table.size = wp.array([s.size for s in shapes], dtype=wp.vec3, device=device)
+        table.pose = wp.array(poses, dtype=wp.transform, device=device)
+        table.body = wp.array([b for b, _ in self._shapes], dtype=wp.int32, device=device)
+        table.friction = wp.array([s.friction for s in shapes], dtype=wp.float32, device=device)
+        table.radius = wp.array(radius, dtype=wp.float32, device=device)
+        return table
+
+
+def _make_constraints(
+    vertices: np.ndarray, faces: np.ndarray, rest: np.ndarray, material: ClothMaterial
+) -> dict:
+    edges = topology.compute_edges(faces)
+    hinges = topology.compute_hinges(faces)
+    hinges = hinges[topology.is_flat_hinge(rest, hinges)]
+    wings = hinges[:, 2:] if material.bend_stiffness > 0 else np.zeros((0, 2), dtype=np.int32)
+    pairs = np.concatenate([edges, wings])
+    rest_length = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
+    stiffness = np.repeat(
+        [material.stretch_stiffness, material.bend_stiffness], [len(edges), len(wings)]
+    )
+    # Bending first within a substep: what is solved last holds best, and that is stretch.
+    bend_colour = topology.colour_pairs(wings, len(vertices))
+    edge_colour = topology.colour_pairs(edges, len(vertices))
+    bend_colours = int(bend_colour.max()) + 1 if len(wings) else 0
+    areas = topology.compute_vertex_areas(rest, faces)
+    return {
+        "vertices": vertices.astype(np.float32),
+        "faces": faces,
+        "edges": edges,
+        "pairs": pairs,
+        "rest_length": rest_length.astype(np.float32),
+        "compliance": (1.0 / np.where(stiffness > 0, stiffness, np.inf)).astype(np.float32),
+        "colour": np.concatenate([edge_colour + bend_colours, bend_colour]),
+        "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
+        "material": material,
+    }
+
+
+def _to_struct(m: ClothMaterial) -> Material:
+    s = Material()
+    s.friction = m.friction
+    s.adhesion = m.adhesion
+    s.adhesion_radius = m.adhesion_radius
+    s.particle_friction = m.friction * m.particle_friction_scale
+    s.particle_adhesion = m.adhesion * m.particle_adhesion_scale
+    s.rest_offset = m.rest_offset
+    s.thickness = m.thickness
+    s.drag = m.drag
+    return s

@@ -1,0 +1,243 @@
+"""The solver: small XPBD substeps with contact last."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from dgl_physics._kernels import cloth, rigid, selfcontact
+from dgl_physics._kernels.types import Limits
+from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
+from dgl_physics.model import Model
+from dgl_physics.state import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverConfig:
+    """Settings of the solver."""
+
+    dt: float = 1 / 60
+    """Length of a frame [s]; > 0."""
+    substeps: int = 10
+    """Substeps of a frame, each of one iteration; >= 1."""
+    neighbour_searches: int = 2
+    """Searches for particle contacts within a frame; 1..substeps."""
+    neighbour_margin: float = 0.006
+    """Distance beyond the thickness that a search looks for [m]; >= 0. Half of it is how far a
+    particle may move between searches without a contact being missed."""
+    neighbour_capacity: int = 64
+    """Most contacts that a particle can have with other particles."""
+    near_capacity: int = 24
+    """Most shapes that a particle can be near to."""
+    max_speed: float = 8.0
+    """Particles are not faster than this [m/s]."""
+    separation_speed: float = 0.1
+    """Speed at which contact may drive particles out of an overlap [m/s]; > 0."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    """[m/s^2], world frame."""
+    is_guarded: bool = True
+    """Raise when particles diverge or contact capacities overflow, looked at after each frame."""
+
+    def __post_init__(self) -> None:
+        if not self.dt > 0:
+            raise ValueError(f"dt must be > 0; got {self.dt}")
+        if self.substeps < 1:
+            raise ValueError(f"substeps must be >= 1; got {self.substeps}")
+        if not 1 <= self.neighbour_searches <= self.substeps:
+            raise ValueError(
+                f"neighbour_searches must be in 1..{self.substeps}; got {self.neighbour_searches}"
+            )
+
+
+class SolverXPBD:
+    """Advances the state of a model by frames.
+
+    Extended position-based dynamics with small steps (Macklin et al. 2016 and 2019): each substep
+    integrates, projects every distance constraint once in the order of its colour, separates
+    particles, and resolves rigid contact with stiction last.
+
+    The bodies move on straight lines from `body_start` to `body_end` during a frame, after which
+    `body_end` becomes `body_start`.
+
+    Limitations: contact is resolved between particles, not between triangles, so the thickness
+    must be more than 0.58 times the edge length for layers to stay apart.
+    """
+
+    def __init__(self, model: Model, config: SolverConfig | None = None) -> None:
+        self.model = model
+        self.config = config or SolverConfig()
+        self.frame = 0
+        device, count, envs = model.device, model.env_count * model.particles_per_env, model.env_count
+        c = self.config
+        self._limits = Limits()
+        self._limits.max_speed = c.max_speed
+        self._limits.separation_speed = c.separation_speed
+        self._limits.neighbour_margin = c.neighbour_margin
+        self._limits.neighbour_capacity = c.neighbour_capacity
+        self._limits.near_capacity = c.near_capacity
+        self._grid = wp.HashGrid(128, 128, 128, device=device)
+        self._grid.reserve(count)
+        self._grid_radius = c.neighbour_margin + max(m.thickness for m in _materials(model))
+        self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
+        self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
+        self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
+        self._near_count = wp.zeros(count, dtype=wp.int32, device=device)
+        shapes = max(model.shape_count, 1)
+        self._active = wp.zeros((envs, shapes), dtype=wp.int32, device=device)
+        self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._pose_before = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
+        self._pose_now = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
+        self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
+        self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
+        self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._graph: wp.Graph | None = None
+        self._graph_state: State | None = None
+
+    def step(self, state: State) -> None:
+        """Advance the state by one frame.
+
+        Raises:
+            SimulationDivergedError: If a particle is not finite or left the space (100 m).
+            ContactOverflowError: If a contact list was too short.
+        """
+        with wp.ScopedDevice(self.model.device):
+            if self._graph_state is not state:
+                self._launch_frame(state)  # compiles what is not compiled; graphs only record
+                self._graph = None
+                self._graph_state = state
+            else:
+                if self._graph is None:
+                    with wp.ScopedCapture() as capture:
+                        self._launch_frame(state)
+                    self._graph = capture.graph
+                wp.capture_launch(self._graph)
+        self.frame += 1
+        if self.config.is_guarded:
+            self._check()
+
+    def _launch_frame(self, state: State) -> None:
+        m, c = self.model, self.config
+        count = m.env_count * m.particles_per_env
+        dt = c.dt / c.substeps
+        search_at = {round(k * c.substeps / c.neighbour_searches) for k in range(c.neighbour_searches)}
+        state.impulse.zero_()
+        self._find_near_shapes(state)
+        for k in range(c.substeps):
+            if k in search_at:
+                self._find_neighbours(state)
+            wp.launch(
+                cloth.integrate,
+                dim=count,
+                inputs=[
+                    wp.vec3(*c.gravity), state.gravity_scale, dt, m.environment, m.garment_index,
+                    m.materials, m.inverse_mass, state.positions, state.velocities, self._previous,
+                ],
+            )  # fmt: skip
+            for first, end in zip(m.colour_start[:-1], m.colour_start[1:], strict=True):
+                wp.launch(
+                    cloth.solve_distances,
+                    dim=end - first,
+                    inputs=[
+                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
+                        state.positions,
+                    ],
+                )  # fmt: skip
+            wp.launch(
+                selfcontact.solve_self_contact,
+                dim=count,
+                inputs=[
+                    dt, self._limits, m.garment_index, m.materials, m.inverse_mass,
+                    state.positions, self._previous, self._neighbours, self._neighbour_count,
+                    self._correction,
+                ],
+            )  # fmt: skip
+            self._pose_shapes(state, (k + 1) / c.substeps)
+            wp.launch(
+                rigid.solve_rigid_contact,
+                dim=count,
+                inputs=[
+                    dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
+                    m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
+                    self._near_count, self._correction, self._previous, state.positions,
+                    state.velocities, state.impulse,
+                ],
+            )  # fmt: skip
+        wp.copy(state.body_start, state.body_end)
+        if c.is_guarded:
+            wp.launch(
+                rigid.flag_divergence,
+                dim=count,
+                inputs=[m.particles_per_env, 100.0, m.inverse_mass, state.positions, self._flag],
+            )
+
+    def _find_near_shapes(self, state: State) -> None:
+        m, c = self.model, self.config
+        wp.launch(rigid.reset_bounds, dim=m.env_count, inputs=[self._lower, self._upper])
+        wp.launch(
+            rigid.bound_cloth,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[m.particles_per_env, m.inverse_mass, state.positions, self._lower, self._upper],
+        )
+        wp.launch(
+            rigid.select_shapes,
+            dim=m.env_count,
+            inputs=[
+                0.02 + c.max_speed * c.dt, m.shapes, state.body_start, state.body_end, self._lower,
+                self._upper, self._active, self._active_count,
+            ],
+        )  # fmt: skip
+        self._pose_shapes(state, 0.0)
+        wp.launch(
+            rigid.find_near_shapes,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
+                self._active, self._active_count, self._pose_now, state.body_start, state.body_end,
+                m.inverse_mass, state.positions, state.velocities, self._near, self._near_count,
+                self._overflow,
+            ],
+        )  # fmt: skip
+
+    def _pose_shapes(self, state: State, fraction: float) -> None:
+        wp.launch(
+            rigid.pose_shapes,
+            dim=self._active.shape,
+            inputs=[
+                fraction, self.model.shapes, state.body_start, state.body_end, self._active,
+                self._active_count, self._pose_before, self._pose_now,
+            ],
+        )  # fmt: skip
+
+    def _find_neighbours(self, state: State) -> None:
+        m = self.model
+        self._grid.build(state.positions, self._grid_radius, groups=m.environment)
+        wp.launch(
+            selfcontact.find_neighbours,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
+                m.adjacency_start, m.adjacency, state.positions, self._neighbours,
+                self._neighbour_count, self._overflow,
+            ],
+        )  # fmt: skip
+
+    def _check(self) -> None:
+        diverged = np.flatnonzero(self._flag.numpy())
+        if len(diverged):
+            self._flag.zero_()
+            raise SimulationDivergedError(self.frame, [int(e) for e in diverged])
+        overflow = np.flatnonzero(self._overflow.numpy())
+        if len(overflow):
+            self._overflow.zero_()
+            raise ContactOverflowError(
+                f"contact lists overflowed in environment(s) {overflow.tolist()} at frame "
+                f"{self.frame}; raise neighbour_capacity ({self.config.neighbour_capacity}) or "
+                f"near_capacity ({self.config.near_capacity}) of SolverConfig"
+            )
+
+
+def _materials(model: Model) -> list:
+    return list(model.materials.numpy().view(np.recarray))

@@ -1,0 +1,102 @@
+"""All that changes during a simulation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+if TYPE_CHECKING:
+    from dgl_physics.model import Model
+
+
+class State:
+    """Particles, gravity scale and body poses of a batch of environments.
+
+    Attributes:
+        positions: Particle positions [m], shape (B * V,), vec3, world frame.
+        velocities: Particle velocities [m/s], shape (B * V,), vec3.
+        gravity_scale: Factor on gravity, shape (B,).
+        body_start: Body poses at the start of the coming frame, shape (B, N), transform (xyzw).
+        body_end: Body poses at its end.
+        impulse: Impulse [N s] and moment of impulse about the world's origin [N m s] that the
+            cloth gave to each shape during the last frame, shape (B, S), spatial vector.
+    """
+
+    def __init__(self, model: Model) -> None:
+        device = model.device
+        shape = (model.env_count, model.body_count)
+        self.model = model
+        self.positions = wp.array(
+            model.initial_positions.reshape(-1, 3), dtype=wp.vec3, device=device
+        )
+        self.velocities = wp.zeros_like(self.positions)
+        self.gravity_scale = wp.ones(model.env_count, dtype=wp.float32, device=device)
+        identity = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (*shape, 1))
+        self.body_start = wp.array(identity, dtype=wp.transform, device=device)
+        self.body_end = wp.array(identity, dtype=wp.transform, device=device)
+        self.impulse = wp.zeros(
+            (model.env_count, max(model.shape_count, 1)), dtype=wp.spatial_vector, device=device
+        )
+
+    def get_positions(self) -> np.ndarray:
+        """Return particle positions [m], shape (B, V, 3)."""
+        m = self.model
+        return self.positions.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
+
+    def get_velocities(self) -> np.ndarray:
+        """Return particle velocities [m/s], shape (B, V, 3)."""
+        m = self.model
+        return self.velocities.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
+
+    def set_particles(
+        self,
+        positions: np.ndarray,
+        velocities: np.ndarray | None = None,
+        *,
+        envs: np.ndarray | None = None,
+    ) -> None:
+        """Set the particles of some environments, at rest when no velocities are given.
+
+        Args:
+            positions: [m], shape (len(envs), V, 3).
+            velocities: [m/s], the same shape.
+            envs: Indices of environments; all when None. The others are not touched.
+        """
+        m = self.model
+        envs = np.arange(m.env_count) if envs is None else np.asarray(envs, dtype=np.int64)
+        expected = (len(envs), m.particles_per_env, 3)
+        velocities = np.zeros(expected, np.float32) if velocities is None else velocities
+        for name, new, old in (
+            ("positions", positions, self.positions),
+            ("velocities", velocities, self.velocities),
+        ):
+            if np.shape(new) != expected:
+                raise ValueError(f"{name} must have shape {expected}; got {np.shape(new)}")
+            if not np.isfinite(new).all():
+                raise ValueError(f"{name} must be finite")
+            values = old.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
+            values[envs] = new
+            old.assign(values.reshape(-1, 3).astype(np.float32))
+
+    def set_gravity_scale(self, scale: np.ndarray | float) -> None:
+        """Set the factor on gravity of each environment, shape (B,) or one number."""
+        values = np.broadcast_to(np.asarray(scale, dtype=np.float32), (self.model.env_count,))
+        self.gravity_scale.assign(np.ascontiguousarray(values))
+
+    def set_body_poses(self, poses: np.ndarray, *, is_jump: bool = False) -> None:
+        """Set where the bodies are at the end of the coming frame.
+
+        Args:
+            poses: xyz [m] + quaternion wxyz, shape (B, N, 7), body 0 (the world) included.
+            is_jump: The bodies were moved there without a path: no velocity follows from it.
+        """
+        m = self.model
+        expected = (m.env_count, m.body_count, 7)
+        if np.shape(poses) != expected:
+            raise ValueError(f"poses must have shape {expected}; got {np.shape(poses)}")
+        xyzw = np.asarray(poses, dtype=np.float32)[..., [0, 1, 2, 4, 5, 6, 3]]
+        self.body_end.assign(np.ascontiguousarray(xyzw))
+        if is_jump:
+            wp.copy(self.body_start, self.body_end)

@@ -1,0 +1,131 @@
+"""Constraints of a triangle mesh: edges, hinges, masses, and their colouring."""
+
+import numpy as np
+
+from dgl_physics.errors import MeshError
+
+
+def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Check that a triangle mesh can be simulated as cloth.
+
+    Args:
+        vertices: Positions [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3), integer.
+
+    Raises:
+        MeshError: Naming the first offending index and the count.
+    """
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
+        raise MeshError(f"vertices must have shape (V, 3) with V > 0; got {vertices.shape}")
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise MeshError(f"faces must have shape (F, 3) with F > 0; got {faces.shape}")
+    if not np.issubdtype(faces.dtype, np.integer):
+        raise MeshError(f"faces must be integers; got {faces.dtype}")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise MeshError(f"faces must index 0..{len(vertices) - 1}; got {faces.min()}..{faces.max()}")
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    bad = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-10)
+    if len(bad):
+        raise MeshError(f"{len(bad)} triangles have no area, the first is {bad[0]}")
+    unused = np.setdiff1d(np.arange(len(vertices)), faces)
+    if len(unused):
+        raise MeshError(f"{len(unused)} vertices belong to no triangle, the first is {unused[0]}")
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    bad = np.flatnonzero(counts > 2)
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} edges belong to more than two triangles, the first is {tuple(pairs[bad[0]])}"
+        )
+
+
+def compute_edges(faces: np.ndarray) -> np.ndarray:
+    """Compute the unique edges of a mesh, shape (E, 2), int32, sorted."""
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.unique(np.sort(directed, axis=1), axis=0).astype(np.int32)
+
+
+def compute_hinges(faces: np.ndarray) -> np.ndarray:
+    """Compute the hinges of a mesh.
+
+    Args:
+        faces: Vertex indices, shape (F, 3).
+
+    Returns:
+        (edge 0, edge 1, wing 0, wing 1) of each inner edge, shape (H, 4), int32.
+    """
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    keys = np.sort(directed, axis=1)
+    order = np.lexsort((keys[:, 1], keys[:, 0]))
+    keys, opposite = keys[order], opposite[order]
+    same = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
+    return np.column_stack([keys[same], opposite[same], opposite[same + 1]]).astype(np.int32)
+
+
+def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
+    """Tell which hinges are open at rest.
+
+    A seam of two panels that lie on each other is folded by 180 degrees at rest; it has no
+    bending stiffness here, as a sewn seam turns freely.
+
+    Args:
+        rest: Rest positions [m], shape (V, 3).
+        hinges: Shape (H, 4).
+
+    Returns:
+        Shape (H,), bool: whether the wings lie on opposite sides of the edge.
+    """
+    e0, e1, w0, w1 = (rest[hinges[:, k]] for k in range(4))
+    axis = e1 - e0
+    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    arm0, arm1 = w0 - e0, w1 - e0
+    arm0 = arm0 - axis * np.sum(arm0 * axis, axis=1, keepdims=True)
+    arm1 = arm1 - axis * np.sum(arm1 * axis, axis=1, keepdims=True)
+    return np.sum(arm0 * arm1, axis=1) < 0
+
+
+def compute_vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Compute a third of the area of the triangles around each vertex [m^2], shape (V,)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.bincount(faces.ravel(), weights=np.repeat(area / 3, 3), minlength=len(vertices))
+
+
+def colour_pairs(pairs: np.ndarray, vertex_count: int) -> np.ndarray:
+    """Colour two-vertex constraints so that those of one colour share no vertex.
+
+    Greedy in the given order, so the result is deterministic.
+
+    Args:
+        pairs: Vertex indices, shape (C, 2).
+        vertex_count: Number of vertices.
+
+    Returns:
+        Colour of each constraint, shape (C,), int32, from 0.
+    """
+    used = [0] * vertex_count  # a bit per colour
+    colours = np.empty(len(pairs), dtype=np.int32)
+    for k, (i, j) in enumerate(pairs.tolist()):
+        taken = used[i] | used[j]
+        free = ~taken & (taken + 1)  # the lowest bit that is not taken
+        used[i] |= free
+        used[j] |= free
+        colours[k] = free.bit_length() - 1
+    return colours
+
+
+def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the neighbours of each vertex as rows of one array.
+
+    Returns:
+        Start of each vertex' row, shape (V + 1,), int32, and the neighbours, shape (2 E,), int32.
+    """
+    both = np.concatenate([edges, edges[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    start = np.zeros(vertex_count + 1, dtype=np.int32)
+    np.add.at(start, both[:, 0] + 1, 1)
+    return np.cumsum(start, dtype=np.int32), both[:, 1].astype(np.int32)
