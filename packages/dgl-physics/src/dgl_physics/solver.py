@@ -25,9 +25,9 @@ class SolverConfig:
     neighbour_margin: float = 0.006
     """Distance beyond the thickness that a search looks for [m]; >= 0. Half of it is how far a
     particle may move between searches without a contact being missed."""
-    neighbour_capacity: int = 64
+    neighbour_capacity: int = 96
     """Most contacts that a particle can have with other particles."""
-    near_capacity: int = 24
+    near_capacity: int = 48
     """Most shapes that a particle can be near to."""
     max_speed: float = 8.0
     """Particles are not faster than this [m/s]."""

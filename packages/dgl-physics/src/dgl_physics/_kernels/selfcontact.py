@@ -106,4 +106,4 @@ def solve_self_contact(
                 else:
                     pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
                     total += n * pull
-    correction[i] = total / wp.max(1.0, hits)
+    correction[i] = total / wp.max(1.0, hits * 0.5)
