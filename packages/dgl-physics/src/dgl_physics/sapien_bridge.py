@@ -154,6 +154,17 @@ class SapienCloth:
         self.solver.step(self.state)
         self._forces = self._sum_forces()
 
+    def measure_strain(self, env: int = 0) -> np.ndarray:
+        """Absolute relative change of length of every edge of an environment, shape (E,)."""
+        positions = self.state.get_positions()[env]
+        parts = []
+        for g in self._built().garments:
+            if g.env == env:
+                ends = positions[g.first + g.edges]
+                length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+                parts.append(np.abs(length / g.rest_lengths - 1.0))
+        return np.concatenate(parts)
+
     def get_forces(self) -> np.ndarray:
         """Contact force [N] and torque about the centre of mass [N m] of each body.
 
@@ -162,6 +173,12 @@ class SapienCloth:
         """
         return self._forces
 
+    def set_forces(self, forces: np.ndarray) -> None:
+        """Restore forces of `get_forces`, shape (B, bodies, 6)."""
+        if forces.shape != self._forces.shape:
+            raise ValueError(f"forces must have shape {self._forces.shape}; got {forces.shape}")
+        self._forces = np.array(forces, dtype=np.float32)
+
     def apply_forces(self) -> None:
         """Apply the last frame's contact forces to the bodies; before each step of SAPIEN."""
         for e, b in zip(*np.nonzero(np.abs(self._forces[..., :3]).sum(axis=-1)), strict=True):
@@ -169,6 +186,11 @@ class SapienCloth:
             if isinstance(component, physx.PhysxRigidBodyComponent):
                 force = self._forces[e, b]
                 component.add_force_torque(force[:3], force[3:])
+
+    def _built(self) -> Model:
+        if self.model is None:
+            raise RuntimeError("build() must be called first")
+        return self.model
 
     def _sum_forces(self) -> np.ndarray:
         impulse = self.state.impulse.numpy()[:, : len(self._shape_body)]  # (B, S, 6)

@@ -1,0 +1,54 @@
+# Everything starts from `make setup`, which runs by itself where it is needed.
+# uv may live in .uv/bin, where scripts/bootstrap.sh puts it when the machine has none.
+export PATH := $(CURDIR)/.uv/bin:$(PATH)
+RUN := uv run --no-sync
+SOURCES := src packages tests scripts
+
+.PHONY: help setup demo test test-package check format lint type imports spell bench build pin clean
+
+help: ## Show the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-14s %s\n", $$1, $$2}'
+
+setup: ## Install everything that is missing; a second run takes seconds
+	@./scripts/bootstrap.sh
+
+demo: setup ## Collect one Fold Tops demonstration with its video and report
+	$(RUN) dgl demo
+
+test: setup ## Run the tests that need no GPU
+	$(RUN) pytest -m "not slow and not gpu"
+
+test-package: setup ## Test one package alone, in an environment of its own: make test-package P=dgl-gam
+	@test -n "$(P)" || { echo "say which package: make test-package P=dgl-gam" >&2; exit 2; }
+	./scripts/test_package.sh "$(P)"
+
+check: setup lint type imports spell ## Run all static checks
+
+format: setup ## Format the code
+	$(RUN) ruff check --fix $(SOURCES)
+	$(RUN) ruff format $(SOURCES)
+
+lint:
+	$(RUN) ruff check $(SOURCES)
+	$(RUN) ruff format --check $(SOURCES)
+
+type:
+	$(RUN) pyright
+
+imports:
+	$(RUN) lint-imports
+
+spell:
+	$(RUN) typos
+
+bench: setup ## Measure the physics
+	$(RUN) dgl bench physics
+
+build: setup ## Build the wheels of all packages into dist/
+	uv build --all-packages --wheel --out-dir dist
+
+pin: setup ## Resolve anew and write the exact versions into pyproject.toml
+	$(RUN) python scripts/pin.py --upgrade
+
+clean: ## Remove what was built, but not the environment
+	rm -rf dist build .venvs .pytest_cache .ruff_cache .import_linter_cache

@@ -1,0 +1,13 @@
+"""What a caller of this package may want to catch."""
+
+
+class AssetError(Exception):
+    """Base of the errors of this package."""
+
+
+class AssetNotFoundError(AssetError):
+    """Raised when a category or an asset id does not exist."""
+
+
+class MeshingError(AssetError):
+    """Raised when an outline cannot be filled with triangles of the requested size."""

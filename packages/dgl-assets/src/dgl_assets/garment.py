@@ -1,0 +1,103 @@
+"""A garment as arrays, whatever made it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Garment:
+    """A garment that lies flat in two layers.
+
+    Garment frame: z up, neck towards +y, "left" at -x, centred in x and y by its bounding box, the seams at z = 0.
+
+    Attributes:
+        name: Catalogue id or a name of the caller's choice.
+        category: Catalogue category, for example "Tops_LongSleeve".
+        vertices: Positions [m], shape (V, 3), float32, garment frame. The front layer is uppermost.
+        faces: Triangles, shape (F, 3), int32, normals outward: up on the front layer, down on the back layer.
+        rest_vertices: Positions in the flat panels [m], shape (V, 2), float32. Rest lengths come from these; both
+            layers lie one on the other and seams have one position, so every edge has one rest length.
+        canonical: (u, v, side), shape (V, 3), float32: coordinates of the place within the category, equal for equal
+            places on different garments; side is +1 on the front, -1 on the back, 0 on a seam of both.
+        face_panels: Index into `panels` per face, shape (F,), int8.
+        panels: Names of the panels.
+        landmarks: Vertex id of each named point.
+        parameters: The measures that it was made from; lengths in [m], angles in [rad].
+    """
+
+    name: str
+    category: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    rest_vertices: np.ndarray
+    canonical: np.ndarray
+    face_panels: np.ndarray
+    panels: tuple[str, ...]
+    landmarks: dict[str, int]
+    parameters: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices)
+        for name, columns, dtype in (
+            ("vertices", 3, np.float32),
+            ("rest_vertices", 2, np.float32),
+            ("canonical", 3, np.float32),
+        ):
+            array = getattr(self, name)
+            if array.shape != (count, columns) or array.dtype != dtype:
+                raise ValueError(
+                    f"{name} must have shape ({count}, {columns}) and dtype {np.dtype(dtype)}; "
+                    f"got {array.shape} and {array.dtype}"
+                )
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} must be finite; got NaN or infinity")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3 or self.faces.dtype != np.int32:
+            raise ValueError(
+                f"faces must have shape (F, 3) and dtype int32; got {self.faces.shape} and "
+                f"{self.faces.dtype}"
+            )
+        if self.face_panels.shape != (len(self.faces),):
+            raise ValueError(
+                f"face_panels must have shape ({len(self.faces)},); got {self.face_panels.shape}"
+            )
+        if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < count:
+            raise ValueError(
+                f"faces must index {count} vertices; got {self.faces.min()} to {self.faces.max()}"
+            )
+        wrong = {k: v for k, v in self.landmarks.items() if not 0 <= v < count}
+        if wrong:
+            raise ValueError(f"landmarks must index {count} vertices; got {wrong}")
+
+    @property
+    def face_layers(self) -> np.ndarray:
+        """+1 for faces of the front layer, -1 for the back layer, shape (F,), int8."""
+        side = np.sign(self.canonical[self.faces, 2].sum(axis=1))
+        return side.astype(np.int8)
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Size of the bounding box while it lies flat [m], shape (3,)."""
+        return np.ptp(self.vertices, axis=0)
+
+    @property
+    def area(self) -> float:
+        """Area of the cloth, both layers [m^2]."""
+        corners = self.rest_vertices[self.faces].astype(np.float64)
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        return float(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2)
+
+    def get_landmark_positions(self, names: tuple[str, ...]) -> np.ndarray:
+        """Positions of named points [m], shape (K, 3), garment frame.
+
+        Raises:
+            KeyError: If a name is unknown; the message lists the valid ones.
+        """
+        unknown = [name for name in names if name not in self.landmarks]
+        if unknown:
+            raise KeyError(
+                f"unknown landmarks {unknown}; expected some of {sorted(self.landmarks)}"
+            )
+        return self.vertices[[self.landmarks[name] for name in names]]

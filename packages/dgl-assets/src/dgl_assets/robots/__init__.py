@@ -1,0 +1,29 @@
+"""The two UR10e arms with Shadow Hands: facts, collision primitives and generated URDF."""
+
+from dgl_assets.robots.arm import UR10E as UR10E
+from dgl_assets.robots.arm import ArmJoint as ArmJoint
+from dgl_assets.robots.collision import CollisionShape as CollisionShape
+from dgl_assets.robots.collision import collision_shapes as collision_shapes
+from dgl_assets.robots.gains import PUBLISHED_GAINS as PUBLISHED_GAINS
+from dgl_assets.robots.gains import JointGains as JointGains
+from dgl_assets.robots.hand import HAND_MASS as HAND_MASS
+from dgl_assets.robots.hand import HAND_TIPS as HAND_TIPS
+from dgl_assets.robots.hand import SHADOW_HAND as SHADOW_HAND
+from dgl_assets.robots.hand import SIDES as SIDES
+from dgl_assets.robots.hand import HandJoint as HandJoint
+from dgl_assets.robots.hand import Side as Side
+from dgl_assets.robots.hand import hand_joints as hand_joints
+from dgl_assets.robots.layout import HAND_POSES as HAND_POSES
+from dgl_assets.robots.layout import HOME_CONFIGURATION as HOME_CONFIGURATION
+from dgl_assets.robots.layout import JOINT_NAMES as JOINT_NAMES
+from dgl_assets.robots.layout import arm_joint_names as arm_joint_names
+from dgl_assets.robots.layout import hand_joint_names as hand_joint_names
+from dgl_assets.robots.layout import joint_slice as joint_slice
+from dgl_assets.robots.tree import DEFAULT_LEFT_BASE as DEFAULT_LEFT_BASE
+from dgl_assets.robots.tree import DEFAULT_RIGHT_BASE as DEFAULT_RIGHT_BASE
+from dgl_assets.robots.tree import BasePlacement as BasePlacement
+from dgl_assets.robots.tree import KinematicTree as KinematicTree
+from dgl_assets.robots.tree import build_bimanual_tree as build_bimanual_tree
+from dgl_assets.robots.tree import build_side_tree as build_side_tree
+from dgl_assets.robots.urdf import build_arm_urdf as build_arm_urdf
+from dgl_assets.robots.urdf import build_bimanual_urdf as build_bimanual_urdf

@@ -1,0 +1,241 @@
+"""The kinematic tree of one or two arms with hands, as data, and its forward kinematics."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_assets.robots._frames import AXIS_Z, rotation_about, transform
+from dgl_assets.robots.arm import ARM_BASE_MASS, ROTATION_EE_TO_FLANGE, UR10E
+from dgl_assets.robots.collision import CollisionShape, hand_link_extent, link_shapes
+from dgl_assets.robots.hand import (
+    HAND_MASS,
+    HAND_TIPS,
+    ROTATION_HAND_TO_EE,
+    Side,
+    hand_joints,
+)
+
+BasePlacement = tuple[float, float, float, float]
+"""Where an arm's base stands: x, y, z [m] and yaw [rad], world frame."""
+
+ROOT_LINK = "root"
+DEFAULT_LEFT_BASE: BasePlacement = (-0.8, 0.0, 0.5, 0.0)
+"""Left base of the folding and flinging tasks: x, y, z [m], yaw [rad]."""
+DEFAULT_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.5, 0.0)
+"""Right base of the folding and flinging tasks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeLink:
+    """A rigid link: its inertia and what it collides with."""
+
+    name: str
+    mass: float
+    """Mass [kg]; zero for a pure frame."""
+    inertial_to_link: np.ndarray
+    """Transform of the inertial frame (origin at the centre of mass), shape (4, 4)."""
+    inertia: np.ndarray
+    """Inertia at the centre of mass [kg m^2], inertial axes, shape (3, 3)."""
+    collision: tuple[CollisionShape, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeJoint:
+    """A joint of the tree; `axis` is None for a fixed one."""
+
+    name: str
+    parent: str
+    child: str
+    joint_to_parent: np.ndarray
+    """Constant transform from the joint frame to the parent link, shape (4, 4)."""
+    axis: tuple[float, float, float] | None = None
+    lower: float = 0.0
+    """Lower limit [rad]."""
+    upper: float = 0.0
+    """Upper limit [rad]."""
+    effort: float = 0.0
+    """Largest torque [N m]."""
+    speed: float = 0.0
+    """Largest speed [rad/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KinematicTree:
+    """Links and joints, each parent before its children; the root frame is the world."""
+
+    links: tuple[TreeLink, ...]
+    joints: tuple[TreeJoint, ...]
+
+    @property
+    def moving_joint_names(self) -> tuple[str, ...]:
+        """Names of the joints that move, in the order of the tree."""
+        return tuple(joint.name for joint in self.joints if joint.axis is not None)
+
+    def compute_link_poses(self, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Compute every link's pose in the world.
+
+        Args:
+            positions: Joint positions [rad] by name; every moving joint must be present.
+
+        Returns:
+            Transforms link to world, shape (4, 4), by link name.
+
+        Raises:
+            ValueError: If a moving joint has no position.
+        """
+        missing = sorted(set(self.moving_joint_names) - set(positions))
+        if missing:
+            raise ValueError(f"positions must name every moving joint; missing {missing}")
+        poses = {self.links[0].name: np.eye(4)}
+        for joint in self.joints:
+            T = poses[joint.parent] @ joint.joint_to_parent
+            if joint.axis is not None:
+                T = T @ transform(
+                    np.zeros(3), rotation_about(np.array(joint.axis), positions[joint.name])
+                )
+            poses[joint.child] = T
+        return poses
+
+
+def build_side_tree(side: Side, base: BasePlacement, *, with_hand: bool = True) -> KinematicTree:
+    """Build one arm, with its hand or ending at `ee`, under the world-fixed root.
+
+    Args:
+        side: "left" or "right".
+        base: Placement of the arm's base; ROS convention, the arm's zero pose points along +x.
+        with_hand: Whether the Shadow Hand is mounted.
+    """
+    x, y, z, yaw = base
+    links = [_frame_link(ROOT_LINK), _base_link(side)]
+    joints = [
+        TreeJoint(
+            name=f"{side}_base_joint",
+            parent=ROOT_LINK,
+            child=f"{side}_base_link",
+            joint_to_parent=transform((x, y, z), rotation_about(AXIS_Z, yaw)),
+        )
+    ]
+    _add_arm(side, links, joints)
+    if with_hand:
+        _add_hand(side, links, joints)
+    return KinematicTree(links=tuple(links), joints=tuple(joints))
+
+
+def build_bimanual_tree(
+    *,
+    left_base: BasePlacement = DEFAULT_LEFT_BASE,
+    right_base: BasePlacement = DEFAULT_RIGHT_BASE,
+) -> KinematicTree:
+    """Build both arms with hands under one world-fixed root; moving joints follow JOINT_NAMES."""
+    left, right = build_side_tree("left", left_base), build_side_tree("right", right_base)
+    return KinematicTree(links=left.links + right.links[1:], joints=left.joints + right.joints)
+
+
+def _frame_link(name: str) -> TreeLink:
+    return TreeLink(name=name, mass=0.0, inertial_to_link=np.eye(4), inertia=np.zeros((3, 3)))
+
+
+def _base_link(side: Side) -> TreeLink:
+    # A solid cylinder, radius 75 mm, height 99 mm, as in the manufacturer's description.
+    radius, height = 0.075, 0.099
+    lateral = ARM_BASE_MASS * (3 * radius**2 + height**2) / 12
+    return TreeLink(
+        name=f"{side}_base_link",
+        mass=ARM_BASE_MASS,
+        inertial_to_link=transform((0, 0, height / 2)),
+        inertia=np.diag([lateral, lateral, ARM_BASE_MASS * radius**2 / 2]),
+        collision=link_shapes(side, "base_link"),
+    )
+
+
+def _add_arm(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> None:
+    parent = f"{side}_base_link"
+    # Universal Robots' DH frames are those of the ROS base turned half round about z.
+    joint_to_parent = transform((0, 0, 0), np.diag([-1.0, -1.0, 1.0]))
+    for spec in UR10E:
+        child = f"{side}_{spec.link}"
+        joints.append(
+            TreeJoint(
+                name=f"{side}_{spec.name}",
+                parent=parent,
+                child=child,
+                joint_to_parent=joint_to_parent,
+                axis=(0.0, 0.0, 1.0),
+                lower=-spec.limit,
+                upper=spec.limit,
+                effort=spec.torque,
+                speed=spec.speed,
+            )
+        )
+        ixx, iyy, izz, ixy, ixz, iyz = spec.inertia
+        links.append(
+            TreeLink(
+                name=child,
+                mass=spec.mass,
+                inertial_to_link=spec.link_to_next @ transform(spec.com),
+                inertia=np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]),
+                collision=link_shapes(side, spec.link),
+            )
+        )
+        parent, joint_to_parent = child, spec.link_to_next
+    joints.append(
+        TreeJoint(
+            name=f"{side}_ee_joint",
+            parent=parent,
+            child=f"{side}_ee",
+            joint_to_parent=joint_to_parent @ transform((0, 0, 0), ROTATION_EE_TO_FLANGE),
+        )
+    )
+    links.append(_frame_link(f"{side}_ee"))
+
+
+def _add_hand(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> None:
+    joints.append(
+        TreeJoint(
+            name=f"{side}_hand_mount",
+            parent=f"{side}_ee",
+            child=f"{side}_hand_forearm",
+            joint_to_parent=transform((0, 0, 0), ROTATION_HAND_TO_EE),
+        )
+    )
+    links.append(_hand_link(side, "hand_forearm"))
+    for spec in hand_joints(side):
+        joints.append(
+            TreeJoint(
+                name=f"{side}_{spec.name}",
+                parent=f"{side}_{spec.parent}",
+                child=f"{side}_{spec.child}",
+                joint_to_parent=spec.joint_to_parent,
+                axis=spec.axis,
+                lower=spec.lower,
+                upper=spec.upper,
+                effort=spec.effort,
+                speed=spec.speed,
+            )
+        )
+        links.append(_hand_link(side, spec.child))
+    for tip, (distal, offset) in HAND_TIPS.items():
+        joints.append(
+            TreeJoint(
+                name=f"{side}_{tip}_joint",
+                parent=f"{side}_{distal}",
+                child=f"{side}_{tip}",
+                joint_to_parent=transform((0, 0, offset)),
+            )
+        )
+        links.append(_frame_link(f"{side}_{tip}"))
+
+
+def _hand_link(side: Side, link: str) -> TreeLink:
+    """Make a hand link with the inertia of a solid box around its collision shapes."""
+    mass = HAND_MASS[link]
+    low, high = hand_link_extent(side, link)
+    xx, yy, zz = (high - low) ** 2
+    return TreeLink(
+        name=f"{side}_{link}",
+        mass=mass,
+        inertial_to_link=transform((low + high) / 2),
+        inertia=mass / 12 * np.diag([yy + zz, xx + zz, xx + yy]),
+        collision=link_shapes(side, link),
+    )

@@ -1,0 +1,152 @@
+"""Sew flat panels together into one surface.
+
+Sewing is by identity: a seam is one row of vertices, and every panel that names it uses those very vertices. Seams meet
+at junctions, which are single vertices. A seam named by a front and a back panel therefore closes the garment there; a
+seam named by one panel stays an open edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_assets.meshing import mesh_outline
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seam:
+    """A row of vertices on the edge of one or more panels.
+
+    Attributes:
+        start: Name of the junction where it begins.
+        end: Name of the junction where it ends.
+        points: Positions [m], shape (N, 2), N >= 2, both junctions included, pattern frame.
+    """
+
+    start: str
+    end: str
+    points: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """A flat piece of cloth.
+
+    Attributes:
+        name: Unique name.
+        layer: +1 for the front (upper) layer, -1 for the back (lower) layer.
+        edges: Seam names in counter-clockwise order around the panel, seen from above; a leading "-" walks the
+            seam backwards.
+        pins: Named points inside that become vertices [m], each of shape (2,), pattern frame.
+    """
+
+    name: str
+    layer: int
+    edges: tuple[str, ...]
+    pins: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SewnSurface:
+    """The result of sewing.
+
+    Attributes:
+        flat: Vertex positions [m], shape (V, 2), float64, pattern frame.
+        faces: Triangles, shape (F, 3), int32; counter-clockwise from above on the front layer, clockwise on the
+            back layer, so that normals point outward.
+        layers: +1 front, -1 back, 0 shared by both, per vertex, shape (V,), int8.
+        face_panels: Index into `panels` per face, shape (F,), int8.
+        panels: Panel names.
+        junctions: Vertex id of each junction.
+        seams: Vertex ids along each seam, junctions included, int32.
+        pins: Vertex id of each pin.
+    """
+
+    flat: np.ndarray
+    faces: np.ndarray
+    layers: np.ndarray
+    face_panels: np.ndarray
+    panels: tuple[str, ...]
+    junctions: dict[str, int]
+    seams: dict[str, np.ndarray]
+    pins: dict[str, int]
+
+
+def sew_panels(seams: dict[str, Seam], panels: tuple[Panel, ...], *, spacing: float) -> SewnSurface:
+    """Mesh every panel and join them along their common seams.
+
+    Args:
+        seams: Seams by name.
+        panels: Panels whose edges name those seams.
+        spacing: Target edge length [m].
+
+    Returns:
+        The sewn surface.
+
+    Raises:
+        ValueError: If a panel names an unknown seam, or its edges do not close.
+        MeshingError: If a panel cannot be filled.
+    """
+    junctions: dict[str, int] = {}
+    positions: list[np.ndarray] = []
+    seam_ids: dict[str, np.ndarray] = {}
+    count = 0
+    for name, seam in seams.items():
+        ends = []
+        for junction, point in ((seam.start, seam.points[0]), (seam.end, seam.points[-1])):
+            if junction not in junctions:
+                junctions[junction] = count
+                positions.append(point[None])
+                count += 1
+            ends.append(junctions[junction])
+        inner = np.arange(count, count + len(seam.points) - 2)
+        positions.append(seam.points[1:-1])
+        count += len(inner)
+        seam_ids[name] = np.concatenate([[ends[0]], inner, [ends[1]]]).astype(np.int32)
+
+    faces, face_panels, pins = [], [], {}
+    touched = [set(), set()]  # vertex ids of the front and of the back layer
+    for index, panel in enumerate(panels):
+        outline_ids = _walk_edges(panel, seam_ids)
+        outline = np.concatenate(positions)[outline_ids]
+        pin_points = np.array(list(panel.pins.values())).reshape(-1, 2)
+        points, triangles = mesh_outline(outline, spacing=spacing, pins=pin_points)
+        inner = np.arange(count, count + len(points) - len(outline))
+        count += len(inner)
+        positions.append(points[len(outline) :])
+        ids = np.concatenate([outline_ids, inner])
+        pins.update(zip(panel.pins, inner[: len(panel.pins)].tolist(), strict=True))
+        faces.append(ids[triangles if panel.layer > 0 else triangles[:, ::-1]])
+        face_panels.append(np.full(len(triangles), index))
+        touched[panel.layer < 0].update(ids.tolist())
+
+    layers = np.zeros(count, dtype=np.int8)
+    layers[sorted(touched[0])] += 1
+    layers[sorted(touched[1])] -= 1
+    return SewnSurface(
+        flat=np.concatenate(positions),
+        faces=np.concatenate(faces).astype(np.int32),
+        layers=layers,
+        face_panels=np.concatenate(face_panels).astype(np.int8),
+        panels=tuple(panel.name for panel in panels),
+        junctions=junctions,
+        seams=seam_ids,
+        pins=pins,
+    )
+
+
+def _walk_edges(panel: Panel, seam_ids: dict[str, np.ndarray]) -> np.ndarray:
+    """Vertex ids around a panel, each once."""
+    runs = []
+    for edge in panel.edges:
+        name = edge.removeprefix("-")
+        if name not in seam_ids:
+            raise ValueError(
+                f"panel {panel.name} names seam {name}; expected one of {sorted(seam_ids)}"
+            )
+        runs.append(seam_ids[name][::-1] if edge.startswith("-") else seam_ids[name])
+    for run, following in zip(runs, runs[1:] + runs[:1], strict=True):
+        if run[-1] != following[0]:
+            raise ValueError(f"edges of panel {panel.name} must join end to end; got {panel.edges}")
+    return np.concatenate([run[:-1] for run in runs])

@@ -1,0 +1,53 @@
+"""What callers of this package may want to catch."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from pathlib import Path
+
+
+class CollectionError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class CorruptEpisodeError(CollectionError):
+    """An episode file is damaged, incomplete or of another format.
+
+    Attributes:
+        path: The file.
+        fault: What is wrong with it.
+    """
+
+    def __init__(self, path: Path, fault: str) -> None:
+        super().__init__(f"{path}: {fault}")
+        self.path = path
+        self.fault = fault
+
+
+class UnknownTaskError(CollectionError):
+    """A task name is not among the known ones; the message names the closest."""
+
+    def __init__(self, task: str, known: Sequence[str]) -> None:
+        close = difflib.get_close_matches(
+            task.lower(), [name.lower() for name in known], n=1, cutoff=0.5
+        )
+        by_lower = {name.lower(): name for name in known}
+        if close:
+            hint = f"did you mean {by_lower[close[0]]!r}?"
+        else:
+            hint = f"known tasks: {', '.join(sorted(known))}"
+        super().__init__(f"unknown task {task!r}; {hint}")
+        self.task = task
+
+
+class OutputFolderError(CollectionError):
+    """The output folder cannot be used: not writable, not empty, busy, or of another run."""
+
+
+class WorkerError(CollectionError):
+    """Workers cannot be started, or keep dying; what had finished is kept."""
+
+
+class DemonstrationError(CollectionError):
+    """A demonstration is missing, or its file is not as it should be."""

@@ -1,0 +1,188 @@
+"""The folder of one run: who may write to it, and what is in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import fcntl
+import json
+import logging
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from dgl_collect.errors import OutputFolderError
+from dgl_collect.files import sync_folder, write_json
+from dgl_collect.results import (
+    AttemptResult,
+    Summary,
+    append_result,
+    drop_unfinished_line,
+    package_versions,
+    read_results,
+    summarize,
+    write_summary,
+)
+
+logger = logging.getLogger(__name__)
+
+RUN_FORMAT = 1
+RUN_FILE, ATTEMPTS_FILE, SUMMARY_FILE = "run.json", "attempts.jsonl", "summary.json"
+STAGING = ".staging"
+KEPT_OF_FAILURES = ("video", "picture")
+"""What is kept of a failed attempt, for people to look at; its episode would only mislead training."""
+
+
+class RunFolder:
+    """An open run folder; used as a context manager, it is locked against other runs.
+
+    Args:
+        path: The folder; made when missing.
+        identity: What must be equal for a run to be continued, such as task and seed; JSON-ready.
+        resume: Whether to continue what is there. Without it the folder must be empty.
+        command: The command line that is to be remembered.
+
+    Raises:
+        OutputFolderError: If the folder is not writable, not empty, busy, or of another run.
+    """
+
+    def __init__(
+        self, path: Path, *, identity: Mapping[str, object], resume: bool, command: str
+    ) -> None:
+        self.path = path
+        self.results: list[AttemptResult] = []
+        self.versions = package_versions()
+        self._identity = identity
+        self._resume = resume
+        self._command = command
+        self._lock: int | None = None
+
+    def __enter__(self) -> RunFolder:
+        self._make()
+        try:
+            self._take_lock()
+            self._open_run()
+        except BaseException:
+            self._release()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        shutil.rmtree(self.path / STAGING, ignore_errors=True)
+        self._release()
+
+    @property
+    def attempts_path(self) -> Path:
+        """The file with one line per attempt."""
+        return self.path / ATTEMPTS_FILE
+
+    def staging(self, episode_id: str) -> Path:
+        """Give the folder in which an attempt writes; it is not made yet."""
+        return self.path / STAGING / episode_id
+
+    def log_path(self, worker: int) -> Path:
+        """Give the file that receives what a worker prints."""
+        return self.path / "logs" / f"worker-{worker}.log"
+
+    def commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
+        """Take over an attempt's files and write its line, in this order.
+
+        Args:
+            result: The outcome, with files relative to `staging`.
+            staging: Where the attempt has written.
+
+        Returns:
+            The outcome, with files relative to the run's folder.
+        """
+        target = "episodes" if result.success else "failed"
+        files: dict[str, str] = {}
+        for kind, name in result.files.items():
+            if result.success or kind in KEPT_OF_FAILURES:
+                destination = self.path / target / name
+                destination.parent.mkdir(exist_ok=True)
+                (staging / name).replace(destination)
+                files[kind] = f"{target}/{name}"
+        if files:
+            sync_folder(self.path / target)
+        shutil.rmtree(staging, ignore_errors=True)
+        result = dataclasses.replace(result, files=files)
+        append_result(self.attempts_path, result)
+        self.results.append(result)
+        return result
+
+    def write_summary(
+        self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
+    ) -> Summary:
+        """Count what has been done so far and write `summary.json`."""
+        summary = summarize(
+            sorted(self.results, key=lambda result: result.index),
+            task=str(self._identity["task"]),
+            seed=int(str(self._identity["seed"])),
+            requested=requested,
+            status=status,
+            versions=self.versions,
+        )
+        write_summary(self.path / SUMMARY_FILE, summary)
+        return summary
+
+    def _make(self) -> None:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            probe = self.path / f".writable-{os.getpid()}"
+            probe.touch()
+            probe.unlink()
+        except OSError as err:
+            raise OutputFolderError(f"cannot write to {self.path}: {err.strerror}") from err
+
+    def _take_lock(self) -> None:
+        self._lock = os.open(self.path, os.O_RDONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as err:
+            raise OutputFolderError(f"another run is writing to {self.path}") from err
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)  # which gives up the lock
+            self._lock = None
+
+    def _open_run(self) -> None:
+        run_path = self.path / RUN_FILE
+        is_empty = not any(self.path.iterdir())
+        if not is_empty and not self._resume:
+            raise OutputFolderError(
+                f"{self.path} is not empty; add --resume to continue the run in it, "
+                "or choose another --out"
+            )
+        if not is_empty and not run_path.exists():
+            raise OutputFolderError(
+                f"{self.path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
+            )
+        commands: Sequence[object] = []
+        if run_path.exists():
+            commands = self._check_run(run_path)
+            drop_unfinished_line(self.attempts_path)
+            self.results = read_results(self.attempts_path)
+        shutil.rmtree(self.path / STAGING, ignore_errors=True)
+        (self.path / "logs").mkdir(exist_ok=True)
+        content = {"run_format": RUN_FORMAT, **self._identity, "versions": self.versions}
+        write_json(run_path, {**content, "commands": [*commands, self._command]})
+
+    def _check_run(self, run_path: Path) -> Sequence[object]:
+        """Compare with the run that is there, and give the commands that have made it so far."""
+        try:
+            found = json.loads(run_path.read_text(encoding="utf-8"))
+            commands = list(found["commands"])
+            versions = dict(found["versions"])
+        except (ValueError, KeyError, TypeError) as err:
+            raise OutputFolderError(f"{run_path} cannot be read: {err!r}") from err
+        for key, value in {"run_format": RUN_FORMAT, **self._identity}.items():
+            if found.get(key) != value:
+                raise OutputFolderError(
+                    f"cannot resume {self.path}: its {key} is {found.get(key)!r}, "
+                    f"this run's is {value!r}; choose another --out"
+                )
+        if versions != self.versions:
+            logger.warning("%s was begun with other package versions", self.path)
+        return commands

@@ -1,0 +1,122 @@
+"""Made-up episodes and attempts; a module of its own name, so that worker processes can import it."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from dgl_collect import AttemptResult, Criterion, Episode, StageRecord, save_png, write_episode
+
+FACTORY = "dgl_collect_fakes:make_runner"
+KNOWN_TASKS = ("FoldTops-v1", "FoldDress-v1", "HangCoat-v1")
+
+
+def make_stage(seed=0, *, frames=2, name="left_sleeve", **changes):
+    rng = np.random.default_rng(seed)
+
+    def draw(*shape):
+        return rng.random(shape, dtype=np.float32)
+
+    ee_pose = np.zeros((frames, 2, 7), np.float32)
+    ee_pose[..., :3], ee_pose[..., 3] = draw(frames, 2, 3), 1.0
+    arrays = {
+        "joint_state": draw(frames, 60),
+        "action": draw(frames, 60),
+        "ee_pose": ee_pose,
+        "image": np.full((frames, 480, 640, 3), seed % 256, np.uint8),
+        "env_point_cloud": draw(frames, 2048, 6),
+        "garment_point_cloud": draw(2048, 3),
+        "points_affordance_feature": draw(2048, 2),
+    }
+    points = {"left cuff": {"xyz": [-0.4, 0.7, 0.02], "uv": [200.0, 260.5]}}
+    return StageRecord(**({"name": name, "points": points} | arrays | changes))
+
+
+def make_episode(seed=0, **changes):
+    content = {
+        "task": "FoldTops-v1",
+        "seed": seed,
+        "garment_id": "tops_long_sleeve/0007",
+        "success": True,
+        "success_value": 0.91,
+        "stages": (make_stage(seed), make_stage(seed + 1, name="right_sleeve", frames=3)),
+        "randomisation": {"position": [0.03, 0.8, 0.2]},
+        "measurements": {"largest stretch": 0.08},
+        "package_versions": {"dgl-collect": "0.1.0"},
+    }
+    return Episode(**(content | changes))
+
+
+class FakeRunner:
+    """Succeeds for even seeds, and misbehaves at the attempts that the options name."""
+
+    def __init__(self, options):
+        self.options = options
+
+    def run(self, *, attempt_index, seed, out_dir, episode_id):
+        sys.stdout.write(f"attempt {attempt_index} speaks\n")
+        save_png(out_dir / f"{episode_id}.png", np.full((8, 8, 3), attempt_index, np.uint8))
+        (out_dir / f"{episode_id}.mp4").write_bytes(b"film")
+        time.sleep(self.options.get("seconds", 0.0))
+        if attempt_index in self.options.get("hang_at", ()):
+            time.sleep(60)
+        if attempt_index in self.options.get("raise_at", ()):
+            raise RuntimeError("the cloth exploded")
+        if attempt_index in self.options.get("exit_at", ()):
+            os._exit(3)
+        files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
+        if attempt_index not in self.options.get("forget_file_at", ()):
+            stages = (make_stage(seed, frames=1),)
+            episode = make_episode(seed, stages=stages)
+            write_episode(out_dir / f"{episode_id}.h5", episode)
+            files["episode"] = f"{episode_id}.h5"
+        success = seed % 2 == 0
+        value = 0.9 if success else 0.5
+        return AttemptResult(
+            index=attempt_index,
+            seed=seed,
+            success=success,
+            value=value,
+            reason=None if success else "too little inside the box",
+            criteria=(Criterion(name="inside", value=value, comparison=">=", threshold=0.8),),
+            garment_id=f"tops/{seed % 5:04d}",
+            frames=1,
+            stage_seconds={"left_sleeve": 0.1},
+            files=files,
+            randomisation={"x": float(np.random.default_rng(seed).uniform(-0.1, 0.1))},
+        )
+
+    def close(self):
+        sys.stdout.write("closed\n")
+
+
+def make_runner(task, options):
+    if options.get("exit_when_built"):
+        os._exit(4)
+    if options.get("fail_when_built"):
+        raise RuntimeError("no Vulkan device")
+    return FakeRunner(options)
+
+
+if __name__ == "__main__":  # a run for the tests that interrupt one
+    from dgl_collect import CollectConfig, collect
+
+    def tell(progress):
+        sys.stdout.write(f"{len(progress.results)}\n")
+        sys.stdout.flush()
+
+    summary = collect(
+        CollectConfig(
+            task="FoldTops-v1",
+            episodes=200,
+            workers=2,
+            out=Path(sys.argv[1]),
+            attempt_factory=FACTORY,
+            options={"seconds": 0.05},
+        ),
+        known_tasks=KNOWN_TASKS,
+        on_progress=tell,
+    )
+    sys.exit(130 if summary.status == "interrupted" else 0)

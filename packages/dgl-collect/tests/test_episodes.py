@@ -1,0 +1,167 @@
+import dataclasses
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from dgl_collect import CorruptEpisodeError, read_episode, write_episode
+
+ARRAYS = (
+    "joint_state", "action", "ee_pose", "image", "env_point_cloud", "garment_point_cloud",
+    "points_affordance_feature",
+)  # fmt: skip
+
+
+@pytest.fixture
+def written(tmp_path, fakes):
+    return write_episode(tmp_path / "episode.h5", fakes.make_episode(1))
+
+
+def test_what_is_read_is_what_was_written(written, fakes):
+    given, found = fakes.make_episode(1), read_episode(written)
+    for field in dataclasses.fields(given):
+        if field.name not in ("stages", "extra"):
+            assert getattr(found, field.name) == getattr(given, field.name)
+    assert found.stage_names == ("left_sleeve", "right_sleeve")
+    for a, b in zip(given.stages, found.stages, strict=True):
+        assert b.points == a.points
+        assert b.object_point_cloud is None
+        for key in ARRAYS:
+            np.testing.assert_array_equal(getattr(b, key), getattr(a, key), strict=True)
+
+
+def test_object_cloud_and_extras_survive(tmp_path, fakes):
+    cloud = np.ones((2048, 3), np.float32)
+    stage = fakes.make_stage(object_point_cloud=cloud)
+    extra = {"particles": np.arange(12.0).reshape(4, 3), "empty": np.zeros((0, 3))}
+    path = write_episode(tmp_path / "e.h5", fakes.make_episode(stages=(stage,), extra=extra))
+    found = read_episode(path)
+    np.testing.assert_array_equal(found.stages[0].object_point_cloud, cloud)
+    assert sorted(found.extra) == ["empty", "particles"]
+    np.testing.assert_array_equal(found.extra["particles"], extra["particles"], strict=True)
+
+
+def test_the_same_episode_gives_the_same_bytes(tmp_path, fakes):
+    first = write_episode(tmp_path / "a.h5", fakes.make_episode(3)).read_bytes()
+    time.sleep(1.1)  # HDF5 keeps times in whole seconds
+    assert write_episode(tmp_path / "b.h5", fakes.make_episode(3)).read_bytes() == first
+    assert write_episode(tmp_path / "c.h5", fakes.make_episode(4)).read_bytes() != first
+
+
+def test_the_layout_is_readable_without_this_package(written):
+    with h5py.File(written) as file:
+        assert file.attrs["format_version"] == 1
+        assert file["stage_2/image"].shape == (3, 480, 640, 3)
+        assert file["stage_2/image"].chunks == (1, 480, 640, 3)
+        assert file["stage_1/env_point_cloud"].compression == "gzip"
+        assert file["stage_1/env_point_cloud"].dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("key", "array", "message"),
+    [
+        ("action", np.zeros((2, 59), np.float32), r"action must have shape \(2, 60\); got \(2, 59\)"),
+        ("action", np.zeros((3, 60), np.float32), r"action must have shape \(2, 60\); got \(3, 60\)"),
+        ("action", np.zeros((2, 60)), "action must be float32; got float64"),
+        ("image", np.zeros((2, 480, 640, 3), np.int64), "image must be uint8; got int64"),
+        ("joint_state", np.full((2, 60), np.nan, np.float32), "must be finite; got 120 values"),
+        ("joint_state", np.zeros((0, 60), np.float32), "at least one frame; got 0"),
+        ("ee_pose", np.zeros((2, 2, 7), np.float32), "unit quaternions; got one of length 0"),
+        ("points_affordance_feature", np.full((2048, 2), 1.01, np.float32), r"in \[0, 1\]; got"),
+        ("points", {"cuff": {"uv": [1.0]}}, r"uv \(2,\); got uv="),
+        ("name", "", "name must not be empty"),
+    ],
+)  # fmt: skip
+def test_a_wrong_stage_is_refused(fakes, key, array, message):
+    with pytest.raises(ValueError, match=message):
+        fakes.make_stage(**{key: array})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"stages": ()}, "at least one stage"),
+        ({"success_value": float("nan")}, "success_value must be finite; got nan"),
+        ({"randomisation": {"x": float("inf")}}, "randomisation must be JSON-ready"),
+        ({"measurements": {"x": object()}}, "measurements must be JSON-ready"),
+        ({"extra": {"x": np.array(["text"])}}, "must be numeric"),
+    ],
+)
+def test_a_wrong_episode_is_refused(fakes, change, message):
+    with pytest.raises(ValueError, match=message):
+        fakes.make_episode(**change)
+
+
+def test_affordance_may_touch_both_limits(fakes):
+    limits = np.tile(np.float32([0.0, 1.0]), (2048, 1))
+    assert fakes.make_stage(points_affordance_feature=limits).frame_count == 2
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99])
+def test_a_truncated_file_is_refused(written, share):
+    content = written.read_bytes()
+    written.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(CorruptEpisodeError, match=r"episode\.h5: not a whole HDF5 file"):
+        read_episode(written)
+
+
+def test_flipped_bits_are_noticed_everywhere(written, fakes):
+    """A damaged byte is refused or, in unused room of the file, harmless; never other numbers."""
+    content = bytearray(written.read_bytes())
+    given = fakes.make_episode(1)
+    rng = np.random.default_rng(0)
+    refused = 0
+    for position in rng.integers(0, len(content), 40):
+        content[position] ^= 0xFF
+        written.write_bytes(content)
+        try:
+            found = read_episode(written)
+        except CorruptEpisodeError:
+            refused += 1
+        else:
+            for a, b in zip(given.stages, found.stages, strict=True):
+                for key in ARRAYS:
+                    np.testing.assert_array_equal(getattr(b, key), getattr(a, key))
+        content[position] ^= 0xFF
+    assert refused > 30
+
+
+def damage(path, edit):
+    with h5py.File(path, "r+") as file:
+        edit(file)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda f: f.attrs.__setitem__("format_version", 2), "format_version must be 1; got 2"),
+        (lambda f: f.attrs.__delitem__("task"), "attribute 'task' of / is missing"),
+        (lambda f: f["stage_1"].__delitem__("action"), "stage_1/action is missing"),
+        (lambda f: f.__delitem__("stage_1"), "stage groups must be"),
+        (lambda f: f["stage_1"].create_dataset("pickle", data=1), "unknown keys: .'pickle'"),
+        (lambda f: f["stage_2/action"].__setitem__((0, 0), np.nan), "stage_2: action must be finite"),
+        (lambda f: f["stage_1"].attrs.__setitem__("name", "other"), "stage_names must be"),
+        (lambda f: f.attrs.__setitem__("randomisation", "[]"), "must be a JSON dict"),
+        (lambda f: f.attrs.__setitem__("randomisation", "{"), "Expecting property name"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_refused_with_its_fault(written, edit, message):
+    damage(written, edit)
+    with pytest.raises(CorruptEpisodeError, match=message) as caught:
+        read_episode(written)
+    assert caught.value.path == written
+
+
+def test_a_missing_file_is_not_called_corrupt(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no episode file"):
+        read_episode(tmp_path / "nothing.h5")
+
+
+def test_a_failed_write_leaves_what_was_there(written, fakes, monkeypatch):
+    before = written.read_bytes()
+    monkeypatch.setattr("dgl_collect.episodes._write_stage", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_episode(written, fakes.make_episode(2))
+    assert written.read_bytes() == before
+    assert [path.name for path in written.parent.iterdir()] == ["episode.h5"]

@@ -1,0 +1,271 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from dgl_collect import (
+    CollectConfig,
+    OutputFolderError,
+    UnknownTaskError,
+    WorkerError,
+    collect,
+    read_episode,
+)
+from dgl_collect.results import read_results
+from dgl_collect.run_folder import RunFolder
+from dgl_collect.runner import make_attempt_seed
+
+SUCCESSES = [index for index in range(8) if make_attempt_seed(0, index) % 2 == 0]
+
+
+@pytest.fixture
+def run(tmp_path, fakes):
+    def go(*, out=tmp_path / "out", on_progress=None, **changes):
+        settings = {"task": "FoldTops-v1", "episodes": 2, "attempt_factory": fakes.FACTORY}
+        config = CollectConfig(out=out, **(settings | changes))
+        return collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=on_progress)
+
+    return go
+
+
+def results_of(folder):
+    return read_results(folder / "attempts.jsonl")
+
+
+def files_of(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def facts(result):
+    return (result.index, result.seed, result.success, result.value, result.randomisation)
+
+
+def test_seeds_differ_between_attempts_and_between_runs():
+    seeds = {make_attempt_seed(run, index) for run in range(20) for index in range(50)}
+    assert len(seeds) == 1000
+    assert make_attempt_seed(3, 4) == make_attempt_seed(3, 4)
+    assert SUCCESSES  # the made-up attempt succeeds for even seeds; both kinds are needed below
+    assert len(SUCCESSES) < 8
+
+
+def test_a_run_writes_what_the_design_names(run, tmp_path):
+    reports = []
+    summary = run(episodes=4, on_progress=reports.append)
+    out = tmp_path / "out"
+    assert summary.status == "complete"
+    assert (summary.attempted, summary.succeeded) == (4, len([i for i in SUCCESSES if i < 4]))
+    written = json.loads((out / "summary.json").read_text())
+    assert {"task", "attempted", "succeeded", "success_rate", "seconds_per_attempt"} < set(written)
+    assert {"garments", "seed", "versions", "reasons", "success_interval"} < set(written)
+    expected = {"attempts.jsonl", "run.json", "summary.json", "logs/worker-0.log"}
+    for result in results_of(out):
+        kind, suffixes = ("episodes", "h5 mp4 png") if result.success else ("failed", "mp4 png")
+        expected |= {f"{kind}/FoldTops-v1-s0-{result.index:05d}.{s}" for s in suffixes.split()}
+        assert all((out / path).is_file() for path in result.files.values())
+        if result.success:
+            assert read_episode(out / result.files["episode"]).seed == result.seed
+        else:
+            assert result.reason == "too little inside the box"
+    assert set(files_of(out)) == expected
+    assert [len(report.results) for report in reports] == [0, 0, 1, 2, 3, 4]
+    assert "attempt 3 speaks" in (out / "logs/worker-0.log").read_text()
+
+
+def test_results_do_not_depend_on_the_number_of_workers(run, tmp_path):
+    run(out=tmp_path / "one", episodes=5, workers=1)
+    run(out=tmp_path / "three", episodes=5, workers=3)
+    one, three = results_of(tmp_path / "one"), results_of(tmp_path / "three")
+    assert [facts(a) for a in one] == [facts(b) for b in three]
+    for result in one:
+        if result.success:
+            path = result.files["episode"]
+            assert (tmp_path / "one" / path).read_bytes() == (
+                tmp_path / "three" / path
+            ).read_bytes()
+
+
+def test_resume_makes_only_what_is_missing(run, tmp_path):
+    run(episodes=2)
+    lines = (tmp_path / "out/attempts.jsonl").read_text()
+    reports = []
+    summary = run(episodes=4, resume=True, on_progress=reports.append)
+    assert (tmp_path / "out/attempts.jsonl").read_text().startswith(lines)
+    assert [result.index for result in results_of(tmp_path / "out")] == [0, 1, 2, 3]
+    assert summary.attempted == 4
+    assert reports[0].resumed == 2
+    run(out=tmp_path / "whole", episodes=4)
+    whole = results_of(tmp_path / "whole")
+    assert [facts(a) for a in results_of(tmp_path / "out")] == [facts(b) for b in whole]
+
+
+def test_resume_of_a_finished_run_starts_no_worker(run, tmp_path):
+    run(episodes=1)
+    assert run(episodes=1, resume=True, build_seconds=1e-9).attempted == 1
+    assert len(json.loads((tmp_path / "out/run.json").read_text())["commands"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seed": 1}, "its seed is 0, this run's is 1"),
+        ({"task": "FoldDress-v1"}, "its task is 'FoldTops-v1'"),
+        ({"options": {"seconds": 0.0}}, "its options is"),
+    ],
+)
+def test_resume_refuses_another_run(run, change, message):
+    run(episodes=1)
+    with pytest.raises(OutputFolderError, match=message):
+        run(resume=True, **change)
+
+
+def test_a_folder_in_use_or_not_ours_is_refused(run, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "thesis.tex").write_text("precious")
+    with pytest.raises(OutputFolderError, match="not empty; add --resume"):
+        run()
+    with pytest.raises(OutputFolderError, match="holds no run to resume"):
+        run(resume=True)
+    assert files_of(out) == ["thesis.tex"]
+    with pytest.raises(OutputFolderError, match=r"cannot write to .*thesis"):
+        run(out=out / "thesis.tex" / "out")
+
+
+def test_two_runs_cannot_share_a_folder(run, tmp_path):
+    run(episodes=1)
+    config = CollectConfig(task="FoldTops-v1", episodes=1, out=tmp_path / "out")
+    folder = RunFolder(
+        config.out, identity=json.loads((config.out / "run.json").read_text()), resume=True, command=""
+    )  # fmt: skip
+    with folder, pytest.raises(OutputFolderError, match="another run is writing"):
+        run(resume=True)
+
+
+def test_an_exception_is_a_result_and_the_run_goes_on(run, tmp_path):
+    summary = run(episodes=4, options={"raise_at": [1]})
+    result = results_of(tmp_path / "out")[1]
+    assert (result.reason, result.detail) == ("exception: RuntimeError", "the cloth exploded")
+    assert summary.attempted == 4
+    assert summary.reasons["exception: RuntimeError"] == 1
+    assert "Traceback" in (tmp_path / "out/logs/worker-0.log").read_text()
+
+
+def test_a_crash_is_a_result_and_the_worker_is_replaced(run, tmp_path):
+    summary = run(episodes=4, options={"exit_at": [1]})
+    result = results_of(tmp_path / "out")[1]
+    assert result.reason == "worker crashed"
+    assert "exit status 3" in result.detail
+    assert "logs/worker-0.log" in result.detail
+    assert (summary.attempted, summary.status) == (4, "complete")
+    assert not (tmp_path / "out/.staging").exists()
+
+
+def test_an_attempt_that_hangs_is_ended(run, tmp_path):
+    run(episodes=2, options={"hang_at": [0]}, attempt_seconds=1.5)
+    late, fine = results_of(tmp_path / "out")
+    assert (late.reason, fine.reason == "time limit") == ("time limit", False)
+
+
+def test_an_environment_that_is_never_ready_ends_the_run(run):
+    with pytest.raises(WorkerError, match=r"building took longer than 0\.01 s"):
+        run(build_seconds=0.01, crashes_in_a_row=1)
+
+
+def test_crash_after_crash_gives_up_and_keeps_the_results(run, tmp_path):
+    with pytest.raises(WorkerError, match="2 workers in a row ended early"):
+        run(episodes=9, options={"exit_at": [1, 2]}, crashes_in_a_row=2)
+    assert [result.index for result in results_of(tmp_path / "out")] == [0, 1, 2]
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    assert (summary["status"], summary["attempted"]) == ("failed", 3)
+
+
+def test_an_environment_that_cannot_be_built_ends_the_run(run, tmp_path):
+    with pytest.raises(WorkerError, match="cannot be built: RuntimeError: no Vulkan device"):
+        run(options={"fail_when_built": True})
+    with pytest.raises(WorkerError, match="exit status 4"):
+        run(out=tmp_path / "b", options={"exit_when_built": True}, crashes_in_a_row=1)
+
+
+def test_a_success_without_its_episode_is_not_a_success(run, tmp_path):
+    success = SUCCESSES[0]
+    run(episodes=success + 1, options={"forget_file_at": [success]})
+    result = results_of(tmp_path / "out")[success]
+    assert "must have an episode file" in result.detail
+
+
+@pytest.mark.parametrize("name", ["episodes", "workers"])
+def test_numbers_are_checked(run, name):
+    with pytest.raises(ValueError, match=f"{name} must be at least 1; got 0"):
+        run(**{name: 0})
+
+
+def test_an_unknown_task_names_the_closest(run):
+    with pytest.raises(UnknownTaskError, match="did you mean 'FoldTops-v1'"):
+        run(task="foldtop")
+    with pytest.raises(UnknownTaskError, match="known tasks: FoldDress-v1"):
+        run(task="xyz")
+
+
+def test_collect_works_outside_the_main_thread(run):
+    found = []
+    thread = threading.Thread(target=lambda: found.append(run(episodes=1).status))
+    thread.start()
+    thread.join(20)
+    assert found == ["complete"]
+
+
+@pytest.mark.parametrize(
+    ("number", "least"), [(signal.SIGINT, 3), (signal.SIGTERM, 3), (signal.SIGINT, 0)]
+)
+def test_an_interrupt_keeps_what_has_finished(tmp_path, number, least, fakes):
+    """The whole process group is signalled, as a terminal does; also while workers are starting."""
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, fakes.__file__, str(out)],
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        for line in process.stdout:
+            if int(line) >= least:
+                break
+        os.killpg(process.pid, number)
+        started = time.monotonic()
+        errors = process.stderr.read()
+        assert process.wait(10) == 130
+    assert time.monotonic() - started < 5
+    assert errors == ""
+    results = results_of(out)
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["status"], summary["attempted"]) == ("interrupted", len(results))
+    assert len(results) >= least
+    assert {result.reason for result in results} <= {None, "too little inside the box"}
+    kept = {path for result in results for path in result.files.values()}
+    assert kept == {path for path in files_of(out) if path.startswith(("episodes", "failed"))}
+    for path in (out / "episodes").glob("*.h5"):
+        read_episode(path)
+    assert not (out / ".staging").exists()
+    assert [path for path in out.rglob("*") if ".partial" in path.name] == []
+
+
+def test_workers_end_when_the_run_is_killed(tmp_path, fakes):
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, fakes.__file__, str(out)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        for line in process.stdout:
+            if int(line) >= 1:
+                break
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        process.kill()
+    deadline = time.monotonic() + 5
+    while any(Path(f"/proc/{child}").exists() for child in children):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

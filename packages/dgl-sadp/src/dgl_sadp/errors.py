@@ -1,0 +1,22 @@
+"""Exceptions that a caller may want to catch."""
+
+from pathlib import Path
+
+__all__ = ["CorruptEpisodeError", "SadpError"]
+
+
+class SadpError(Exception):
+    """Base of the errors of this package. Wrong arguments raise `ValueError` instead."""
+
+
+class CorruptEpisodeError(SadpError):
+    """A file is damaged, or is not an episode of the format that this package reads."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path}: {reason}; remove the file or collect the episode again")
+        self.path = path
+        self.reason = reason
+
+    def __reduce__(self) -> tuple[type, tuple[Path, str]]:
+        """Keep both arguments when a data loader's worker sends the error to its parent."""
+        return type(self), (self.path, self.reason)

@@ -1,0 +1,298 @@
+import pickle
+
+import h5py
+import numpy as np
+import pytest
+
+import dgl_sadp._episode_file
+from dgl_sadp import CorruptEpisodeError, EpisodeDataset
+
+
+def actions_of(window) -> list[float]:
+    return (window["action"][:, 0] - 0.5).tolist()
+
+
+def states_of(window) -> list[float]:
+    return window["joint_state"][:, 0].tolist()
+
+
+def test_windows_pad_two_before_and_three_after_by_the_edge_frames(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=12)
+    windows = list(EpisodeDataset(tmp_path, 1))
+    assert len(windows) == 12 + 2 + 3 - 8 + 1
+    assert actions_of(windows[0]) == [0, 0, 0, 1, 2, 3, 4, 5]
+    assert states_of(windows[0]) == [0, 0, 0]
+    assert actions_of(windows[2]) == [0, 1, 2, 3, 4, 5, 6, 7]
+    assert states_of(windows[2]) == [0, 1, 2]
+    assert actions_of(windows[-1]) == [7, 8, 9, 10, 11, 11, 11, 11]
+    assert states_of(windows[-1]) == [7, 8, 9]
+
+
+def test_windows_are_those_of_a_padded_array(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=9)
+    padded = np.pad(np.arange(9.0), (3, 1), mode="edge")
+    dataset = EpisodeDataset(tmp_path, 1, horizon=6, observation_steps=4, action_steps=2)
+    expected = [padded[i : i + 6].tolist() for i in range(len(padded) - 5)]
+    assert [actions_of(window) for window in dataset] == expected
+
+
+def test_each_frame_but_the_final_two_is_decided_on_once(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=20)
+    last = [states_of(window)[-1] for window in EpisodeDataset(tmp_path, 1)]
+    # Not of the final two: what is executed there belongs to earlier decisions.
+    assert last == list(range(18))
+
+
+def test_shapes_and_types(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", has_object=True)
+    window = EpisodeDataset(tmp_path, 1, observation_keys=("joint_state", "ee_pose", "image"))[0]
+    assert {key: (array.shape, str(array.dtype)) for key, array in window.items()} == {
+        "joint_state": ((3, 60), "float32"),
+        "ee_pose": ((3, 2, 7), "float32"),
+        "image": ((3, 4, 6, 3), "uint8"),
+        "action": ((8, 60), "float32"),
+        "garment_point_cloud": ((5, 3), "float32"),
+        "points_affordance_feature": ((5, 2), "float32"),
+        "object_point_cloud": ((5, 3), "float32"),
+    }
+
+
+def test_windows_never_cross_from_one_episode_to_the_next(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5", frames=4, offset=0)
+    make_episode(tmp_path / "b.h5", frames=9, offset=1000)
+    dataset = EpisodeDataset(tmp_path, 1)
+    assert len(dataset) == (4 + 5 - 7) + (9 + 5 - 7)
+    for window in dataset:
+        assert len({value >= 1000 for value in actions_of(window)}) == 1
+        assert window["garment_point_cloud"][0, 0] == 1 + 1000 * (actions_of(window)[0] >= 1000)
+
+
+def test_stages_are_separate(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", stages=2)
+    assert states_of(EpisodeDataset(tmp_path, 1)[4]) == [2, 3, 4]
+    assert states_of(EpisodeDataset(tmp_path, 2)[4]) == [102, 103, 104]
+
+
+@pytest.mark.parametrize(("frames", "windows"), [(3, 1), (4, 2)])
+def test_short_episodes_have_few_windows(tmp_path, make_episode, frames, windows):
+    make_episode(tmp_path / "0.h5", frames=frames)
+    assert len(list(EpisodeDataset(tmp_path, 1))) == windows
+
+
+def test_too_short_an_episode_is_refused_alone_and_passed_over_among_others(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=2)
+    with pytest.raises(ValueError, match=r"window of 8 frames; the longest has 2"):
+        EpisodeDataset(tmp_path, 1)
+    make_episode(tmp_path / "1.h5", frames=3, offset=50)
+    windows = list(EpisodeDataset(tmp_path, 1))
+    assert [states_of(window)[0] for window in windows] == [50]
+
+
+def test_failed_episodes_are_left_out_and_counted(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5")
+    failed = make_episode(tmp_path / "b.h5", success=False)
+    dataset = EpisodeDataset(tmp_path, 1)
+    assert dataset.failed == (failed,)
+    assert [episode.path.name for episode in dataset.episodes] == ["a.h5"]
+    (tmp_path / "a.h5").unlink()
+    with pytest.raises(ValueError, match=r"none of the 1 episode"):
+        EpisodeDataset(tmp_path, 1)
+
+
+def test_files_that_are_being_written_are_not_read(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5")
+    (tmp_path / ".b.partial-17.h5").write_bytes(b"half")
+    assert len(EpisodeDataset(tmp_path, 1).episodes) == 1
+
+
+def test_an_empty_folder_is_refused_and_its_subfolder_suggested(tmp_path, make_episode):
+    with pytest.raises(FileNotFoundError, match=r"no episode files \(\*\.h5\)"):
+        EpisodeDataset(tmp_path, 1)
+    (tmp_path / "episodes").mkdir()
+    make_episode(tmp_path / "episodes" / "0.h5")
+    with pytest.raises(FileNotFoundError, match=r"did you mean .*episodes"):
+        EpisodeDataset(tmp_path, 1)
+
+
+def test_a_truncated_file_is_refused_by_name(tmp_path, make_episode):
+    path = make_episode(tmp_path / "0.h5")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(CorruptEpisodeError, match=r"0\.h5: cannot be read.*collect"):
+        EpisodeDataset(tmp_path, 1)
+
+
+def test_a_file_that_is_no_hdf5_is_refused(tmp_path):
+    (tmp_path / "0.h5").write_text("episode")
+    with pytest.raises(CorruptEpisodeError, match=r"cannot be read"):
+        EpisodeDataset(tmp_path, 1)
+
+
+def _delete(key):
+    def change(file):
+        del file[key]
+
+    return change
+
+
+def _replace(key, values):
+    def change(file):
+        del file[key]
+        file[key] = values
+
+    return change
+
+
+def _attribute(name, value):
+    def change(file):
+        if value is None:
+            del file.attrs[name]
+        else:
+            file.attrs[name] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_attribute("format_version", 2), r"format version 2; this package reads 1"),
+        (_attribute("format_version", None), r"no attribute format_version"),
+        (_attribute("success", None), r"no attribute success"),
+        (_delete("stage_1"), r"no stage_1; it has \[\]"),
+        (_delete("stage_1/action"), r"no array /stage_1/action"),
+        (_delete("stage_1/garment_point_cloud"), r"no array /stage_1/garment_point_cloud"),
+        (
+            _replace("stage_1/action", np.zeros((12, 59), np.float32)),
+            r"float32 of shape \('any', 60\); got float32 of \(12, 59\)",
+        ),
+        (_replace("stage_1/action", np.zeros((12, 60))), r"float32 of shape.*got float64"),
+        (_replace("stage_1/action", np.zeros((11, 60), np.float32)), r"different lengths"),
+        (
+            _replace("stage_1/points_affordance_feature", np.zeros((4, 2), np.float32)),
+            r"5 garment points; 4 affordance rows",
+        ),
+    ],
+)
+def test_files_of_another_form_are_refused(tmp_path, make_episode, change, message):
+    path = make_episode(tmp_path / "0.h5")
+    with h5py.File(path, "a") as file:
+        change(file)
+    with pytest.raises(CorruptEpisodeError, match=message) as caught:
+        EpisodeDataset(tmp_path, 1)
+    assert caught.value.path == path
+
+
+def test_damage_inside_an_array_is_found_by_its_checksum_when_read(tmp_path, make_episode):
+    path = make_episode(tmp_path / "0.h5")
+    marker = np.full((12, 60), 1234.5, np.float32)
+    with h5py.File(path, "a") as file:
+        del file["stage_1/action"]
+        file.create_dataset("stage_1/action", data=marker, chunks=(12, 60), fletcher32=True)
+    content = bytearray(path.read_bytes())
+    content[content.index(marker.tobytes()) + 100] ^= 0xFF
+    path.write_bytes(content)
+    dataset = EpisodeDataset(tmp_path, 1)
+    with pytest.raises(CorruptEpisodeError, match=r"0\.h5"):
+        dataset[0]
+
+
+def test_a_file_removed_after_the_scan_is_missing_rather_than_corrupt(tmp_path, make_episode):
+    path = make_episode(tmp_path / "0.h5")
+    dataset = EpisodeDataset(tmp_path, 1)
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        dataset[0]
+
+
+def test_static_arrays_are_read_once_and_given_as_copies(tmp_path, make_episode, monkeypatch):
+    make_episode(tmp_path / "0.h5")
+    dataset = EpisodeDataset(tmp_path, 1)
+    dataset[0]["garment_point_cloud"][:] = -1
+    monkeypatch.setattr("dgl_sadp.dataset.read_static", None)  # A second read would fail.
+    assert (dataset[1]["garment_point_cloud"] == 1).all()
+
+
+def test_episodes_agree_in_having_an_object(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5", has_object=True)
+    make_episode(tmp_path / "b.h5", has_object=False)
+    with pytest.raises(ValueError, match=r"must agree.*a\.h5 has.*object.*b\.h5"):
+        EpisodeDataset(tmp_path, 1)
+
+
+def test_select_keeps_only_the_named_episodes(tmp_path, make_episode):
+    for number in range(3):
+        make_episode(tmp_path / f"{number}.h5", offset=100 * number)
+    dataset = EpisodeDataset(tmp_path, 1)
+    part = dataset.select([2])
+    assert {int(states_of(window)[0]) // 100 for window in part} == {2}
+    assert len(part) * 3 == len(dataset)
+
+
+@pytest.mark.parametrize("chosen", [[], [0, 0], [-1], [1]])
+def test_select_refuses_what_is_not_there(tmp_path, make_episode, chosen):
+    make_episode(tmp_path / "0.h5")
+    with pytest.raises(ValueError, match="episodes must"):
+        EpisodeDataset(tmp_path, 1).select(chosen)
+
+
+def test_indices_count_from_either_end(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5")
+    dataset = EpisodeDataset(tmp_path, 1)
+    np.testing.assert_array_equal(dataset[-1]["action"], dataset[len(dataset) - 1]["action"])
+    for index in (len(dataset), -len(dataset) - 1):
+        with pytest.raises(IndexError, match=str(index)):
+            dataset[index]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"stage": 0}, "stage must be at least 1; got 0"),
+        ({"observation_steps": 0}, "observation_steps must be at least 1; got 0"),
+        ({"action_steps": 0}, "action_steps must be at least 1; got 0"),
+        ({"horizon": 5}, "horizon must be at least .* = 6; got 5"),
+        ({"observation_keys": ("action",)}, "observation_keys must be of"),
+        ({"observation_keys": ("depth",)}, r"got \['depth'\]"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(tmp_path, make_episode, arguments, message):
+    make_episode(tmp_path / "0.h5")
+    with pytest.raises(ValueError, match=message):
+        EpisodeDataset(tmp_path, **{"stage": 1, **arguments})
+
+
+def test_the_smallest_horizon_is_enough(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=1)
+    windows = list(EpisodeDataset(tmp_path, 1, horizon=6))
+    assert [actions_of(window) for window in windows] == [[0] * 6]
+
+
+def test_dataset_and_its_error_travel_between_processes(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5")
+    dataset = pickle.loads(pickle.dumps(EpisodeDataset(tmp_path, 1)))
+    assert len(dataset) == 10
+    error = pickle.loads(pickle.dumps(CorruptEpisodeError(tmp_path, "torn")))
+    assert error.reason == "torn"
+
+
+def test_no_file_stays_open(tmp_path, make_episode, monkeypatch):
+    make_episode(tmp_path / "0.h5")
+    opened = []
+    original = h5py.File
+
+    def spy(*arguments):
+        opened.append(original(*arguments))
+        return opened[-1]
+
+    monkeypatch.setattr(dgl_sadp._episode_file.h5py, "File", spy)
+    EpisodeDataset(tmp_path, 1)[0]
+    assert opened
+    assert not any(bool(file) for file in opened)
+
+
+def test_pytorch_collates_windows_into_batches(tmp_path, make_episode):
+    data = pytest.importorskip("torch.utils.data", reason="PyTorch is optional here")
+    make_episode(tmp_path / "0.h5")
+    batch = next(iter(data.DataLoader(EpisodeDataset(tmp_path, 1), batch_size=4)))
+    assert tuple(batch["action"].shape) == (4, 8, 60)
+    assert tuple(batch["env_point_cloud"].shape) == (4, 3, 5, 6)

@@ -1,0 +1,275 @@
+"""Where the cameras stand, and point clouds from their depth pictures.
+
+A camera pose looks along its +X with +Z up, as SAPIEN's do. Importing this module does not import a
+simulator; only `CameraPlacement.build` does.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dgl_tasks.rotations import matrix_from_quaternion, quaternion_from_matrix
+
+if TYPE_CHECKING:
+    from mani_skill.sensors.camera import CameraConfig
+
+Vector3 = tuple[float, float, float]
+
+HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
+"""Horizontal field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
+
+_OPENCV_TO_SAPIEN = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPlacement:
+    """A fixed pinhole camera in the world."""
+
+    name: str
+    position: Vector3
+    """Optical centre [m], world frame."""
+    euler_deg: Vector3
+    """Roll, pitch, yaw [degrees], R = Rz(yaw) Ry(pitch) Rx(roll); pitch 90 looks straight down."""
+    width: int = 640
+    """Picture width [pixels]."""
+    height: int = 480
+    """Picture height [pixels]."""
+    horizontal_fov: float = float(HORIZONTAL_FOV)
+    """Horizontal field of view [rad], in (0, pi)."""
+    near: float = 0.1
+    """Near plane [m]."""
+    far: float = 30.0
+    """Far plane [m]."""
+
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"width and height must be positive; got {self.width}x{self.height}")
+        if not 0.0 < self.horizontal_fov < np.pi:
+            raise ValueError(f"horizontal_fov must lie in (0, pi); got {self.horizontal_fov}")
+        if not 0.0 < self.near < self.far:
+            raise ValueError(f"0 < near < far must hold; got near {self.near}, far {self.far}")
+
+    @property
+    def vertical_fov(self) -> float:
+        """Vertical field of view [rad] for square pixels."""
+        return float(2 * np.arctan(np.tan(self.horizontal_fov / 2) * self.height / self.width))
+
+    @property
+    def quaternion(self) -> np.ndarray:
+        """Orientation wxyz, shape (4,): +X is the optical axis, +Z is up in the picture."""
+        return quaternion_from_matrix(_rotation_from_euler(self.euler_deg))
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """Pinhole matrix [pixels], shape (3, 3), OpenCV convention."""
+        f = self.width / 2 / np.tan(self.horizontal_fov / 2)
+        return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1.0]])
+
+    @property
+    def transform_camera_to_world(self) -> np.ndarray:
+        """Pose of the OpenCV camera frame (x right, y down, z forward) in the world, shape (4, 4)."""
+        T = np.eye(4)
+        T[:3, :3] = matrix_from_quaternion(self.quaternion) @ _OPENCV_TO_SAPIEN
+        T[:3, 3] = self.position
+        return T
+
+    def build(self) -> "CameraConfig":
+        """Make ManiSkill's configuration of this camera."""
+        import torch
+        from mani_skill.sensors.camera import CameraConfig
+        from mani_skill.utils.structs import Pose
+
+        return CameraConfig(
+            uid=self.name,
+            pose=Pose.create_from_pq(
+                torch.tensor(self.position, dtype=torch.float32),
+                torch.tensor(self.quaternion, dtype=torch.float32),
+            ),
+            width=self.width,
+            height=self.height,
+            fov=self.vertical_fov,
+            near=self.near,
+            far=self.far,
+            # float positions in metres; the "minimal" pack rounds them to millimetres
+            shader_pack="default",
+        )
+
+
+def _rotation_from_euler(euler_deg: Vector3) -> np.ndarray:
+    roll, pitch, yaw = np.radians(euler_deg)
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    return (
+        np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+        @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+        @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    )
+
+
+def look_at(eye: Vector3, target: Vector3) -> Vector3:
+    """Compute the roll, pitch, yaw [degrees] of a level camera at `eye` that looks at `target`."""
+    x, y, z = np.subtract(target, eye)
+    if np.hypot(x, y) < 1e-9:
+        raise ValueError(f"target must not be straight above or below eye; got {eye}, {target}")
+    return (
+        0.0,
+        float(np.degrees(np.arctan2(-z, np.hypot(x, y)))),
+        float(np.degrees(np.arctan2(y, x))),
+    )
+
+
+_VIDEO_EYE: Vector3 = (1.15, 2.30, 1.35)
+FOLD_CAMERAS: dict[str, CameraPlacement] = {
+    "garment_camera": CameraPlacement(
+        name="garment_camera", position=(0.0, 1.0, 6.75), euler_deg=(0, 90, 90)
+    ),
+    "environment_camera": CameraPlacement(
+        name="environment_camera", position=(0.0, 4.0, 6.0), euler_deg=(0, 60, -90)
+    ),
+    "video_camera": CameraPlacement(
+        name="video_camera",
+        position=_VIDEO_EYE,
+        euler_deg=look_at(_VIDEO_EYE, (-0.04, 0.40, 0.42)),
+        horizontal_fov=float(np.radians(62)),
+    ),
+}
+"""Cameras of the folding tasks; the first two as in the original, the third for people."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workspace:
+    """The box that environment clouds are cropped to."""
+
+    low: Vector3 = (-1.3, -0.4, 0.005)
+    """Lower corner [m], world frame; the height removes the ground."""
+    high: Vector3 = (1.3, 1.9, 1.8)
+    """Upper corner [m], world frame."""
+
+    def __post_init__(self) -> None:
+        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"low must be below high on every axis; got {self.low}, {self.high}")
+
+
+def depth_to_points(
+    depth: np.ndarray, intrinsics: np.ndarray, transform_camera_to_world: np.ndarray
+) -> np.ndarray:
+    """Turn a depth picture into world points.
+
+    Args:
+        depth: Distance along the optical axis [m], shape (H, W); not positive or not finite where
+            nothing was hit.
+        intrinsics: Pinhole matrix [pixels], shape (3, 3); pixel centres lie at half numbers.
+        transform_camera_to_world: Pose of the OpenCV camera frame, shape (4, 4).
+
+    Returns:
+        Points [m], shape (H, W, 3), world frame, float32; NaN where nothing was hit.
+    """
+    depth = np.asarray(depth)
+    if depth.ndim != 2:
+        raise ValueError(f"depth must have shape (H, W); got {depth.shape}")
+    height, width = depth.shape
+    rays = np.empty((height, width, 3), dtype=np.float32)
+    rays[..., 0] = (np.arange(width) + 0.5 - intrinsics[0, 2]) / intrinsics[0, 0]
+    rays[..., 1] = ((np.arange(height) + 0.5 - intrinsics[1, 2]) / intrinsics[1, 1])[:, None]
+    rays[..., 2] = 1.0
+    is_hit = np.isfinite(depth) & (depth > 0)
+    distance = np.where(is_hit, depth, np.nan).astype(np.float32)
+    R, t = transform_camera_to_world[:3, :3], transform_camera_to_world[:3, 3]
+    return (rays * distance[..., None]) @ R.T.astype(np.float32) + t.astype(np.float32)
+
+
+def crop_workspace(cloud: np.ndarray, workspace: Workspace) -> np.ndarray:
+    """Keep the points inside a box.
+
+    Args:
+        cloud: Points, xyz [m] in the first three columns, shape (N, C), C >= 3, world frame.
+        workspace: The box; its faces belong to it.
+
+    Returns:
+        The rows inside, shape (M, C). Rows with NaN coordinates are dropped.
+    """
+    cloud = np.asarray(cloud)
+    if cloud.ndim != 2 or cloud.shape[1] < 3:
+        raise ValueError(f"cloud must have shape (N, C) with C >= 3; got {cloud.shape}")
+    xyz = cloud[:, :3]
+    is_inside = np.all((xyz >= workspace.low) & (xyz <= workspace.high), axis=1)
+    return cloud[is_inside]
+
+
+def farthest_point_sample(points: np.ndarray, count: int, *, seed: int) -> np.ndarray:
+    """Choose points that cover a cloud evenly.
+
+    Each next point is the one farthest from those chosen. Dense clouds are first thinned to one
+    point per voxel, at least four times `count` voxels. That keeps the cost nearly independent of
+    the picture's resolution; the largest gap grows by up to a half against exact sampling.
+
+    Args:
+        points: Points [m], shape (N, 3), finite.
+        count: How many to choose.
+        seed: Chooses the first point; equal arguments give equal results.
+
+    Returns:
+        Indices into `points`, shape (count,), int64. When N < count every point appears and the
+        rest are repeats drawn with `seed`.
+
+    Raises:
+        ValueError: If the cloud is empty, not finite or not of shape (N, 3).
+    """
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or count < 1:
+        raise ValueError(
+            f"points must have shape (N, 3), N >= 1, and count be positive; "
+            f"got {points.shape} and {count}"
+        )
+    if not np.isfinite(points).all():
+        raise ValueError("points must be finite; drop the pixels where nothing was hit first")
+    rng = np.random.default_rng(seed)
+    if len(points) <= count:
+        extra = rng.integers(len(points), size=count - len(points))
+        return np.concatenate([np.arange(len(points)), extra])
+    candidates = _thin(points, 4 * count)
+    return candidates[_farthest(points[candidates], count, int(rng.integers(len(candidates))))]
+
+
+def _farthest(points: np.ndarray, count: int, first: int) -> np.ndarray:
+    # Centred, so that |p - c|^2 = |p|^2 - 2 p.c + |c|^2 keeps its precision in float32.
+    P = np.ascontiguousarray(points - points.mean(axis=0), dtype=np.float32)
+    squares = np.einsum("nd,nd->n", P, P)
+    doubled = -2.0 * P
+    nearest = np.full(len(P), np.inf, dtype=np.float32)
+    buffer = np.empty_like(nearest)
+    chosen = np.empty(count, dtype=np.int64)
+    current = first
+    for k in range(count):
+        chosen[k] = current
+        np.dot(doubled, P[current], out=buffer)
+        buffer += squares
+        buffer += squares[current]
+        np.minimum(nearest, buffer, out=nearest)
+        # Never again, even among duplicates whose distance rounds to above zero.
+        nearest[current] = -1.0
+        current = int(nearest.argmax())
+    return chosen
+
+
+def _thin(points: np.ndarray, wanted: int) -> np.ndarray:
+    """Keep the first point of each voxel, with voxels just small enough to keep `wanted` points."""
+    if len(points) <= wanted:
+        return np.arange(len(points))
+    offset = points - points.min(axis=0)
+    extent = float(offset.max())
+    low, high = extent / 1024, extent  # voxel sizes; smaller ones keep more points
+    kept = np.arange(len(points))
+    for _ in range(7):
+        size = np.sqrt(low * high)
+        cells = np.floor(offset / size).astype(np.int64)
+        keys = (cells[:, 0] * 2048 + cells[:, 1]) * 2048 + cells[:, 2]
+        first = np.unique(keys, return_index=True)[1]
+        if len(first) < wanted:
+            high = size
+        else:
+            low, kept = size, np.sort(first)
+            if len(first) < 1.3 * wanted:
+                break
+    return kept

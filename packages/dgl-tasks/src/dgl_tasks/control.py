@@ -1,0 +1,322 @@
+"""Arm motion: straight lines, joint-speed limits and inverse kinematics.
+
+Poses are arrays of seven numbers, xyz [m] then wxyz, of the arm's `ee` frame in the world: x along
+the fingers, y out of the palm. Nothing here needs a simulator.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import placo
+
+from dgl_assets.robots import (
+    HOME_CONFIGURATION,
+    UR10E,
+    BasePlacement,
+    Side,
+    arm_joint_names,
+    build_arm_urdf,
+    joint_slice,
+)
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import (
+    GRASP_ORIENTATIONS,
+    GraspName,
+    grasp_to_wrist,
+    turn_inward,
+    wrist_to_grasp,
+)
+from dgl_tasks.rotations import (
+    compute_rotation_angle,
+    matrix_from_quaternion,
+    normalize_quaternion,
+    quaternion_from_matrix,
+    slerp,
+)
+
+__all__ = [
+    "ARM_SPEED_LIMITS",
+    "CONTROL_DT",
+    "GRASP_ORIENTATIONS",
+    "ArmKinematics",
+    "GraspName",
+    "Reach",
+    "grasp_to_wrist",
+    "limit_joint_speed",
+    "plan_line",
+    "wrist_to_grasp",
+]
+
+CONTROL_DT = 1.0 / 60.0
+"""Control step [s]."""
+ARM_SPEED_LIMITS: np.ndarray = np.array([joint.speed for joint in UR10E])
+"""Largest joint speeds of the arm [rad/s], shape (6,): 120 degrees/s, then 180 from the elbow on."""
+
+
+def plan_line(
+    start_pose: np.ndarray,
+    goal_pose: np.ndarray,
+    *,
+    spacing: float = 0.01,
+    angular_spacing: float = 0.04,
+) -> np.ndarray:
+    """Sample the straight line between two poses, orientation by spherical interpolation.
+
+    Args:
+        start_pose: xyz [m] and wxyz, shape (7,).
+        goal_pose: Likewise.
+        spacing: Largest distance between samples [m].
+        angular_spacing: Largest rotation between samples [rad].
+
+    Returns:
+        Poses after the start, up to the goal itself, shape (N, 7). Empty when start and goal agree
+        to 1e-9.
+    """
+    start, goal = _checked_pose("start_pose", start_pose), _checked_pose("goal_pose", goal_pose)
+    if spacing <= 0 or angular_spacing <= 0:
+        raise ValueError(
+            f"spacing and angular_spacing must be positive; got {spacing}, {angular_spacing}"
+        )
+    distance = float(np.linalg.norm(goal[:3] - start[:3]))
+    angle = compute_rotation_angle(start[3:], goal[3:])
+    if distance < 1e-9 and angle < 1e-9:
+        return np.zeros((0, 7))
+    # The small allowance keeps 0.30 / 0.01 at 30 samples in spite of rounding.
+    count = max(1, int(np.ceil(max(distance / spacing, angle / angular_spacing) - 1e-6)))
+    fractions = np.arange(1, count + 1) / count
+    positions = start[:3] + fractions[:, None] * (goal[:3] - start[:3])
+    rotations = np.array([slerp(start[3:], goal[3:], f) for f in fractions])
+    return np.hstack([positions, rotations])
+
+
+def limit_joint_speed(
+    path: np.ndarray,
+    start_q: np.ndarray,
+    *,
+    limits: np.ndarray = ARM_SPEED_LIMITS,
+    dt: float = CONTROL_DT,
+) -> np.ndarray:
+    """Slow a joint path down where it would exceed the joints' speeds.
+
+    Args:
+        path: Joint positions [rad], one row per control step, shape (N, 6).
+        start_q: Joint positions before the first row [rad], shape (6,).
+        limits: Largest joint speeds [rad/s], shape (6,).
+        dt: Control step [s].
+
+    Returns:
+        The same path with joint-space samples inserted, shape (M, 6), M >= N; it ends where `path`
+        ends.
+    """
+    rows, previous = [], np.asarray(start_q, dtype=float)
+    for q in np.asarray(path, dtype=float):
+        count = max(1, int(np.ceil(np.max(np.abs(q - previous) / (limits * dt)) - 1e-9)))
+        rows.extend(previous + (q - previous) * (k / count) for k in range(1, count + 1))
+        previous = q
+    return np.array(rows).reshape(-1, len(previous))
+
+
+def _checked_pose(name: str, pose: np.ndarray) -> np.ndarray:
+    pose = np.array(pose, dtype=float)
+    if pose.shape != (7,):
+        raise ValueError(f"{name} must have shape (7,), xyz and wxyz; got {pose.shape}")
+    pose[3:] = normalize_quaternion(pose[3:])
+    return pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """A way for one arm to a grasp point."""
+
+    pose: np.ndarray
+    """Pose of `ee` at the grasp, xyz [m] and wxyz, shape (7,), world frame."""
+    path: np.ndarray
+    """Joint targets [rad], one per control step, shape (M, 6); the last one is at `pose`."""
+    turn: float
+    """How far the wanted orientation was turned inward [rad]."""
+
+
+class ArmKinematics:
+    """Forward and inverse kinematics of one arm.
+
+    Solutions are found by descent from the given start, so they stay on its branch: shoulder,
+    elbow and wrist keep their side. From the home configuration that is the branch with the
+    elbow above the line from shoulder to wrist.
+
+    Limitations: no collision checks. A pose that only another branch reaches is unreachable.
+    """
+
+    POSITION_TOLERANCE = 1e-4
+    """Accepted position error [m]."""
+    ANGLE_TOLERANCE = 1e-3
+    """Accepted orientation error [rad]."""
+    _MAX_ITERATIONS = 120
+    _MAX_ITERATION_STEP = 0.2  # rad; larger Newton steps overshoot onto other branches
+    _DAMPING = 1e-6
+
+    def __init__(self, side: Side, base: BasePlacement, directory: Path | str) -> None:
+        """Build the solver.
+
+        Args:
+            side: "left" or "right".
+            base: Base placement: x, y, z [m] and yaw [rad], world frame.
+            directory: Folder for the generated robot description.
+        """
+        self.side: Side = side
+        self.home: np.ndarray = HOME_CONFIGURATION[joint_slice(side, "arm")]
+        self._frame = f"{side}_ee"
+        urdf = build_arm_urdf(directory, side, base)
+        self._robot = placo.RobotWrapper(str(urdf), placo.Flags.ignore_collisions)
+        if tuple(self._robot.joint_names()) != arm_joint_names(side):
+            raise ValueError(
+                f"expected joints {arm_joint_names(side)}; got {tuple(self._robot.joint_names())}"
+            )
+        self._solver = placo.KinematicsSolver(self._robot)
+        self._solver.mask_fbase(True)
+        self._solver.enable_joint_limits(True)
+        self._task = self._solver.add_frame_task(self._frame, np.eye(4))
+        self._task.configure(self._frame, "soft", 1.0, 1.0)
+        self._solver.add_regularization_task(self._DAMPING)
+
+    def compute_pose(self, q: np.ndarray) -> np.ndarray:
+        """Compute the pose of `ee`, shape (7,), at joint positions `q` [rad], shape (6,)."""
+        self._set(q)
+        T = self._robot.get_T_world_frame(self._frame)
+        return np.concatenate([T[:3, 3], quaternion_from_matrix(T[:3, :3])])
+
+    def solve(
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        start_q: np.ndarray,
+        *,
+        max_step: float | None = None,
+    ) -> np.ndarray:
+        """Find the joint positions that bring `ee` to a pose, near a start.
+
+        Args:
+            position: Wanted position of `ee` [m], shape (3,), world frame.
+            quaternion: Wanted orientation, wxyz, shape (4,).
+            start_q: Joint positions to start from [rad], shape (6,).
+            max_step: Largest accepted change of any joint from the start [rad]; None accepts any.
+
+        Returns:
+            Joint positions [rad], shape (6,), within limits, accurate to `POSITION_TOLERANCE` and
+            `ANGLE_TOLERANCE`.
+
+        Raises:
+            UnreachableError: If there is no such configuration on the start's branch.
+        """
+        T = np.eye(4)
+        T[:3, :3] = matrix_from_quaternion(quaternion)
+        T[:3, 3] = position
+        self._task.T_world_frame = T
+        start = np.array(start_q, dtype=float)
+        q, best = start.copy(), (np.inf, np.inf)
+        self._set(q)
+        for _ in range(self._MAX_ITERATIONS):
+            self._solver.solve(True)
+            step = np.array(self._robot.state.q[7:]) - q
+            q = q + step * min(1.0, self._MAX_ITERATION_STEP / max(1e-12, np.abs(step).max()))
+            self._set(q)
+            error = self._error(T)
+            best = min(best, error)
+            if error[0] < self.POSITION_TOLERANCE and error[1] < self.ANGLE_TOLERANCE:
+                return self._check_step(q, start, max_step)
+            if np.abs(step).max() < 1e-9:
+                break
+        raise UnreachableError(
+            f"{self.side} arm cannot reach {np.round(np.asarray(position), 3).tolist()}: "
+            f"{best[0] * 1000:.1f} mm and {np.degrees(best[1]):.1f} degrees away",
+            distance=best[0],
+            angle=best[1],
+        )
+
+    def follow(
+        self, waypoints: np.ndarray, start_q: np.ndarray, *, max_step: float = 0.6
+    ) -> np.ndarray:
+        """Turn a line of poses into joint targets, one per control step, within speed limits.
+
+        Args:
+            waypoints: Poses of `ee`, shape (N, 7), as made by `plan_line`.
+            start_q: Present joint positions [rad], shape (6,).
+            max_step: Largest accepted joint change between waypoints [rad]; a larger one is a
+                jump to another branch.
+
+        Returns:
+            Joint targets [rad], shape (M, 6), M >= N.
+
+        Raises:
+            UnreachableError: At the first waypoint that cannot be reached without a jump.
+        """
+        path, q = [], np.array(start_q, dtype=float)
+        for pose in waypoints:
+            q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
+            path.append(q)
+        return limit_joint_speed(np.array(path).reshape(-1, len(UR10E)), np.asarray(start_q))
+
+    def reach_grasp(
+        self,
+        point: np.ndarray,
+        quaternion: np.ndarray,
+        start_q: np.ndarray,
+        *,
+        turns: tuple[float, ...] = (0.0,),
+        spacing: float = 0.01,
+    ) -> Reach:
+        """Go in a straight line until the grasp point between the fingers is at `point`.
+
+        Close beside its own base an arm cannot hold the hand in every direction. Further `turns`
+        let the hand point more inward where the wanted orientation does not reach.
+
+        Args:
+            point: Grasp point [m], shape (3,), world frame.
+            quaternion: Wanted orientation of `ee`, wxyz, shape (4,).
+            start_q: Present joint positions [rad], shape (6,).
+            turns: Inward turns to try [rad], in this order; (0.0,) accepts the wanted one only.
+            spacing: Distance between waypoints [m].
+
+        Returns:
+            The first turn that reaches, with its pose and joint path.
+
+        Raises:
+            UnreachableError: That of the last turn, if none reaches.
+        """
+        if not turns:
+            raise ValueError("turns must name at least one angle; got an empty tuple")
+        start_pose = self.compute_pose(start_q)
+        for turn in turns:
+            q_wxyz = turn_inward(quaternion, turn, self.side)
+            pose = np.concatenate([grasp_to_wrist(point, q_wxyz, self.side), q_wxyz])
+            try:
+                path = self.follow(plan_line(start_pose, pose, spacing=spacing), start_q)
+            except UnreachableError:
+                if turn == turns[-1]:
+                    raise
+            else:
+                return Reach(pose=pose, path=path, turn=turn)
+        raise AssertionError("unreachable: the last turn returns or raises")
+
+    def _set(self, q: np.ndarray) -> None:
+        self._robot.state.q[7:] = q
+        self._robot.update_kinematics()
+
+    def _error(self, T_goal: np.ndarray) -> tuple[float, float]:
+        T = self._robot.get_T_world_frame(self._frame)
+        cosine = (np.sum(T[:3, :3] * T_goal[:3, :3]) - 1) / 2
+        return (
+            float(np.linalg.norm(T[:3, 3] - T_goal[:3, 3])),
+            float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+        )
+
+    def _check_step(self, q: np.ndarray, start: np.ndarray, max_step: float | None) -> np.ndarray:
+        change = np.abs(q - start)
+        if max_step is not None and change.max() > max_step:
+            joint = UR10E[int(change.argmax())].name
+            raise UnreachableError(
+                f"{self.side} arm would jump: {joint} by {change.max():.2f} rad in one step "
+                f"(at most {max_step})",
+                distance=0.0,
+            )
+        return q

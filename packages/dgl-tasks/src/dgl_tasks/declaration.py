@@ -1,0 +1,83 @@
+"""What a task is: data. The machinery that runs it is shared by all tasks.
+
+A declaration says where robots and garment start, what is drawn at random, in which stages the
+work is done, and what counts as success. The same declaration serves collection and evaluation.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement, Side
+from dgl_physics import ClothMaterial
+
+from dgl_tasks.cameras import CameraPlacement, Workspace
+from dgl_tasks.control import GraspName
+from dgl_tasks.success import Verdict
+
+Range = tuple[float, float]
+Vector3 = tuple[float, float, float]
+
+SuccessRule = Callable[[np.ndarray, Mapping[str, np.ndarray]], Verdict]
+"""Judges what a camera sees of the garment, shape (N, 3), with the judging points by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One learned part of a task: from the hands at the grasp points to the release."""
+
+    name: str
+    grasp: Mapping[Side, str]
+    """Name of the point that each working hand grasps."""
+    orientation: GraspName = "standard"
+    grasp_height: float = 0.03
+    """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
+    settle_frames: int = 20
+    """Frames that the garment gets to come to rest after the hands have left."""
+    policy_loops: int = 8
+    """Predictions of four actions that a policy gets for this stage (original code)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A garment-manipulation task."""
+
+    id: str
+    """Environment id, such as "FoldTops-v1"."""
+    title: str
+    category: str
+    """Garment category in `dgl_assets`."""
+    description: str
+    success_text: str
+    """The success rule in words."""
+    stages: tuple[Stage, ...]
+    judging_points: tuple[str, ...]
+    """Points found on the initial cloud that the success rule needs."""
+    success: SuccessRule
+    x_range: Range
+    """Range of the garment's centre in x [m]."""
+    y_range: Range
+    """Range of the garment's centre in y [m]."""
+    yaw: float = 0.0
+    """Rotation of the garment about z [rad]."""
+    drop_height: float = 0.2
+    """Height that the garment is dropped from [m]."""
+    settle_frames: int = 100
+    """Frames of 1/60 s from the drop to the first observation."""
+    left_base: BasePlacement = DEFAULT_LEFT_BASE
+    right_base: BasePlacement = DEFAULT_RIGHT_BASE
+    cameras: Mapping[str, CameraPlacement]
+    workspace: Workspace = field(default_factory=Workspace)
+    material: ClothMaterial = field(default_factory=ClothMaterial)
+    hand_friction: float = 1.5
+    """Friction of the hands' rubber pads, a factor on the material's."""
+    ground_friction: float = 0.5
+    """Friction of the ground (original code), a factor on the material's."""
+
+    def __post_init__(self) -> None:
+        for name in ("x_range", "y_range"):
+            low, high = getattr(self, name)
+            if not low <= high:
+                raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")
+        if not self.stages:
+            raise ValueError(f"task {self.id} must have at least one stage")

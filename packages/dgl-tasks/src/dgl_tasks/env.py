@@ -1,0 +1,275 @@
+"""The garment environment: a task's declaration as a ManiSkill environment."""
+
+from typing import Any
+
+import numpy as np
+import sapien
+import torch
+from dgl_assets import Garment, garment_ids, load_garment
+from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
+from dgl_physics import SolverConfig
+from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
+from mani_skill.envs.sapien_env import BaseEnv
+from mani_skill.utils.building.ground import build_ground
+from mani_skill.utils.structs.types import SimConfig
+
+from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.declaration import Task
+from dgl_tasks.robot import let_robot_pass, make_agent_class
+from dgl_tasks.success import Verdict
+from dgl_tasks.tasks import get_task
+
+STILL_SPEED = 0.05
+"""RMS speed of the particles below which a garment counts as at rest [m/s]."""
+
+
+class GarmentEnv(BaseEnv):
+    """One garment, two arms with dexterous hands, and the task's cameras and success rule.
+
+    Make it with `gymnasium.make("FoldTops-v1", ...)` after `import dgl_tasks`. Options of `reset`:
+    "garment" (a catalogue id; drawn from the training split otherwise).
+
+    The episode's draws depend on the seed alone. `evaluate` judges the surface that is visible
+    from above, computed from the particles; `dgl_tasks.perception` gives what the cameras see.
+
+    Limitations: one environment, PhysX on the CPU; run several processes for more.
+    """
+
+    SUPPORTED_REWARD_MODES = ("sparse", "none")
+
+    def __init__(
+        self,
+        *args: Any,
+        task: str,
+        robot_uids: Any = None,
+        num_envs: int = 1,
+        garment_split: str = "train",
+        **kwargs: Any,
+    ) -> None:
+        """Build the environment; the other arguments are ManiSkill's."""
+        if num_envs != 1:
+            raise ValueError(
+                f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
+            )
+        self.task: Task = get_task(task)
+        self._garment_ids = garment_ids(self.task.category, garment_split)
+        self._garment_visual: GarmentVisual | None = None
+        self._is_drawn = False
+        self.cloth: SapienCloth
+        self.garment: Garment
+        self.draws: dict[str, float | str] = {}
+        if robot_uids is None:
+            robot_uids = make_agent_class(
+                left_base=self.task.left_base, right_base=self.task.right_base
+            )
+        kwargs.setdefault("reward_mode", "sparse")
+        super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
+
+    # Scene ---------------------------------------------------------------------------------
+
+    @property
+    def _default_sim_config(self) -> SimConfig:
+        return SimConfig(sim_freq=240, control_freq=60)
+
+    @property
+    def _default_sensor_configs(self) -> list:
+        return [
+            self.task.cameras[name].build()
+            for name in ("garment_camera", "environment_camera")
+        ]
+
+    @property
+    def _default_human_render_camera_configs(self) -> list:
+        return [self.task.cameras["video_camera"].build()]
+
+    def _load_scene(self, options: dict) -> None:
+        self.ground = build_ground(self.scene)
+        let_robot_pass(self.ground)
+        self._garment_visual = None
+
+    def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
+        rng = np.random.default_rng(int(self._episode_seed[0]))
+        # All draws are made whatever the options, so that an option changes only what it names.
+        drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
+        x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
+        garment_id = options.get("garment", drawn)
+        self.draws = {"garment": garment_id, "x": float(x), "y": float(y)}
+        start = HOME_CONFIGURATION.copy()
+        for side in SIDES:
+            start[joint_slice(side, "hand")] = HAND_POSES["open"]
+        self.agent.set_joint_state(start)
+        self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
+        self._load_garment(garment_id, float(x), float(y))
+        for _ in range(self.task.settle_frames):
+            self.cloth.step()
+        positions = self.get_particles()
+        self._initial_marks = {
+            name: positions[self.garment.landmarks[name]] for name in self.task.judging_points
+        }
+
+    def _load_garment(self, garment_id: str, x: float, y: float) -> None:
+        self.garment = load_garment(garment_id)
+        c, s = np.cos(self.task.yaw), np.sin(self.task.yaw)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        vertices = self.garment.vertices @ turn.T + np.array([x, y, self.task.drop_height])
+        scene = self.scene.sub_scenes[0]
+        self.cloth = SapienCloth(
+            [scene],
+            colliders=[find_colliders(scene)],
+            friction=self._get_friction,
+            config=SolverConfig(dt=self.control_timestep),
+        )
+        self.cloth.add_garment(
+            vertices,
+            self.garment.faces,
+            rest=self.garment.rest_vertices,
+            material=self.task.material,
+        )
+        self.cloth.build()
+        if self._garment_visual is not None:
+            scene.remove_entity(self._garment_visual.entity)
+            self._garment_visual = None
+        self._is_drawn = False
+
+    def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
+        if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
+            return self.task.hand_friction
+        return self.task.ground_friction
+
+    # Stepping ------------------------------------------------------------------------------
+
+    def _before_simulation_step(self) -> None:
+        self.cloth.apply_forces()
+
+    def _after_control_step(self) -> None:
+        self.cloth.step()
+        self._is_drawn = False
+
+    def get_particles(self) -> np.ndarray:
+        """Positions of the garment's vertices [m], shape (V, 3), world frame."""
+        return self.cloth.state.get_positions()[0]
+
+    def evaluate(self) -> dict:
+        """Judge the garment: success, the rule's value, whether it lies still and is let go."""
+        verdict = self.judge_visible_surface()
+        velocities = self.cloth.state.get_velocities()[0]
+        is_still = float(np.sqrt((velocities**2).sum(axis=1).mean())) < STILL_SPEED
+        is_released = not self.is_touching()
+        success = verdict.success and is_still and is_released
+        return {
+            "success": torch.tensor([success], device=self.device),
+            "success_value": torch.tensor([verdict.value], device=self.device),
+            "is_still": torch.tensor([is_still], device=self.device),
+            "is_released": torch.tensor([is_released], device=self.device),
+        }
+
+    def judge_visible_surface(self) -> Verdict:
+        """Apply the task's rule to the surface that is visible from straight above."""
+        points = sample_visible_surface(self.get_particles(), self.garment.faces)
+        return self.task.success(points, self._initial_marks)
+
+    def is_touching(self) -> bool:
+        """Tell whether a link of the robot touches the garment."""
+        forces = self.cloth.get_forces()[0]
+        return any(
+            isinstance(body, sapien.physx.PhysxArticulationLinkComponent)
+            and np.abs(force[:3]).max() > 0
+            for body, force in zip(self.cloth.bodies[0], forces, strict=True)
+        )
+
+    def _get_obs_agent(self) -> dict:
+        return {
+            "joint_positions": self.agent.get_joint_state(),
+            "joint_velocities": self.agent.get_joint_velocity(),
+        }
+
+    def _get_obs_extra(self, info: dict) -> dict:
+        return {"ee_poses": self.agent.get_ee_poses().flatten(1)}
+
+    # State ---------------------------------------------------------------------------------
+
+    def get_state_dict(self) -> dict:
+        """Return ManiSkill's state with the garment's particles and contact forces."""
+        state = super().get_state_dict()
+        state["garment"] = {
+            "positions": torch.from_numpy(self.cloth.state.get_positions()).flatten(1),
+            "velocities": torch.from_numpy(self.cloth.state.get_velocities()).flatten(1),
+            "forces": torch.from_numpy(self.cloth.get_forces().copy()).flatten(1),
+        }
+        return state
+
+    def set_state_dict(self, state: dict, env_idx: torch.Tensor | None = None) -> None:
+        """Restore a state that was taken with the same garment."""
+        garment = state["garment"]
+        rigid = {key: value for key, value in state.items() if key != "garment"}
+        super().set_state_dict(rigid, env_idx)
+        shape = self.cloth.state.get_positions().shape
+        if garment["positions"].shape[1] != shape[1] * 3:
+            raise ValueError(
+                f"the state must be of this garment, with {shape[1]} particles; "
+                f"got {garment['positions'].shape[1] // 3}"
+            )
+        self.cloth.state.set_particles(
+            garment["positions"].cpu().numpy().reshape(shape),
+            garment["velocities"].cpu().numpy().reshape(shape),
+        )
+        self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
+        self.cloth.sync_bodies(is_jump=True)
+        self._is_drawn = False
+
+    def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:
+        """Restore a state from `get_state`'s flat vector, shape (1, D)."""
+        template, offset = self.get_state_dict(), 0
+
+        def take(node: dict) -> dict:
+            nonlocal offset
+            out = {}
+            for key, value in node.items():
+                if isinstance(value, dict):
+                    out[key] = take(value)
+                else:
+                    width = value.shape[-1]
+                    out[key] = state[..., offset : offset + width]
+                    offset += width
+            return out
+
+        self.set_state_dict(take(template), env_idx)
+
+    # Pictures ------------------------------------------------------------------------------
+
+    def draw_garment(self) -> None:
+        """Bring the garment in pictures to its present shape."""
+        if self._is_drawn:
+            return
+        if self._garment_visual is None:
+            self._garment_visual = GarmentVisual(self.scene.sub_scenes[0], self.garment.faces)
+        self._garment_visual.update(self.get_particles())
+        self._is_drawn = True
+
+    @property
+    def garment_segment(self) -> int:
+        """Segmentation id of the garment in pictures; it must have been drawn."""
+        if self._garment_visual is None:
+            raise RuntimeError("draw_garment() must be called before its segment is known")
+        return self._garment_visual.entity.per_scene_id
+
+    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
+        self.draw_garment()
+        return super()._get_obs_sensor_data(apply_texture_transforms)
+
+    def render_rgb_array(self, camera_name: str | None = None) -> Any:
+        """Render the video camera, as ManiSkill does."""
+        self.draw_garment()
+        return super().render_rgb_array(camera_name)
+
+    def render_all(self) -> Any:
+        """Render all cameras, as ManiSkill does."""
+        self.draw_garment()
+        return super().render_all()
+
+    def render_human(self) -> Any:
+        """Show the viewer, as ManiSkill does."""
+        self.draw_garment()
+        return super().render_human()
+
+

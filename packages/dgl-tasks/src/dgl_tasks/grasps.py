@@ -1,0 +1,91 @@
+"""How the hands take hold: orientations, and the wrist pose for a grasp point.
+
+The frame `ee` has x along the fingers, y out of the palm and z = x cross y, the thumb side of the
+right hand and the little-finger side of the left.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from dgl_assets.robots import SIDES, Side
+from dgl_tasks.rotations import (
+    matrix_from_quaternion,
+    multiply_quaternions,
+    normalize_quaternion,
+)
+
+GraspName = Literal[
+    "standard", "trousers_2", "store_lift", "cap", "bowl", "scarf", "glove", "glove_retreat"
+]
+
+_GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
+    "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
+    "trousers_2": {"right": (0.0, 0.0, 0.707, -0.707)},
+    "store_lift": {
+        "left": (0.7010574, 0.5609855, 0.4304593, 0.092296),
+        "right": (0.4304593, 0.092296, 0.7010574, 0.5609855),
+    },
+    "cap": {"right": (0.5, 0.5, 0.5, 0.5)},
+    "bowl": {"left": (0.653, 0.653, 0.271, 0.271), "right": (0.271, 0.271, 0.653, 0.653)},
+    "scarf": {"left": (0.707, -0.707, 0.0, 0.0), "right": (0.0, 0.0, -0.707, 0.707)},
+    "glove": {"left": (-0.129, 0.837, 0.483, -0.224), "right": (0.483, -0.224, -0.129, 0.837)},
+    "glove_retreat": {"left": (0.0, 0.866, 0.5, 0.0), "right": (0.5, 0.0, 0.0, 0.866)},
+}
+
+GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = {
+    name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
+    for name, row in _GRASP_ROWS.items()
+}
+"""Orientation of `ee` for each kind of grasp, by side: unit quaternions wxyz, shape (4,)."""
+
+GRASP_REACH = 0.37
+"""Distance of the grasp point from the wrist along the fingers [m]."""
+GRASP_DEPTH = 0.025
+"""Distance of the grasp point from the forearm axis to the palm side [m]."""
+GRASP_THUMBWARD = 0.025
+"""Distance of the grasp point from the forearm axis to the thumb side [m]."""
+
+
+def grasp_to_wrist(point: np.ndarray, quaternion: np.ndarray, side: Side) -> np.ndarray:
+    """Compute where `ee` must be for the grasp point between the fingers to be at `point`.
+
+    Args:
+        point: Grasp point [m], shape (3,), world frame.
+        quaternion: Orientation of `ee` in the world, wxyz, shape (4,).
+        side: "left" or "right": the thumb, and so the grasp point, is on opposite sides.
+
+    Returns:
+        Wrist position [m], shape (3,), world frame.
+    """
+    return np.asarray(point, dtype=float) - matrix_from_quaternion(quaternion) @ _grasp_offset(side)
+
+
+def wrist_to_grasp(position: np.ndarray, quaternion: np.ndarray, side: Side) -> np.ndarray:
+    """Compute the grasp point [m], shape (3,), of a wrist pose; inverse of `grasp_to_wrist`."""
+    return np.asarray(position, dtype=float) + matrix_from_quaternion(quaternion) @ _grasp_offset(
+        side
+    )
+
+
+def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
+    """Turn an orientation about the vertical so that the hand points more to the other side.
+
+    Args:
+        quaternion: Orientation of `ee`, wxyz, shape (4,).
+        angle: Turn [rad]; clockwise from above for the left hand, the reverse for the right.
+        side: "left" or "right".
+
+    Returns:
+        The turned orientation, wxyz, shape (4,).
+    """
+    half = (-angle if side == "left" else angle) / 2
+    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    return multiply_quaternions(turn, normalize_quaternion(quaternion))
+
+
+def _grasp_offset(side: Side) -> np.ndarray:
+    if side not in SIDES:
+        raise ValueError(f"side must be one of {SIDES}; got {side!r}")
+    thumb = GRASP_THUMBWARD if side == "right" else -GRASP_THUMBWARD
+    return np.array([GRASP_REACH, GRASP_DEPTH, thumb])

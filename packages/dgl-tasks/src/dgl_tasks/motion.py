@@ -1,0 +1,216 @@
+"""Joint targets for both arms and hands: poses of the hands, lines and reaches of the arms."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
+
+from dgl_tasks.control import (
+    GRASP_ORIENTATIONS,
+    ArmKinematics,
+    GraspName,
+    grasp_to_wrist,
+    plan_line,
+)
+from dgl_tasks.declaration import Task
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.rotations import multiply_quaternions
+
+HAND_FRAMES = 20
+"""Frames of a change of hand pose (original code)."""
+_HAND_RAMP = 14  # frames of which the targets move; the rest lets the fingers arrive
+JOINT_SPEED = 1.6
+"""Speed of the fastest arm joint of a move in joint space [rad/s]; the limit is 2.09."""
+TURNS: tuple[float, ...] = tuple(np.radians((0, 15, -15, 30, -30, 45, -45, 60, -60, 75)))
+"""Turns of a grasp about the vertical that are tried when it is out of reach [rad]."""
+
+
+def _park(side: Side) -> np.ndarray:
+    """Home with the arm swung outwards, so that no camera above sees it over the garment."""
+    q = HOME_CONFIGURATION[joint_slice(side, "arm")].copy()
+    q[0] += 0.9 if side == "left" else -0.9
+    return q
+
+
+PARKED: dict[Side, np.ndarray] = {side: _park(side) for side in SIDES}
+"""Joint positions of each arm [rad], shape (6,), out of the cameras' way."""
+
+def turn_orientation(name: GraspName, side: Side, turn: float) -> np.ndarray:
+    """Turn a named grasp orientation about the vertical.
+
+    Args:
+        name: Key of `GRASP_ORIENTATIONS`.
+        side: Which hand.
+        turn: Angle [rad]; positive turns the fingers outwards, away from the other hand.
+
+    Returns:
+        Quaternion wxyz, shape (4,), of `ee` in the world.
+    """
+    half = 0.5 * (turn if side == "left" else -turn)
+    about_z = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    return multiply_quaternions(about_z, GRASP_ORIENTATIONS[name][side])
+
+
+class BimanualMotion:
+    """Turns goals of the hands into rows of 60 joint targets, one per control step.
+
+    It keeps the last commanded targets, from which the next motion starts. It knows kinematics
+    only: the caller sends the rows to the environment.
+    """
+
+    def __init__(self, task: Task, directory: Path) -> None:
+        """Prepare both arms of a task; `directory` is for generated robot files."""
+        bases = {"left": task.left_base, "right": task.right_base}
+        self._arms = {side: ArmKinematics(side, bases[side], directory) for side in SIDES}
+        self.target = np.zeros(60)
+
+    def reset(self, joint_state: np.ndarray) -> None:
+        """Start from these joint positions [rad], shape (60,)."""
+        self.target = np.array(joint_state, dtype=float)
+
+    def hold(self, frames: int) -> np.ndarray:
+        """Keep the targets, shape (frames, 60)."""
+        return np.tile(self.target, (frames, 1))
+
+    def set_hands(self, poses: Mapping[Side, str]) -> np.ndarray:
+        """Bring hands to named poses of `HAND_POSES`, shape (20, 60)."""
+        rows = self.hold(HAND_FRAMES)
+        ramp = np.clip(np.arange(1, HAND_FRAMES + 1) / _HAND_RAMP, 0, 1)[:, None]
+        for side, name in poses.items():
+            if name not in HAND_POSES:
+                raise ValueError(f"hand pose must be one of {sorted(HAND_POSES)}; got {name!r}")
+            part = joint_slice(side, "hand")
+            rows[:, part] += ramp * (HAND_POSES[name] - self.target[part])
+        return self._finish(rows)
+
+    def move(
+        self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray],
+        *, spacing: float = 0.01,
+    ) -> np.ndarray:
+        """Move grasp points on straight lines, both hands arriving together.
+
+        Args:
+            points: Goal of the grasp point of each moving hand [m], shape (3,), world frame.
+            orientations: Orientation of each moving hand at the goal, wxyz, shape (4,).
+            spacing: Distance between samples of the longer line [m]; 0.01 is 0.6 m/s.
+
+        Returns:
+            Joint targets [rad], shape (N, 60).
+
+        Raises:
+            UnreachableError: If a hand cannot follow its line.
+        """
+        lines = {}
+        for side, point in points.items():
+            q = orientations[side]
+            goal = np.concatenate([grasp_to_wrist(np.asarray(point), q, side), q])
+            start = self._arms[side].compute_pose(self.target[joint_slice(side, "arm")])
+            lines[side] = (start, goal)
+        count = max((len(plan_line(*line, spacing=spacing)) for line in lines.values()), default=0)
+        if count == 0:
+            return np.zeros((0, 60))
+        paths = {}
+        for side, (start, goal) in lines.items():
+            length = float(np.linalg.norm(goal[:3] - start[:3]))
+            waypoints = plan_line(start, goal, spacing=max(length / count, 1e-6))
+            paths[side] = self._arms[side].follow(waypoints, self.target[joint_slice(side, "arm")])
+        rows = self.hold(max(len(path) for path in paths.values()))
+        for side, path in paths.items():
+            if len(path):
+                # stretched over the longer path, so that both arrive together
+                at = np.linspace(0, len(path) - 1, len(rows))
+                part = joint_slice(side, "arm")
+                for k in range(6):
+                    rows[:, part.start + k] = np.interp(at, np.arange(len(path)), path[:, k])
+        return self._finish(rows)
+
+    def reach(
+        self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
+    ) -> np.ndarray:
+        """Bring grasp points to goals through free space, straight in joint space, shape (N, 60).
+
+        Raises:
+            UnreachableError: If a goal has no joint configuration near the present one or home.
+        """
+        goals = {}
+        for side, point in points.items():
+            q = orientations[side]
+            arm, present = self._arms[side], self.target[joint_slice(side, "arm")]
+            wrist = grasp_to_wrist(np.asarray(point), q, side)
+            try:
+                goals[side] = arm.solve(wrist, q, arm.home, max_step=2.5)
+            except UnreachableError:
+                goals[side] = arm.solve(wrist, q, present, max_step=2.5)
+        return self.move_joints(goals)
+
+    def park(self, sides: tuple[Side, ...] = SIDES) -> np.ndarray:
+        """Bring arms to where no camera sees them over the garment, shape (N, 60)."""
+        return self.move_joints({side: PARKED[side] for side in sides})
+
+    def choose_turns(
+        self,
+        name: GraspName,
+        sides: tuple[Side, ...],
+        rehearse: Callable[[Side, np.ndarray], object],
+    ) -> dict[Side, np.ndarray]:
+        """Choose each hand's orientation: the named one, or the nearest turn that can be done.
+
+        Args:
+            name: Wanted orientation.
+            sides: Working hands.
+            rehearse: Plans one hand's whole motion with an orientation, using this object; nothing
+                is sent and the targets are put back afterwards.
+
+        Raises:
+            UnreachableError: If a hand can do it with no turn; the message is that of no turn.
+        """
+        chosen = {}
+        for side in sides:
+            first: UnreachableError | None = None
+            for turn in TURNS:
+                orientation = turn_orientation(name, side, float(turn))
+                try:
+                    with self._rehearsal():
+                        rehearse(side, orientation)
+                except UnreachableError as err:
+                    first = first or err
+                else:
+                    chosen[side] = orientation
+                    break
+            else:
+                assert first is not None
+                raise first
+        return chosen
+
+    @contextmanager
+    def _rehearsal(self) -> Iterator[None]:
+        target = self.target.copy()
+        try:
+            yield
+        finally:
+            self.target = target
+
+    def move_joints(self, sides: Mapping[Side, np.ndarray], *, speed: float = JOINT_SPEED) -> np.ndarray:
+        """Move arms straight in joint space, shape (N, 60).
+
+        Args:
+            sides: Goal of each moving arm [rad], shape (6,).
+            speed: Largest speed of the joint with the longest way [rad/s].
+        """
+        goal = self.target.copy()
+        for side, q in sides.items():
+            goal[joint_slice(side, "arm")] = q
+        change = goal - self.target
+        # the smooth step below is half as fast again in its middle
+        frames = int(np.ceil(1.5 * np.abs(change).max() / speed * 60))
+        if frames == 0:
+            return np.zeros((0, 60))
+        # a smooth start and stop: 3 s^2 - 2 s^3
+        s = (np.arange(1, frames + 1) / frames)[:, None]
+        return self._finish(self.target + change * (3 * s**2 - 2 * s**3))
+
+    def _finish(self, rows: np.ndarray) -> np.ndarray:
+        self.target = rows[-1].copy()
+        return rows

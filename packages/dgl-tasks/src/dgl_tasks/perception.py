@@ -1,0 +1,99 @@
+"""What the cameras see, as arrays: pictures and point clouds in the world frame."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dgl_tasks.cameras import crop_workspace, depth_to_points, farthest_point_sample
+from dgl_tasks.errors import PerceptionError
+
+if TYPE_CHECKING:
+    from dgl_tasks.env import GarmentEnv
+
+CLOUD_SIZE = 2048
+"""Points of a cloud, after farthest-point sampling."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """One camera's picture, rendered once and used for everything."""
+
+    rgb: np.ndarray
+    """Shape (H, W, 3), uint8."""
+    points: np.ndarray
+    """World position of each pixel [m], shape (H, W, 3); NaN where nothing was hit."""
+    segments: np.ndarray
+    """Segmentation id of each pixel, shape (H, W), int."""
+
+
+def take_picture(env: "GarmentEnv", camera: str) -> Picture:
+    """Render one camera of the task.
+
+    Raises:
+        ValueError: If the task has no such sensor camera.
+    """
+    sensors = env.scene.sensors
+    if camera not in sensors:
+        raise ValueError(f"camera must be one of {sorted(sensors)}; got {camera!r}")
+    env.draw_garment()
+    env.scene.update_render(update_sensors=True, update_human_render_cameras=False)
+    sensor = sensors[camera]
+    sensor.capture()
+    raw = sensor.get_obs(apply_texture_transforms=False)
+    colour = raw["Color"][0].cpu().numpy()[..., :3]
+    position = raw["Position"][0].cpu().numpy()  # OpenGL camera frame: it looks along -z
+    placement = env.task.cameras[camera]
+    points = depth_to_points(
+        -position[..., 2], placement.intrinsics, placement.transform_camera_to_world
+    )
+    return Picture(
+        rgb=(np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8),
+        points=points,
+        segments=raw["Segmentation"][0].cpu().numpy()[..., 1].astype(np.int32),
+    )
+
+
+def film(env: "GarmentEnv") -> np.ndarray:
+    """Render the camera for people, shape (H, W, 3), uint8."""
+    frame = env.render_rgb_array("video_camera")
+    return frame[0].cpu().numpy().astype(np.uint8)
+
+
+def get_garment_points(env: "GarmentEnv", picture: Picture) -> np.ndarray:
+    """Return all points of the garment in a picture [m], shape (N, 3).
+
+    Raises:
+        PerceptionError: If the garment is not in the picture.
+    """
+    mask = (picture.segments == env.garment_segment) & np.isfinite(picture.points[..., 2])
+    points = picture.points[mask]
+    if len(points) == 0:
+        raise PerceptionError("the camera sees nothing of the garment")
+    return points
+
+
+def get_garment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.ndarray:
+    """Sample the garment's cloud, shape (2048, 3), float32."""
+    points = get_garment_points(env, picture)
+    return points[farthest_point_sample(points, CLOUD_SIZE, seed=seed)].astype(np.float32)
+
+
+def get_environment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.ndarray:
+    """Sample the coloured cloud of the workspace, xyz and rgb in [0, 1], shape (2048, 6)."""
+    coloured = np.concatenate(
+        [picture.points.reshape(-1, 3), picture.rgb.reshape(-1, 3) / np.float32(255)], axis=1
+    )
+    cloud = crop_workspace(coloured, env.task.workspace)
+    if len(cloud) == 0:
+        raise PerceptionError("the camera sees nothing inside the workspace")
+    return cloud[farthest_point_sample(cloud[:, :3], CLOUD_SIZE, seed=seed)].astype(np.float32)
+
+
+def find_pixel(env: "GarmentEnv", camera: str, point: np.ndarray) -> tuple[float, float]:
+    """Project a world point [m], shape (3,), to (column, row) of a camera's picture."""
+    placement = env.task.cameras[camera]
+    to_camera = np.linalg.inv(placement.transform_camera_to_world)
+    x, y, z = to_camera[:3, :3] @ np.asarray(point, dtype=float) + to_camera[:3, 3]
+    u, v, w = placement.intrinsics @ np.array([x, y, z])
+    return float(u / w), float(v / w)

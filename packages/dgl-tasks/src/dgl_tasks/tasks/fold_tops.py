@@ -1,0 +1,38 @@
+"""Fold Tops: left sleeve to the right, right sleeve to the left, bottom to top."""
+
+from dgl_tasks.cameras import FOLD_CAMERAS
+from dgl_tasks.declaration import Stage, Task
+from dgl_tasks.success import judge_fold_tops
+
+TASK = Task(
+    id="FoldTops-v1",
+    title="Fold Tops",
+    category="Tops_LongSleeve",
+    description="Fold a long-sleeved top that lies flat: both sleeves in, then bottom to top.",
+    success_text=(
+        "at least 85 % of the garment's visible area lies between the sleeve joints (+- 0.05 m) "
+        "and between centre and collar (+- 0.1 m)"
+    ),
+    x_range=(-0.1, 0.1),
+    y_range=(0.7, 0.9),
+    cameras=FOLD_CAMERAS,
+    stages=(
+        Stage(
+            name="left_sleeve",
+            grasp={"left": "left_cuff"},
+            policy_loops=8,
+        ),
+        Stage(
+            name="right_sleeve",
+            grasp={"right": "right_cuff"},
+            policy_loops=8,
+        ),
+        Stage(
+            name="bottom_up",
+            grasp={"left": "left_hem", "right": "right_hem"},
+            policy_loops=12,
+        ),
+    ),
+    judging_points=("left_sleeve_joint", "right_sleeve_joint", "centre", "collar"),
+    success=judge_fold_tops,
+)

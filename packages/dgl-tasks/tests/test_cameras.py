@@ -1,0 +1,161 @@
+"""Camera placements, points from depth, cropping and farthest-point sampling."""
+
+import time
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from dgl_tasks.cameras import (
+    FOLD_CAMERAS,
+    CameraPlacement,
+    Workspace,
+    crop_workspace,
+    depth_to_points,
+    farthest_point_sample,
+    look_at,
+)
+from dgl_tasks.rotations import matrix_from_quaternion
+
+
+def _ground_point(camera, u, v):
+    """Intersect the ray of a pixel with the ground."""
+    ray = np.linalg.inv(camera.intrinsics) @ (u, v, 1.0)
+    T = camera.transform_camera_to_world
+    direction = T[:3, :3] @ ray
+    return T[:3, 3] - direction * T[2, 3] / direction[2]
+
+
+def test_fold_cameras_match_the_specification():
+    garment, environment = FOLD_CAMERAS["garment_camera"], FOLD_CAMERAS["environment_camera"]
+    assert np.degrees(garment.horizontal_fov) == pytest.approx(23.7, abs=0.05)
+    np.testing.assert_allclose(_ground_point(garment, 320, 240), (0, 1, 0), atol=1e-9)
+    np.testing.assert_allclose(_ground_point(environment, 320, 240), (0, 0.54, 0), atol=5e-3)
+    # At 6.75 m the picture is 2.83 x 2.12 m.
+    size = _ground_point(garment, 640, 0) - _ground_point(garment, 0, 480)
+    np.testing.assert_allclose(size, (2.83, 2.12, 0), atol=0.01)
+
+
+def test_garment_camera_has_world_y_up_in_the_picture():
+    R = matrix_from_quaternion(FOLD_CAMERAS["garment_camera"].quaternion)
+    np.testing.assert_allclose(R[:, 0], (0, 0, -1), atol=1e-9)
+    np.testing.assert_allclose(R[:, 2], (0, 1, 0), atol=1e-9)
+
+
+def test_look_at_points_the_axis_at_the_target():
+    eye, target = (1.0, 2.0, 1.5), (-0.2, 0.3, 0.1)
+    camera = CameraPlacement(name="c", position=eye, euler_deg=look_at(eye, target))
+    axis = matrix_from_quaternion(camera.quaternion)[:, 0]
+    wanted = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+    np.testing.assert_allclose(axis, wanted, atol=1e-12)
+    with pytest.raises(ValueError, match="straight above"):
+        look_at((0, 0, 1), (0, 0, 0))
+
+
+def test_bad_cameras_and_workspaces_are_refused():
+    with pytest.raises(ValueError, match="640x0"):
+        CameraPlacement(name="c", position=(0, 0, 1), euler_deg=(0, 90, 0), height=0)
+    with pytest.raises(ValueError, match="horizontal_fov"):
+        CameraPlacement(name="c", position=(0, 0, 1), euler_deg=(0, 90, 0), horizontal_fov=4.0)
+    with pytest.raises(ValueError, match="near"):
+        CameraPlacement(name="c", position=(0, 0, 1), euler_deg=(0, 90, 0), near=2.0, far=1.0)
+    with pytest.raises(ValueError, match="below high"):
+        Workspace(low=(0, 0, 0), high=(1, 0, 1))
+
+
+@pytest.mark.parametrize("name", sorted(FOLD_CAMERAS))
+def test_depth_of_the_ground_gives_the_ground(name):
+    """Depth computed ray by ray comes back as points at z = 0, at the right pixel."""
+    camera = FOLD_CAMERAS[name]
+    T = camera.transform_camera_to_world
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsics).T
+    down = rays @ T[2, :3]
+    depth = np.where(down < -1e-3, -T[2, 3] / np.minimum(down, -1e-3), 0.0)
+    points = depth_to_points(depth, camera.intrinsics, T)
+    is_hit = depth > 0
+    assert np.isnan(points[~is_hit]).all()
+    assert np.abs(points[is_hit][:, 2]).max() < 1e-4 * depth.max()
+    expected = _ground_point(camera, u[400, 300], v[400, 300])
+    np.testing.assert_allclose(points[400, 300], expected, atol=1e-4)
+
+
+def test_pixels_without_depth_become_nan():
+    depth = np.array([[1.0, 0.0], [np.inf, np.nan]])
+    points = depth_to_points(depth, np.array([[1, 0, 1], [0, 1, 1], [0, 0, 1.0]]), np.eye(4))
+    assert np.isnan(points).all(axis=-1).tolist() == [[False, True], [True, True]]
+    np.testing.assert_allclose(points[0, 0], (-0.5, -0.5, 1.0))
+    with pytest.raises(ValueError, match=r"\(H, W\)"):
+        depth_to_points(np.zeros((2, 2, 1)), np.eye(3), np.eye(4))
+
+
+def test_crop_keeps_the_faces_of_the_box_and_the_colours():
+    box = Workspace(low=(0, 0, 0.005), high=(1, 1, 1))
+    cloud = np.array(
+        [[0, 0, 0.005, 7], [1, 1, 1, 8], [0.5, 0.5, 0.0049, 9], [1.001, 0, 0.5, 9], [np.nan] * 4]
+    )
+    np.testing.assert_allclose(crop_workspace(cloud, box)[:, 3], [7, 8])
+    assert crop_workspace(np.zeros((0, 6)), box).shape == (0, 6)
+    with pytest.raises(ValueError, match="C >= 3"):
+        crop_workspace(np.zeros((5, 2)), box)
+
+
+def _sheet(count, seed=0):
+    xy = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 2))
+    return np.column_stack([xy, 0.02 * np.sin(9 * xy[:, 0])])
+
+
+def _farthest_by_definition(points, count, first):
+    chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def test_small_clouds_are_sampled_by_definition():
+    points = _sheet(800)
+    chosen = farthest_point_sample(points, 200, seed=4)
+    np.testing.assert_array_equal(chosen, _farthest_by_definition(points, 200, chosen[0]))
+
+
+def test_dense_clouds_are_covered_evenly_and_repeatably():
+    points = _sheet(20_000)
+    chosen = farthest_point_sample(points, 2048, seed=0)
+    assert len(np.unique(chosen)) == 2048
+    np.testing.assert_array_equal(chosen, farthest_point_sample(points, 2048, seed=0))
+    assert (chosen != farthest_point_sample(points, 2048, seed=1)).any()
+    gap = cKDTree(points[chosen]).query(points)[0].max()
+    exact = points[_farthest_by_definition(points[::4], 512, 0) * 4]
+    # Four times the points halve the gap of an even cover; half as much again is allowed.
+    assert gap < 1.5 * cKDTree(exact).query(points)[0].max() / 2
+
+
+def test_sampling_is_fast_enough_for_every_recorded_frame():
+    points = _sheet(20_000)
+    farthest_point_sample(points, 2048, seed=0)
+    best = min(_timed(lambda: farthest_point_sample(points, 2048, seed=0)) for _ in range(5))
+    assert best < 0.08, "27 ms on one free core; the bar leaves room for busy machines"
+
+
+def _timed(function):
+    start = time.perf_counter()
+    function()
+    return time.perf_counter() - start
+
+
+def test_sampling_survives_few_points_and_duplicates():
+    points = np.vstack([_sheet(10), _sheet(10)])
+    assert len(farthest_point_sample(points, 20, seed=0)) == 20
+    filled = farthest_point_sample(_sheet(5), 8, seed=0)
+    assert set(filled[:5]) == set(range(5))
+    assert len(filled) == 8
+    assert len(np.unique(farthest_point_sample(points, 15, seed=0))) == 15
+    assert farthest_point_sample(_sheet(1), 1, seed=0).tolist() == [0]
+
+
+def test_sampling_refuses_what_it_cannot_cover():
+    with pytest.raises(ValueError, match=r"\(0, 3\)"):
+        farthest_point_sample(np.zeros((0, 3)), 5, seed=0)
+    with pytest.raises(ValueError, match="finite"):
+        farthest_point_sample(np.full((9, 3), np.nan), 5, seed=0)

@@ -1,0 +1,250 @@
+"""Grasp geometry, lines, joint-speed limits and inverse kinematics."""
+
+import numpy as np
+import pytest
+
+from dgl_assets.robots import SIDES, UR10E
+from dgl_tasks.control import (
+    ARM_SPEED_LIMITS,
+    GRASP_ORIENTATIONS,
+    ArmKinematics,
+    grasp_to_wrist,
+    limit_joint_speed,
+    plan_line,
+    wrist_to_grasp,
+)
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import turn_inward
+from dgl_tasks.rotations import (
+    compute_rotation_angle,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    slerp,
+)
+
+BASES = {"left": (-0.8, 0.0, 0.5, 0.0), "right": (0.8, 0.0, 0.5, 0.0)}
+SIGN = {"left": -1.0, "right": 1.0}
+TURNS = tuple(np.radians((0.0, 15.0, 30.0, 45.0)))
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("robots")
+    return {side: ArmKinematics(side, BASES[side], folder) for side in SIDES}
+
+
+@pytest.fixture(scope="module")
+def retreats(arms):
+    """Joint positions at the retreat points, reached from home."""
+    return {
+        side: arms[side]
+        .reach_grasp(
+            (SIGN[side] * 0.6, 0.8, 0.5), GRASP_ORIENTATIONS["standard"][side], arms[side].home
+        )
+        .path[-1]
+        for side in SIDES
+    }
+
+
+# Rows of the specification: fingers, palm normal, wrist minus grasp point.
+ROWS = [
+    ("standard", "left", (0.341, 0.940, 0), (0, 0, -1), (-0.150, -0.339, 0.025)),
+    ("standard", "right", (-0.341, 0.940, 0), (0, 0, -1), (0.150, -0.339, 0.025)),
+    ("trousers_2", "right", (-1, 0, 0), (0, 0, -1), (0.37, 0.025, 0.025)),
+    ("store_lift", "left", (0.612, 0.612, -0.5), (0.354, 0.354, 0.866), (-0.218, -0.253, 0.163)),
+    ("cap", "right", (0, 1, 0), (0, 0, 1), (-0.025, -0.37, -0.025)),
+    ("bowl", "left", (0.706, 0.708, 0), (0, 0, 1), (-0.244, -0.280, -0.025)),
+    ("scarf", "left", (1, 0, 0), (0, 0, -1), (-0.37, 0.025, 0.025)),
+    ("scarf", "right", (-1, 0, 0), (0, 0, -1), (0.37, 0.025, 0.025)),
+    ("glove", "left", (0.433, 0.866, -0.25), (0.75, -0.5, -0.432), (-0.192, -0.308, 0.082)),
+    ("glove_retreat", "left", (0.5, 0.866, 0), (0.866, -0.5, 0), (-0.207, -0.308, -0.025)),
+]
+
+
+@pytest.mark.parametrize(("name", "side", "fingers", "palm", "offset"), ROWS)
+def test_grasp_orientations_match_the_specification(name, side, fingers, palm, offset):
+    q = GRASP_ORIENTATIONS[name][side]
+    R = matrix_from_quaternion(q)
+    np.testing.assert_allclose(R[:, 0], fingers, atol=2e-3)
+    np.testing.assert_allclose(R[:, 1], palm, atol=2e-3)
+    point = np.array([0.1, 0.7, 0.02])
+    wrist = grasp_to_wrist(point, q, side)
+    np.testing.assert_allclose(wrist - point, offset, atol=2.5e-3)
+    np.testing.assert_allclose(wrist_to_grasp(wrist, q, side), point, atol=1e-12)
+
+
+def test_turn_inward_points_the_hands_at_each_other():
+    for side in SIDES:
+        q = GRASP_ORIENTATIONS["standard"][side]
+        before = matrix_from_quaternion(q)
+        after = matrix_from_quaternion(turn_inward(q, np.radians(30), side))
+        assert np.degrees(np.arccos(before[:, 0] @ after[:, 0])) == pytest.approx(30, abs=1e-6)
+        assert SIGN[side] * after[0, 0] < SIGN[side] * before[0, 0]
+        np.testing.assert_allclose(after[:, 1], before[:, 1], atol=2e-3)
+
+
+def test_unknown_side_is_refused():
+    with pytest.raises(ValueError, match="'both'"):
+        grasp_to_wrist((0, 0, 0), (1, 0, 0, 0), "both")
+
+
+# Lines ----------------------------------------------------------------------------------------
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+def test_line_has_even_spacing_and_ends_at_the_goal():
+    line = plan_line(np.array([0, 0, 0, *IDENTITY]), np.array([0.3, 0, 0, *IDENTITY]), spacing=0.01)
+    assert len(line) == 30
+    np.testing.assert_allclose(np.diff(line[:, 0]), 0.01)
+    np.testing.assert_allclose(line[-1, :3], (0.3, 0, 0))
+    assert len(plan_line(line[0], line[0] + np.array([0.0101, 0, 0, 0, 0, 0, 0]))) == 2
+
+
+def test_line_of_no_length_is_empty_and_pure_rotation_is_not():
+    pose = np.array([0.1, 0.2, 0.3, *IDENTITY])
+    assert plan_line(pose, pose).shape == (0, 7)
+    turned = np.array([0.1, 0.2, 0.3, np.cos(0.1), 0, 0, np.sin(0.1)])  # 0.2 rad
+    line = plan_line(pose, turned, angular_spacing=0.05)
+    assert len(line) == 4
+    angles = [
+        compute_rotation_angle(a, b) for a, b in zip(line[:-1, 3:], line[1:, 3:], strict=True)
+    ]
+    np.testing.assert_allclose(angles, 0.05, atol=1e-9)
+
+
+def test_line_refuses_bad_arguments():
+    pose = np.array([0, 0, 0, *IDENTITY])
+    with pytest.raises(ValueError, match=r"goal_pose must have shape \(7,\).*\(6,\)"):
+        plan_line(pose, pose[:6])
+    with pytest.raises(ValueError, match="positive"):
+        plan_line(pose, pose, spacing=0.0)
+
+
+def test_slerp_takes_the_short_way_whatever_the_signs():
+    a = np.array(IDENTITY)
+    b = np.array([np.cos(0.5), np.sin(0.5), 0, 0])
+    for goal in (b, -b):
+        half = slerp(a, goal, 0.5)
+        assert abs(half @ [np.cos(0.25), np.sin(0.25), 0, 0]) == pytest.approx(1.0)
+    np.testing.assert_allclose(slerp(a, a, 0.3), a)
+
+
+def test_quaternions_round_trip_through_matrices():
+    rng = np.random.default_rng(1)
+    cases = [*rng.normal(size=(30, 4)), *np.eye(4)]
+    for q in cases:
+        R = matrix_from_quaternion(q)
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        assert compute_rotation_angle(q, quaternion_from_matrix(R)) < 1e-7
+    with pytest.raises(ValueError, match="not all zero"):
+        matrix_from_quaternion(np.zeros(4))
+
+
+def test_joint_speed_is_limited_only_where_needed():
+    start = np.zeros(6)
+    path = np.array([[0.01] * 6, [0.41, *[0.01] * 5]])
+    limited = limit_joint_speed(path, start)
+    steps = np.abs(np.diff(np.vstack([start, limited]), axis=0)) * 60
+    assert (steps <= ARM_SPEED_LIMITS + 1e-9).all()
+    np.testing.assert_allclose(limited[0], path[0])
+    np.testing.assert_allclose(limited[-1], path[-1])
+    # 0.4 rad at 120 degrees/s is 11.5 steps of 1/60 s.
+    assert len(limited) == 1 + 12
+    assert limit_joint_speed(np.zeros((0, 6)), start).shape == (0, 6)
+
+
+# Inverse kinematics ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_solutions_are_exact_and_within_limits(arms, side):
+    arm, rng = arms[side], np.random.default_rng(5)
+    limits = np.array([j.limit for j in UR10E])
+    solved = 0
+    for _ in range(40):
+        q_true = arm.home + rng.uniform(-0.7, 0.7, 6)
+        if abs(np.sin(q_true[4])) < 0.2:
+            continue  # near the wrist singularity neighbouring solutions are far apart
+        goal = arm.compute_pose(q_true)
+        q = arm.solve(goal[:3], goal[3:], arm.home)
+        again = arm.compute_pose(q)
+        assert np.linalg.norm(again[:3] - goal[:3]) < 1e-3
+        assert compute_rotation_angle(again[3:], goal[3:]) < 2e-3
+        assert (np.abs(q) <= limits).all()
+        solved += 1
+    assert solved > 20
+
+
+def test_start_at_the_goal_returns_it(arms):
+    arm = arms["left"]
+    goal = arm.compute_pose(arm.home)
+    np.testing.assert_allclose(arm.solve(goal[:3], goal[3:], arm.home), arm.home, atol=1e-4)
+
+
+def test_far_point_is_unreachable_by_its_distance(arms):
+    q = GRASP_ORIENTATIONS["standard"]["left"]
+    with pytest.raises(UnreachableError, match="left arm cannot reach") as caught:
+        arms["left"].solve((-0.8, 3.0, 0.5), q, arms["left"].home)
+    # UR10e reaches 1.3 m, the point is 3 m away.
+    assert 1.3 < caught.value.distance < 2.2
+
+
+def test_a_jump_is_refused_and_named(arms):
+    arm = arms["left"]
+    goal = arm.compute_pose(arm.home + 0.5 * np.eye(6)[0])
+    with pytest.raises(UnreachableError, match=r"shoulder_pan_joint by 0\.50 rad"):
+        arm.solve(goal[:3], goal[3:], arm.home, max_step=0.4)
+    arm.solve(goal[:3], goal[3:], arm.home, max_step=0.6)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_fold_is_one_continuous_motion_from_home(arms, side):
+    """Home, retreat, cuff, lift, across the body, back: no branch change, within joint speeds."""
+    arm, s = arms[side], SIGN[side]
+    quaternion = GRASP_ORIENTATIONS["standard"][side]
+    q = arm.home
+    home_signs = np.sign(np.sin(q[[2, 4]]))
+    points = [(s * 0.6, 0.8, 0.5), (s * 0.5, 0.65, 0.02), (s * 0.5, 0.65, 0.3)]
+    points += [
+        (-s * 0.2, 0.9, 0.3),
+        (-s * 0.2, 0.9, 0.1),
+        (s * 0.6, 0.8, 0.5),
+        (s * 0.2, 0.6, 0.02),
+    ]
+    for point in points:
+        reach = arm.reach_grasp(point, quaternion, q)
+        steps = np.abs(np.diff(np.vstack([q, reach.path]), axis=0)) * 60
+        assert (steps <= ARM_SPEED_LIMITS + 1e-9).all()
+        assert (np.sign(np.sin(reach.path[:, [2, 4]])) == home_signs).all(), (
+            "elbow or wrist flipped"
+        )
+        end = arm.compute_pose(reach.path[-1])
+        np.testing.assert_allclose(wrist_to_grasp(end[:3], end[3:], side), point, atol=5e-4)
+        q = reach.path[-1]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_whole_fold_area_is_reached_with_inward_turns(arms, retreats, side):
+    """Beside its base an arm needs the hand turned; with up to 45 degrees nothing is left out."""
+    arm, quaternion = arms[side], GRASP_ORIENTATIONS["standard"][side]
+    turned = 0
+    for x in np.arange(-0.2, 0.71, 0.15):
+        for y in np.arange(0.5, 1.11, 0.15):
+            point = (SIGN[side] * x, y, 0.02)
+            reach = arm.reach_grasp(point, quaternion, retreats[side], turns=TURNS)
+            turned += reach.turn > 0
+    assert 0 < turned < 12
+
+
+def test_beside_the_base_the_plain_orientation_is_unreachable(arms, retreats):
+    point, q = (-0.6, 0.6, 0.02), GRASP_ORIENTATIONS["standard"]["left"]
+    with pytest.raises(UnreachableError):
+        arms["left"].reach_grasp(point, q, retreats["left"])
+    assert arms["left"].reach_grasp(point, q, retreats["left"], turns=TURNS).turn == TURNS[1]
+    with pytest.raises(ValueError, match="at least one"):
+        arms["left"].reach_grasp(point, q, retreats["left"], turns=())
+
+
+def test_following_nothing_goes_nowhere(arms):
+    assert arms["left"].follow(np.zeros((0, 7)), arms["left"].home).shape == (0, 6)

@@ -1,0 +1,235 @@
+"""Figures of the report: pictures as data URIs, and small charts as SVG."""
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dgl_collect import Criterion
+from dgl_collect.episodes import IMAGE_HEIGHT, IMAGE_WIDTH, Points
+from dgl_collect.video import FRAME_RATE, encode_picture
+
+__all__ = [
+    "cloud_figure",
+    "file_uri",
+    "format_number",
+    "hand_heights",
+    "interval_bar",
+    "meter",
+    "picture_with_points",
+    "time_bar",
+]
+
+LEFT_RGB, RIGHT_RGB, CLOTH_RGB = (45, 127, 209), (232, 107, 63), (150, 152, 160)
+"""Colours of the left hand, the right hand and of cloth that neither wants."""
+CLOUD_WIDTH, CLOUD_HEIGHT, CLOUD_MARGIN = 480, 360, 26
+_MEDIA_TYPES = {".mp4": "video/mp4", ".png": "image/png", ".webp": "image/webp"}
+
+
+def format_number(value: float) -> str:
+    """Write a number with three significant digits, without an exponent where people would not."""
+    if value == 0 or not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.3g}"
+    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    text = f"{value:.{digits}f}"
+    return (text.rstrip("0").rstrip(".") if digits else text).replace("-", "\u2212")
+
+
+def file_uri(path: Path) -> str:
+    """Give a media file as a data URI."""
+    return _data_uri(path.read_bytes(), path.suffix)
+
+
+def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
+    """Draw an image with the found points on it.
+
+    Args:
+        image: RGB, shape (480, 640, 3), uint8.
+        points: Named points; those with `uv`, a pixel (column, row), are drawn.
+        alt: What the picture shows, for those who cannot see it.
+    """
+    uri = _data_uri(encode_picture(image, ".webp"), ".webp")
+    marks = "".join(
+        _mark(name, float(point["uv"][0]), float(point["uv"][1]), IMAGE_WIDTH, size=1.5)
+        for name, point in points.items()
+        if "uv" in point
+    )
+    return (
+        f'<span class="picture"><img src="{uri}" alt="{html.escape(alt)}" width="{IMAGE_WIDTH}" '
+        f'height="{IMAGE_HEIGHT}"><svg viewBox="0 0 {IMAGE_WIDTH} {IMAGE_HEIGHT}" '
+        f'aria-hidden="true">{marks}</svg></span>'
+    )
+
+
+def cloud_figure(cloud: np.ndarray, affordance: np.ndarray, points: Points, *, alt: str) -> str:
+    """Draw a garment's cloud from above, or from the front where it hangs, coloured by affordance.
+
+    Args:
+        cloud: Positions [m], shape (N, 3), world frame.
+        affordance: Affordance for the left and the right hand in [0, 1], shape (N, 2).
+        points: Named points; those with `xyz` [m] are drawn.
+        alt: What the figure shows.
+    """
+    extent = np.ptp(cloud, axis=0)
+    axes = [0, 1] if extent[1] >= extent[2] else [0, 2]
+    low, size = cloud[:, axes].min(axis=0), np.maximum(extent[axes], 1e-6)
+    room = np.array([CLOUD_WIDTH, CLOUD_HEIGHT]) - 2 * CLOUD_MARGIN
+    scale = float((room / size).min())
+    offset = (np.array([CLOUD_WIDTH, CLOUD_HEIGHT]) - scale * size) / 2
+
+    def project(positions: np.ndarray) -> np.ndarray:
+        pixels = (positions[..., axes] - low) * scale + offset
+        pixels[..., 1] = CLOUD_HEIGHT - pixels[..., 1]
+        return pixels
+
+    weight = np.clip(affordance, 0.0, 1.0)[:, :, None] ** 1.5
+    colours = np.array(CLOTH_RGB) * (1 - weight.max(axis=1))
+    share = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9)
+    hands = (share * np.array([LEFT_RGB, RIGHT_RGB])).sum(axis=1)
+    colours = colours + hands * weight.max(axis=1)
+    order = np.argsort(weight.max(axis=(1, 2)))
+    canvas = _draw_discs(project(cloud)[order], colours[order])
+    uri = _data_uri(encode_picture(canvas, ".png"), ".png")
+    marks = ""
+    for name, point in points.items():
+        if "xyz" in point:
+            x, y = project(np.asarray(point["xyz"], float)).tolist()
+            marks += _mark(name, x, y, CLOUD_WIDTH, size=1.1)
+    return (
+        f'<span class="picture cloud"><img src="{uri}" alt="{html.escape(alt)}" '
+        f'width="{CLOUD_WIDTH}" height="{CLOUD_HEIGHT}">'
+        f'<svg viewBox="0 0 {CLOUD_WIDTH} {CLOUD_HEIGHT}" aria-hidden="true">{marks}</svg></span>'
+    )
+
+
+def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
+    """Chart the height of both hands over the recorded frames.
+
+    Args:
+        stages: Name and end-effector poses, shape (T, 2, 7), of each stage.
+    """
+    width, height, top, bottom, left = 720.0, 190.0, 26.0, 24.0, 44.0
+    heights = np.concatenate([poses[:, :, 2] for _, poses in stages])  # (sum of T, 2)
+    ceiling = max(0.1, float(np.ceil(heights.max() * 10) / 10))
+    floor = min(0.0, float(np.floor(heights.min() * 10) / 10))
+    step = (width - left) / len(heights)
+
+    def y(value: float) -> float:
+        return top + (height - top - bottom) * (1 - (value - floor) / (ceiling - floor))
+
+    parts, first = [], 0
+    for number, (name, poses) in enumerate(stages):
+        x, count = left + first * step, len(poses)
+        parts.append(
+            f'<rect class="band{number % 2}" x="{x:.1f}" y="{top}" width="{count * step:.1f}" '
+            f'height="{height - top - bottom}"/>'
+            f'<text x="{x + 8:.1f}" y="{top - 9}">{html.escape(_words(name))}</text>'
+        )
+        for hand, side in enumerate(("left", "right")):
+            line = " ".join(
+                f"{x + (frame + 0.5) * step:.1f},{y(float(poses[frame, hand, 2])):.1f}"
+                for frame in range(count)
+            )
+            parts.append(f'<polyline class="{side}" points="{line}"/>')
+        first += count
+    for value in (floor, (floor + ceiling) / 2, ceiling):
+        parts.append(
+            f'<text class="tick" x="{left - 8}" y="{y(value) + 4:.1f}">{value:.2f}</text>'
+            f'<line x1="{left}" x2="{width}" y1="{y(value):.1f}" y2="{y(value):.1f}"/>'
+        )
+    seconds = len(heights) / FRAME_RATE
+    parts.append(
+        f'<text x="{left}" y="{height - 6}">0 s</text>'
+        f'<text class="tick" x="{width}" y="{height - 6}">{seconds:.1f} s recorded</text>'
+    )
+    return (
+        f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
+        f'aria-label="height of both hands in metres over time">{"".join(parts)}</svg>'
+    )
+
+
+def meter(criterion: Criterion) -> str:
+    """Draw a measured value against its threshold."""
+    values = (criterion.value, criterion.threshold)
+    low = min(0.0, *values)
+    high = 1.0 if not criterion.unit and 0.3 < max(values) <= 1.0 else max(values) * 1.3
+    span = max(high - low, 1e-9)
+    filled, limit = ((value - low) / span * 100 for value in values)
+    unit = f" {criterion.unit}" if criterion.unit else ""
+    state = "met" if criterion.is_met else "missed"
+    return (
+        f'<div class="meter {state}"><div class="meter-text"><span>{html.escape(criterion.name)}'
+        f"</span><span><b>{format_number(criterion.value)}{html.escape(unit)}</b>"
+        f'<span class="quiet"> needs {_sign(criterion.comparison)} '
+        f"{format_number(criterion.threshold)}{html.escape(unit)}</span></span></div>"
+        f'<div class="track"><i style="width:{filled:.1f}%"></i>'
+        f'<u style="left:{limit:.1f}%"></u></div></div>'
+    )
+
+
+def interval_bar(rate: float, low: float, high: float) -> str:
+    """Draw a success rate and its interval on a line from 0 to 100 %."""
+    return (
+        f'<div class="interval" aria-hidden="true"><i style="left:{low:.1%};width:{high - low:.1%}">'
+        f'</i><u style="left:{rate:.1%}"></u><span>0</span><span>50</span><span>100 %</span></div>'
+    )
+
+
+def time_bar(stage_seconds: Mapping[str, float], total: float) -> str:
+    """Draw how the time of an attempt divides into its stages and the rest."""
+    rest = max(0.0, total - sum(stage_seconds.values()))
+    parts = [*stage_seconds.items(), ("preparing, pressing, judging", rest)]
+    whole = max(sum(seconds for _, seconds in parts), 1e-9)
+    bars = "".join(
+        f'<i class="part{number % 4}" style="width:{seconds / whole:.2%}"></i>'
+        if number < len(stage_seconds)
+        else f'<i class="rest" style="width:{seconds / whole:.2%}"></i>'
+        for number, (_, seconds) in enumerate(parts)
+    )
+    legend = "".join(
+        f'<li class="{"rest" if number == len(stage_seconds) else f"part{number % 4}"}">'
+        f"{html.escape(_words(name))} <b>{seconds:.1f} s</b></li>"
+        for number, (name, seconds) in enumerate(parts)
+    )
+    return f'<div class="times"><div class="stack">{bars}</div><ul>{legend}</ul></div>'
+
+
+def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> np.ndarray:
+    """Draw discs, later ones on top, on a transparent canvas of twice the figure's size."""
+    canvas = np.zeros((2 * CLOUD_HEIGHT, 2 * CLOUD_WIDTH, 4), np.uint8)
+    rows, columns = np.mgrid[-radius : radius + 1, -radius : radius + 1]
+    inside = rows**2 + columns**2 <= radius**2 + 1
+    rows, columns = rows[inside], columns[inside]
+    centres = np.round(2 * pixels).astype(int)
+    y = np.clip(centres[:, 1, None] + rows, 0, canvas.shape[0] - 1)
+    x = np.clip(centres[:, 0, None] + columns, 0, canvas.shape[1] - 1)
+    rgba = np.concatenate([colours, np.full((len(colours), 1), 235.0)], axis=1).astype(np.uint8)
+    canvas[y, x] = rgba[:, None, :]
+    return canvas
+
+
+def _mark(name: str, x: float, y: float, width: int, *, size: float) -> str:
+    side = "left" if name.startswith("left") else "right" if name.startswith("right") else "other"
+    # Outwards, away from the other hand's point, unless the label would leave the picture.
+    is_leftwards = x > 0.3 * width if side == "left" else x > 0.7 * width
+    dx = -12 * size if is_leftwards else 12 * size
+    anchor = "end" if is_leftwards else "start"
+    return (
+        f'<g class="mark {side}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}"/>'
+        f'<text x="{x + dx:.1f}" y="{y + 5 * size:.1f}" text-anchor="{anchor}" '
+        f'font-size="{17 * size:g}">{html.escape(_words(name))}</text></g>'
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _sign(comparison: str) -> str:
+    return {"<": "&lt;", "<=": "≤", ">": "&gt;", ">=": "≥"}[comparison]
+
+
+def _data_uri(content: bytes, suffix: str) -> str:
+    return f"data:{_MEDIA_TYPES[suffix]};base64,{base64.b64encode(content).decode()}"

@@ -1,0 +1,159 @@
+"""Command line `dgl`: finds the verb, parses its options and turns errors into exit statuses.
+
+A verb is one module in this package and one line in `VERBS`. The module defines
+
+* `Options`: a frozen keyword-only dataclass (or a union of them), whose docstring is the verb's help and
+  holds an example, and whose fields are its arguments (`tyro.conf.Positional[str]` for a positional one);
+* `run(options) -> int`: does the work and returns the exit status.
+
+Verb modules import the packages that they need inside `run`, so that `dgl --help` stays quick.
+"""
+
+import difflib
+import importlib
+import logging
+import sys
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from types import ModuleType
+
+from dexgarmentlab.cli import console
+
+__all__ = ["VERBS", "Verb", "main"]
+
+EXIT_OK = 0
+EXIT_FAILURE = 1  # The job could not be done: the message says why.
+EXIT_USAGE = 2  # The command line was wrong, as argparse and tyro have it.
+EXIT_INTERNAL = 70  # A defect of this program (EX_SOFTWARE).
+EXIT_INTERRUPTED = 130  # Ctrl-C, as shells have it.
+
+_OWN_PACKAGES = frozenset(
+    {
+        "dexgarmentlab",
+        "dgl_physics",
+        "dgl_assets",
+        "dgl_gam",
+        "dgl_sadp",
+        "dgl_tasks",
+        "dgl_collect",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One verb of the command line."""
+
+    name: str
+    """What is typed; also the name of its module in this package."""
+    summary: str
+    """One line for `dgl --help`."""
+
+    def load(self) -> ModuleType:
+        """Import the module that implements the verb."""
+        return importlib.import_module(f"{__name__}.{self.name}")
+
+
+VERBS: tuple[Verb, ...] = (
+    Verb("doctor", "what works on this machine, and the fix for what does not"),
+    Verb("demo", "collect one Fold Tops demonstration, with its video and a report"),
+    Verb("collect", "collect demonstrations of a task automatically"),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: Arguments without the program's name; `sys.argv[1:]` when None.
+
+    Returns:
+        The exit status: 0 done, 1 failed with a message, 2 wrong usage, 70 a defect, 130 interrupted.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    is_debug = "--debug" in arguments
+    arguments = [argument for argument in arguments if argument != "--debug"]
+    # One line a record on stderr; libraries log through module loggers and never configure them.
+    logging.basicConfig(
+        level=logging.DEBUG if is_debug else logging.WARNING,
+        format="%(levelname)s %(name)s: %(message)s",
+    )
+    try:
+        return _dispatch(arguments)
+    except SystemExit as stop:  # tyro ends so, after --help (0) and after a usage error (2).
+        return stop.code if isinstance(stop.code, int) else EXIT_USAGE
+    except KeyboardInterrupt:
+        console.error("interrupted")
+        return EXIT_INTERRUPTED
+    except Exception as error:
+        if is_debug:
+            console.error(traceback.format_exc().rstrip())
+        if is_domain_error(error):
+            console.error(_one_line(error))
+            return EXIT_FAILURE
+        console.error(
+            f"internal error, {type(error).__name__}: {_one_line(error)}"
+            + ("" if is_debug else " (repeat with --debug for the traceback)")
+        )
+        return EXIT_INTERNAL
+
+
+def is_domain_error(error: BaseException) -> bool:
+    """Say whether an exception is a message to the user rather than a defect.
+
+    Such are `ValueError`, `OSError`, and every class defined in the `errors` module of one of our packages. The
+    packages are recognised by name, so that none of them has to be imported to handle the error of another.
+    """
+    if isinstance(error, (ValueError, OSError)):
+        return True
+    for base in type(error).__mro__:
+        package, _, rest = base.__module__.partition(".")
+        if package in _OWN_PACKAGES and rest.split(".")[-1] == "errors":
+            return True
+    return False
+
+
+def _dispatch(arguments: list[str]) -> int:
+    if not arguments or arguments[0] in {"-h", "--help", "help"}:
+        console.out(_help())
+        return EXIT_OK if arguments else EXIT_USAGE
+    if arguments[0] == "--version":
+        console.out(f"dexgarmentlab {metadata.version('dexgarmentlab')}")
+        return EXIT_OK
+    name, rest = arguments[0], arguments[1:]
+    verb = next((verb for verb in VERBS if verb.name == name), None)
+    if verb is None:
+        console.error(_unknown(name))
+        return EXIT_USAGE
+
+    import tyro
+
+    module = verb.load()
+    options = tyro.cli(module.Options, prog=f"dgl {verb.name}", args=rest)
+    return int(module.run(options))
+
+
+def _help() -> str:
+    width = max(len(verb.name) for verb in VERBS)
+    verbs = "\n".join(f"  {verb.name:<{width}}  {verb.summary}" for verb in VERBS)
+    return (
+        "usage: dgl VERB [options]\n\n"
+        "The open, run-anywhere laboratory for dexterous garment manipulation.\n\n"
+        f"verbs:\n{verbs}\n\n"
+        "`dgl VERB --help` explains one verb. `--debug` shows the traceback of an error.\n\n"
+        f"example: dgl {VERBS[0].name}"
+    )
+
+
+def _unknown(name: str) -> str:
+    names = [verb.name for verb in VERBS]
+    closest = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f" Did you mean `dgl {closest[0]}`?" if closest else ""
+    return f"unknown verb {name!r}.{hint} The verbs are: {', '.join(names)}."
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return text or type(error).__name__

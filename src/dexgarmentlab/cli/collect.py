@@ -1,0 +1,155 @@
+"""Verb `dgl collect`."""
+
+import dataclasses
+import shlex
+import statistics
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+
+from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
+
+if TYPE_CHECKING:
+    from dgl_collect import CollectConfig, Progress, Summary
+
+__all__ = ["Options", "collect_with_progress", "format_duration", "run"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Collect demonstrations of a task automatically.
+
+    Makes the attempts, keeps the episodes of those that succeed, and says why the others did not. The
+    results follow from the seed; they do not depend on the number of workers. Ctrl-C keeps every finished
+    attempt, and --resume continues.
+
+    Example: dgl collect FoldTops-v1 --episodes 100 --workers 4 --out out/fold-tops
+    """
+
+    task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
+    """Which task, such as FoldTops-v1."""
+    out: Path
+    """Output folder; it must be empty or missing, unless --resume is given."""
+    episodes: int = 10
+    """Attempts to make; how many of them succeed is a result."""
+    seed: int = 0
+    """Seed of the run; every attempt gets its own from it."""
+    workers: int = 1
+    """Processes that make attempts at the same time."""
+    resume: bool = False
+    """Continue the run in the output folder."""
+    engine: Literal["local"] = "local"
+    """What runs the workers: processes of this machine."""
+    json: bool = False
+    """Write the summary as JSON."""
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same, without --resume and --json."""
+        words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
+        words += ["--workers", self.workers, "--out", self.out]
+        return shlex.join(str(word) for word in words)
+
+
+def run(options: Options) -> int:
+    """Collect, write the report, and say how many attempts succeeded."""
+    from dgl_collect import CollectConfig
+
+    config = CollectConfig(
+        task=options.task,
+        episodes=options.episodes,
+        seed=options.seed,
+        workers=options.workers,
+        out=options.out,
+        resume=options.resume,
+        command=options.command + (" --resume" if options.resume else ""),
+    )
+    summary, report = collect_with_progress(config)
+    if options.json:
+        console.out_json({**dataclasses.asdict(summary), "report": str(report)})
+    else:
+        for line in _lines(summary):
+            console.out(line)
+        console.out(f"report: {report}")
+    if summary.status == "interrupted":
+        console.error(
+            f"interrupted after {summary.attempted} of {summary.requested} attempts; "
+            f"continue with: {options.command} --resume"
+        )
+        return EXIT_INTERRUPTED
+    return EXIT_OK
+
+
+def collect_with_progress(
+    config: "CollectConfig", *, embed_media: bool = False
+) -> tuple["Summary", Path]:
+    """Collect with a progress bar, and write the report.
+
+    Args:
+        config: What to collect.
+        embed_media: Whether the report is to hold films and pictures itself.
+
+    Returns:
+        The summary, and the report's path.
+    """
+    from dexgarmentlab.report import write_report
+    from dgl_collect import WorkerError, collect
+    from dgl_collect.runner import check_task
+    from dgl_tasks.tasks import task_ids
+
+    known_tasks = task_ids()
+    check_task(config.task, known_tasks)
+    shown = 0
+    with console.progress(f"collecting {config.task}", config.episodes) as bar:
+
+        def show(progress: "Progress") -> None:
+            nonlocal shown
+            made = len(progress.results)
+            bar.advance(made - shown, note=_note(progress))
+            shown = made
+
+        try:
+            summary = collect(config, known_tasks=known_tasks, on_progress=show)
+        except WorkerError:
+            write_report(config.out, embed_media=embed_media)  # what had finished is worth a look
+            raise
+    return summary, write_report(config.out, embed_media=embed_media)
+
+
+def format_duration(seconds: float) -> str:
+    """Write a duration [s] as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _note(progress: "Progress") -> str:
+    """Describe how far a run is: successes, time per attempt, and the time that is left."""
+    if not progress.results:
+        return "making the first attempt" if progress.workers_ready else "building the environment"
+    succeeded = sum(result.success for result in progress.results)
+    median = statistics.median(result.seconds for result in progress.results)
+    note = f"{succeeded} succeeded, {format_duration(median)} each"
+    made = len(progress.results) - progress.resumed
+    left = progress.requested - len(progress.results)
+    if made > 0 and left > 0:
+        note += f", {format_duration(progress.seconds / made * left)} left"
+    return note
+
+
+def _lines(summary: "Summary") -> list[str]:
+    """Summarise a run in a few lines."""
+    if summary.success_rate is None:
+        return [f"{summary.task}: no attempt has finished"]
+    low, high = summary.success_interval
+    median = summary.seconds_per_attempt["median"] or 0.0
+    lines = [
+        f"{summary.task}: {summary.succeeded} of {summary.attempted} attempts succeeded, "
+        f"{summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
+        f"{format_duration(median)} per attempt"
+    ]
+    lines += [f"  failed, {reason}: {count}" for reason, count in summary.reasons.items()]
+    return lines

@@ -1,0 +1,104 @@
+"""The only module that writes to the terminal.
+
+Results go to standard output, so that they can be piped; messages and progress go to standard error.
+"""
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol, TypeVar
+
+__all__ = ["Progress", "error", "info", "out", "out_json", "out_table", "progress", "track"]
+
+T = TypeVar("T")
+
+
+class Progress(Protocol):
+    """A running progress bar."""
+
+    def advance(self, steps: int = 1, *, note: str | None = None) -> None:
+        """Move on by some steps, and replace the note beside the bar when one is given."""
+        ...
+
+
+def out(text: str) -> None:
+    """Write a result."""
+    print(text)
+
+
+def out_json(value: Any) -> None:
+    """Write a result as JSON. NaN and infinity are refused: they are not JSON."""
+    print(json.dumps(value, indent=2, allow_nan=False))
+
+
+def out_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write rows under headings, each column as wide as its widest entry."""
+    lines = [[str(cell) for cell in row] for row in [columns, *rows]]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
+    for line in lines:
+        print(
+            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        )
+
+
+def info(text: str) -> None:
+    """Write a message beside the result."""
+    print(text, file=sys.stderr)
+
+
+def error(text: str) -> None:
+    """Write what went wrong."""
+    print(f"dgl: {text}", file=sys.stderr)
+
+
+@contextmanager
+def progress(description: str, total: int | None = None) -> Iterator[Progress]:
+    """Show a progress bar on standard error while the block runs.
+
+    Args:
+        description: What is being done.
+        total: Number of steps, or None when it is not known: then the bar only shows that work goes on.
+
+    Yields:
+        The bar. On something that is no terminal (a log file), only its end is written.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+    from rich.progress import Progress as RichProgress
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with RichProgress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(description, total=total, note="")
+
+        class _Bar:
+            def advance(self, steps: int = 1, *, note: str | None = None) -> None:
+                if note is None:
+                    bar.advance(task, steps)
+                else:
+                    bar.update(task, advance=steps, note=note)
+
+        yield _Bar()
+
+
+def track(iterable: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
+    """Iterate with a progress bar of one step an item."""
+    if total is None and isinstance(iterable, Sequence):
+        total = len(iterable)
+    with progress(description, total) as bar:
+        for item in iterable:
+            yield item
+            bar.advance()

@@ -1,0 +1,218 @@
+"""What works on this machine: tries each part out and knows the fix for what does not work."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+__all__ = ["CHECKS", "Check", "check_disk", "check_python", "run_checks", "run_probe"]
+
+PROBE_TIMEOUT_S = 240.0  # Warp compiles on its first run; a software renderer starts slowly.
+MIN_FREE_BYTES = 1_000_000_000  # Compiled kernels, a few episodes and their videos.
+MIN_PYTHON, END_PYTHON = (3, 10), (3, 13)
+
+_FIX_RENDERING = (
+    "install a Vulkan driver: the graphics card's own, or Mesa's software driver (Debian 13, Ubuntu 24.04 and newer: "
+    "`apt-get install mesa-vulkan-drivers libvulkan1`; Debian 12: the same `-t bookworm-backports`, as its own Mesa "
+    "22.3 is too old). In a checkout, `make setup` does it."
+)
+_FIX_INSTALL = (
+    "install the packages again: `make setup` in a checkout, or `pip install --force-reinstall`"
+)
+_FIX_LIBRARY = (
+    "install the missing system library; on Debian and Ubuntu `apt-get install libgl1 libglib2.0-0`"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """Outcome of one check."""
+
+    name: str
+    """What was checked; a key of `CHECKS`."""
+    state: Literal["ok", "fail", "optional"]
+    """`ok` works; `fail` does not work and `dgl demo` needs it; `optional` does not work and is not needed."""
+    detail: str
+    """What was found, in one line."""
+    fix: str = ""
+    """What to do about it; empty when it works."""
+
+    def to_dict(self) -> dict[str, str]:
+        """Return the fields as a dictionary of strings."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProbeResult:
+    """What came back from a probe's process: facts when it worked, else an error."""
+
+    facts: dict[str, object]
+    error: str = ""
+
+
+def run_probe(name: str, *, timeout_s: float = PROBE_TIMEOUT_S) -> ProbeResult:
+    """Run one probe in a process of its own.
+
+    Args:
+        name: A key of `dexgarmentlab._probes.PROBES`.
+        timeout_s: Time after which the process is ended [s].
+
+    Returns:
+        Its facts or its error. A process that crashes or hangs is an error too.
+    """
+    with tempfile.TemporaryDirectory(prefix="dgl-doctor-") as folder:
+        path = Path(folder) / "result.json"
+        command = [sys.executable, "-m", "dexgarmentlab._probes", name, str(path)]
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=timeout_s, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return ProbeResult(facts={}, error=f"no answer within {timeout_s:.0f} s")
+        if not path.exists():
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            return ProbeResult(
+                facts={}, error=f"the process ended with status {done.returncode}: {last}"
+            )
+        result = json.loads(path.read_text(encoding="utf-8"))
+    return ProbeResult(facts=result.get("facts", {}), error=result.get("error", ""))
+
+
+def check_python(version: tuple[int, int] | None = None) -> Check:
+    """Check the Python version; this process's when None."""
+    found = version or sys.version_info[:2]
+    text = f"Python {found[0]}.{found[1]}"
+    if MIN_PYTHON <= found < END_PYTHON:
+        return Check(name="python", state="ok", detail=text)
+    return Check(
+        name="python",
+        state="fail",
+        detail=text,
+        fix="use Python 3.10, 3.11 or 3.12; `uv sync` in a checkout fetches one",
+    )
+
+
+def check_disk(folder: Path | None = None, *, needed_bytes: int = MIN_FREE_BYTES) -> Check:
+    """Check the free disk space [bytes] where outputs go; the current folder when None."""
+    where = folder or Path.cwd()
+    free = shutil.disk_usage(where).free
+    detail = f"{free / 1e9:.1f} GB free in {where}; {needed_bytes / 1e9:.1f} GB needed"
+    if free >= needed_bytes:
+        return Check(name="disk", state="ok", detail=detail)
+    return Check(
+        name="disk", state="fail", detail=detail, fix="free some space, or work in another folder"
+    )
+
+
+def check_packages() -> Check:
+    """Check that the libraries that the tasks need can be imported."""
+    result = run_probe("packages")
+    is_library = "cannot open shared object file" in result.error
+    return _needed("packages", result, _versions, _FIX_LIBRARY if is_library else _FIX_INSTALL)
+
+
+def check_rendering() -> Check:
+    """Check that SAPIEN can draw, by drawing."""
+    result = run_probe("rendering")
+    return _needed("rendering", result, lambda facts: f"drawn by {facts['device']}", _FIX_RENDERING)
+
+
+def check_physics() -> Check:
+    """Check that SAPIEN can simulate, by dropping a ball."""
+    result = run_probe("physics")
+    return _needed(
+        "physics", result, lambda facts: f"SAPIEN {facts['version']}, a ball falls", _FIX_INSTALL
+    )
+
+
+def check_warp() -> Check:
+    """Check that Warp can compile and run a kernel on the CPU."""
+    result = run_probe("warp")
+    fix = f"{_FIX_INSTALL}; the folder of Warp's kernel cache must be writable"
+    return _needed("warp", result, lambda facts: f"Warp {facts['version']}, a kernel ran", fix)
+
+
+def check_video() -> Check:
+    """Check that H.264 videos can be written and read."""
+    result = run_probe("video")
+    return _needed("video", result, lambda facts: "H.264 written and read back", _FIX_INSTALL)
+
+
+def check_cuda() -> Check:
+    """Check for a CUDA device that both Warp and PyTorch can use. Nothing needs one."""
+    if not _has_nvidia_driver():
+        return Check(
+            name="cuda",
+            state="optional",
+            detail="no NVIDIA driver; everything runs on the CPU",
+            fix="none needed; with an NVIDIA card, install its driver for many environments at once",
+        )
+    result = run_probe("cuda")
+    if result.error:
+        fix = "update the NVIDIA driver, or install the PyTorch build for its CUDA version"
+        return Check(name="cuda", state="optional", detail=result.error, fix=fix)
+    return Check(name="cuda", state="ok", detail=str(result.facts["devices"]))
+
+
+CHECKS: dict[str, Callable[[], Check]] = {
+    "python": check_python,
+    "disk": check_disk,
+    "packages": check_packages,
+    "rendering": check_rendering,
+    "physics": check_physics,
+    "warp": check_warp,
+    "video": check_video,
+    "cuda": check_cuda,
+}
+
+
+def run_checks(
+    *, only: Sequence[str] = (), on_result: Callable[[Check], None] | None = None
+) -> list[Check]:
+    """Run checks, some at the same time, since each spends its time in a process of its own.
+
+    Args:
+        only: Names of the checks to run; all of them when empty.
+        on_result: Called with each outcome as it arrives.
+
+    Returns:
+        The outcomes, in the order of `CHECKS`.
+
+    Raises:
+        ValueError: If a name is unknown.
+    """
+    unknown = sorted(set(only) - set(CHECKS))
+    if unknown:
+        raise ValueError(f"unknown check(s) {unknown}; the checks are {list(CHECKS)}")
+    names = [name for name in CHECKS if not only or name in only]
+    outcomes: dict[str, Check] = {}
+    with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as pool:
+        futures = {pool.submit(CHECKS[name]): name for name in names}
+        for future in as_completed(futures):
+            outcomes[futures[future]] = future.result()
+            if on_result is not None:
+                on_result(future.result())
+    return [outcomes[name] for name in names]
+
+
+def _needed(
+    name: str, result: ProbeResult, describe: Callable[[dict[str, object]], str], fix: str
+) -> Check:
+    if result.error:
+        return Check(name=name, state="fail", detail=result.error, fix=fix)
+    return Check(name=name, state="ok", detail=describe(result.facts))
+
+
+def _versions(facts: dict[str, object]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in facts.items())
+
+
+def _has_nvidia_driver() -> bool:
+    return Path("/proc/driver/nvidia/version").exists() or shutil.which("nvidia-smi") is not None

@@ -1,0 +1,164 @@
+"""The command line's own behaviour: finding verbs, help, and errors as exit statuses."""
+
+import ast
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from dexgarmentlab import cli
+from dexgarmentlab.cli import VERBS, Verb, main
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Fail as asked.
+
+    Example: dgl fail
+    """
+
+    times: int = 1
+    """How often."""
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Give a verb `fail` that does what the test sets as its `run`."""
+    module = SimpleNamespace(Options=Options, run=lambda options: 0)
+    monkeypatch.setattr(cli, "VERBS", (Verb("fail", "fails"),))
+    monkeypatch.setattr(Verb, "load", lambda self: module)
+    return module
+
+
+def raises(error):
+    def run(options):
+        raise error
+
+    return run
+
+
+def test_help_names_every_verb(capsys):
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"  {verb.name}" in text for verb in VERBS)
+
+
+def test_without_a_verb_the_help_is_shown_and_the_status_tells(capsys):
+    assert main([]) == 2
+    assert "usage: dgl" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb.name)
+def test_every_verb_has_help_with_an_example(verb, capsys):
+    assert main([verb.name, "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"usage: dgl {verb.name}" in text
+    assert "Example" in text
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("dexgarmentlab 0.")
+
+
+def test_an_unknown_verb_names_the_closest(capsys):
+    assert main(["docter"]) == 2
+    assert "Did you mean `dgl doctor`?" in capsys.readouterr().err
+
+
+def test_a_verb_like_none_of_them_names_all(capsys):
+    assert main(["qqqq"]) == 2
+    error = capsys.readouterr().err
+    assert "Did you mean" not in error
+    assert "doctor" in error
+
+
+def test_the_verbs_exit_status_is_returned(failing):
+    failing.run = lambda options: 3 + options.times
+    assert main(["fail"]) == 4
+    assert main(["fail", "--times", "5"]) == 8
+
+
+def test_a_wrong_option_is_a_usage_error(failing, capsys):
+    assert main(["fail", "--tims", "5"]) == 2
+    assert "--tims" in capsys.readouterr().err
+
+
+def test_a_domain_error_is_one_line_without_traceback(failing, capsys):
+    failing.run = raises(ValueError("faces must have shape (F, 3);\n got (120, 4)"))
+    assert main(["fail"]) == 1
+    assert capsys.readouterr().err == "dgl: faces must have shape (F, 3); got (120, 4)\n"
+
+
+def test_debug_adds_the_traceback(failing, capsys):
+    failing.run = raises(ValueError("wrong"))
+    for arguments in (["--debug", "fail"], ["fail", "--debug"]):
+        assert main(arguments) == 1
+        assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_missing_file_is_a_domain_error(failing, capsys):
+    failing.run = lambda options: Path("/nonexistent/episode.h5").read_bytes()
+    assert main(["fail"]) == 1
+    assert "/nonexistent/episode.h5" in capsys.readouterr().err
+
+
+def test_errors_of_our_packages_are_domain_errors(failing, capsys):
+    from dgl_sadp import CorruptEpisodeError
+
+    failing.run = raises(CorruptEpisodeError(Path("a.h5"), "torn"))
+    assert main(["fail"]) == 1
+    assert "a.h5: torn" in capsys.readouterr().err
+
+
+def test_any_other_exception_is_called_a_defect(failing, capsys):
+    failing.run = raises(TypeError("no such thing"))
+    assert main(["fail"]) == 70
+    error = capsys.readouterr().err
+    assert "internal error, TypeError: no such thing" in error
+    assert "--debug" in error
+    assert "Traceback" not in error
+
+
+def test_an_interruption_has_its_own_status(failing, capsys):
+    failing.run = raises(KeyboardInterrupt())
+    assert main(["fail"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb.name)
+def test_verb_modules_import_heavy_packages_only_when_run(verb):
+    """`dgl VERB --help` is quick because the packages are imported inside of `run`."""
+    spec = importlib.util.find_spec(f"dexgarmentlab.cli.{verb.name}")
+    assert spec is not None
+    assert spec.origin is not None
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    imported = {
+        name.partition(".")[0]
+        for node in tree.body
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    heavy = {"dgl_tasks", "dgl_collect", "dgl_physics", "torch", "sapien", "mani_skill", "warp"}
+    assert imported & heavy == set()
+
+
+def test_every_module_that_is_a_verb_is_registered():
+    folder = Path(cli.__file__).parent
+    verbs = {
+        path.stem
+        for path in folder.glob("*.py")
+        if {"class Options", "def run("} <= set(_find_definitions(path.read_text(encoding="utf-8")))
+    }
+    assert verbs == {verb.name for verb in VERBS}
+
+
+def _find_definitions(text: str) -> list[str]:
+    return [start for start in ("class Options", "def run(") if f"\n{start}" in text]
