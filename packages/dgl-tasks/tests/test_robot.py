@@ -18,7 +18,8 @@ from dgl_assets.robots import (
     build_bimanual_tree,
     joint_slice,
 )
-from dgl_tasks.control import GRASP_ORIENTATIONS, ArmKinematics, grasp_to_wrist
+from dgl_tasks.control import ArmKinematics, plan_line
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, grasp_to_wrist
 from dgl_tasks.robot import (
     BimanualUR10eShadow,
     let_robot_pass,
@@ -26,6 +27,12 @@ from dgl_tasks.robot import (
 )
 
 SIGN = {"left": -1.0, "right": 1.0}
+
+
+def follow_line(arm, point, quaternion, q):
+    """Joint path on the straight line that brings the grasp point to `point`."""
+    goal = np.concatenate([grasp_to_wrist(point, quaternion, arm.side), quaternion])
+    return arm.follow(plan_line(arm.compute_pose(q), goal), q)
 
 
 @register_env("RobotBench-v0")
@@ -174,9 +181,9 @@ def test_straight_line_is_tracked_and_settles(env, arms, side):
     arm, part = arms[side], joint_slice(side, "arm")
     quaternion = GRASP_ORIENTATIONS["standard"][side]
     q = HOME_CONFIGURATION.copy()
-    q[part] = arm.reach_grasp((SIGN[side] * 0.6, 0.8, 0.5), quaternion, arm.home).path[-1]
+    q[part] = follow_line(arm, (SIGN[side] * 0.6, 0.8, 0.5), quaternion, arm.home)[-1]
     _place(env, q)
-    path = arm.reach_grasp((SIGN[side] * 0.1, 0.8, 0.2), quaternion, q[part]).path
+    path = follow_line(arm, (SIGN[side] * 0.1, 0.8, 0.2), quaternion, q[part])
     lags = []
     for row in path:
         q[part] = row
@@ -234,8 +241,8 @@ def _press(env, arms):
     q = HOME_CONFIGURATION.copy()
     quaternion = GRASP_ORIENTATIONS["standard"]["left"]
     arm = arms["left"]
-    above = arm.reach_grasp((-0.3, 0.7, 0.3), quaternion, arm.home).path[-1]
-    q[joint_slice("left", "arm")] = arm.reach_grasp((-0.3, 0.7, 0.0), quaternion, above).path[-1]
+    above = follow_line(arm, (-0.3, 0.7, 0.3), quaternion, arm.home)[-1]
+    q[joint_slice("left", "arm")] = follow_line(arm, (-0.3, 0.7, 0.0), quaternion, above)[-1]
     q[joint_slice("left", "hand")] = HAND_POSES["open"]
     _place(env, q)
     touched = set()
@@ -265,8 +272,8 @@ def test_pressing_fingers_on_the_ground_stays_calm(env, arms):
     """Closing on the ground bends fingers, not the arm, and does not shake."""
     q = HOME_CONFIGURATION.copy()
     arm, quaternion = arms["left"], GRASP_ORIENTATIONS["standard"]["left"]
-    above = arm.reach_grasp((-0.4, 0.7, 0.3), quaternion, arm.home).path[-1]
-    q[joint_slice("left", "arm")] = arm.reach_grasp((-0.4, 0.7, 0.02), quaternion, above).path[-1]
+    above = follow_line(arm, (-0.4, 0.7, 0.3), quaternion, arm.home)[-1]
+    q[joint_slice("left", "arm")] = follow_line(arm, (-0.4, 0.7, 0.02), quaternion, above)[-1]
     _place(env, q)
     q[joint_slice("left", "hand")] = HAND_POSES["close"]
     for _ in range(40):

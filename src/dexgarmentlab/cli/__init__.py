@@ -59,6 +59,7 @@ class Verb:
 VERBS: tuple[Verb, ...] = (
     Verb("doctor", "what works on this machine, and the fix for what does not"),
     Verb("demo", "collect one Fold Tops demonstration, with its video and a report"),
+    Verb("tasks", "the tasks, with their stages, success rules and garments"),
     Verb("collect", "collect demonstrations of a task automatically"),
 )
 

@@ -12,7 +12,7 @@ from dgl_gam import Matcher, compute_affordance
 from dgl_physics import PhysicsError
 from dgl_tasks import TaskError, get_task
 from dgl_tasks import perception as see
-from dgl_tasks.control import wrist_to_grasp
+from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Stage
 from dgl_tasks.motion import BimanualMotion
@@ -32,8 +32,10 @@ APPROACH_HEIGHT = 0.2
 """Height above the grasp point from which a hand comes down [m]."""
 CLEARANCE = 0.15
 """How far a hand goes straight up after the release [m]."""
-FINAL_FRAMES = 50
-"""Frames between the last retreat and the verdict (original code)."""
+ARRIVAL_FRAMES = 10
+"""Frames for the arm to arrive at the grasp points before the hand closes."""
+FINAL_FRAMES = 30
+"""Frames between the hands being out of the way and the verdict."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
@@ -192,7 +194,7 @@ class _Attempt:
         above = {s: p + np.array([0, 0, APPROACH_HEIGHT]) for s, p in grasp.items()}
         self._send(self.motion.reach(above, orientations))
         self._send(self.motion.move(grasp, orientations))
-        self._send(self.motion.hold(20))
+        self._send(self.motion.hold(ARRIVAL_FRAMES))
         recorder = StageRecorder(
             StageStart(
                 name=stage.name,
@@ -210,7 +212,6 @@ class _Attempt:
         lifted = {s: self._clear(targets[s]) for s in grasp}
         self._send(self.motion.move(lifted, orientations))
         self._send(self.motion.park())
-        self._send(self.motion.hold(stage.settle_frames))
 
     def _plan_hand(
         self, side: Side, orientation: np.ndarray, grasp: np.ndarray, waypoints: list
@@ -236,7 +237,7 @@ class _Attempt:
             if self._step_count % STEPS_PER_FRAME == 0:
                 self.film()
                 self._measure()
-            self.env.step(target)
+            self.env.advance(target)
             self._step_count += 1
 
     def film(self) -> None:

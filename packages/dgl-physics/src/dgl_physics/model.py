@@ -213,6 +213,10 @@ class ModelBuilder:
         table.body = wp.array([b for b, _ in self._shapes], dtype=wp.int32, device=device)
         table.friction = wp.array([s.friction for s in shapes], dtype=wp.float32, device=device)
         table.radius = wp.array(radius, dtype=wp.float32, device=device)
+        moving = [int(b > 0) for b, _ in self._shapes]
+        measured = [int(s.is_measured) for s in shapes]
+        table.is_moving = wp.array(moving, dtype=wp.int32, device=device)
+        table.is_measured = wp.array(measured, dtype=wp.int32, device=device)
         return table
 
 
@@ -228,11 +232,8 @@ def _make_constraints(
     stiffness = np.repeat(
         [material.stretch_stiffness, material.bend_stiffness], [len(edges), len(wings)]
     )
-    # Bending first within a substep: what is solved last holds best, and that is stretch.
-    bend_colour = topology.colour_pairs(wings, len(vertices))
-    edge_colour = topology.colour_pairs(edges, len(vertices))
-    bend_colours = int(bend_colour.max()) + 1 if len(wings) else 0
     areas = topology.compute_vertex_areas(rest, faces)
+    colours = topology.colour_pairs(pairs, len(vertices))
     return {
         "vertices": vertices.astype(np.float32),
         "faces": faces,
@@ -240,7 +241,8 @@ def _make_constraints(
         "pairs": pairs,
         "rest_length": rest_length.astype(np.float32),
         "compliance": (1.0 / np.where(stiffness > 0, stiffness, np.inf)).astype(np.float32),
-        "colour": np.concatenate([edge_colour + bend_colours, bend_colour]),
+        # bending first within a substep: what is solved last holds best, and that is stretch
+        "colour": colours.max() - colours,
         "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
         "material": material,
     }

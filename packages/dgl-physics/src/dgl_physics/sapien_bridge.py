@@ -7,6 +7,7 @@ the next frame.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import sapien
@@ -37,33 +38,37 @@ def find_colliders(scene: sapien.Scene) -> list[physx.PhysxRigidBaseComponent]:
     ]
 
 
-def convert_shape(shape: physx.PhysxCollisionShape, *, friction: float | None = None) -> Shape:
+def convert_shape(
+    shape: physx.PhysxCollisionShape, *, friction: float | None = None, is_measured: bool = True
+) -> Shape:
     """Convert a SAPIEN collision shape to a cloth collider in the frame of its component.
 
     Args:
         shape: Plane, sphere, capsule or box.
         friction: Factor on the garment's friction; the shape's static friction when None.
+        is_measured: Whether contact impulses are added up.
 
     Raises:
         UnsupportedShapeError: For any other kind.
     """
     if friction is None:
         friction = float(shape.physical_material.static_friction)
-    pose = shape.local_pose
+    pose, size = shape.local_pose, (0.0, 0.0, 0.0)
     if isinstance(shape, physx.PhysxCollisionShapeSphere):
-        return Shape(kind="sphere", size=(shape.radius, 0, 0), pose=_flat(pose), friction=friction)
-    if isinstance(shape, physx.PhysxCollisionShapeBox):
+        kind, size = "sphere", (float(shape.radius), 0.0, 0.0)
+    elif isinstance(shape, physx.PhysxCollisionShapeBox):
         x, y, z = (float(s) for s in shape.half_size)
-        return Shape(kind="box", size=(x, y, z), pose=_flat(pose), friction=friction)
-    pose = pose * _X_FROM_Z
-    if isinstance(shape, physx.PhysxCollisionShapeCapsule):
-        size = (float(shape.radius), float(shape.half_length), 0.0)
-        return Shape(kind="capsule", size=size, pose=_flat(pose), friction=friction)
-    if isinstance(shape, physx.PhysxCollisionShapePlane):
-        return Shape(kind="plane", pose=_flat(pose), friction=friction)
-    raise UnsupportedShapeError(
-        f"cloth collides with planes, spheres, capsules and boxes; got {type(shape).__name__}"
-    )
+        kind, size = "box", (x, y, z)
+    elif isinstance(shape, physx.PhysxCollisionShapeCapsule):
+        kind, size = "capsule", (float(shape.radius), float(shape.half_length), 0.0)
+        pose = pose * _X_FROM_Z
+    elif isinstance(shape, physx.PhysxCollisionShapePlane):
+        kind, pose = "plane", pose * _X_FROM_Z
+    else:
+        raise UnsupportedShapeError(
+            f"cloth collides with planes, spheres, capsules and boxes; got {type(shape).__name__}"
+        )
+    return Shape(kind=kind, size=size, pose=_flat(pose), friction=friction, is_measured=is_measured)
 
 
 class SapienCloth:
@@ -111,11 +116,17 @@ class SapienCloth:
         for b, component in enumerate(self.bodies[0]):
             body = self._builder.add_body(component.name)
             factor = friction(component) if friction is not None else None
+            can_move = isinstance(component, physx.PhysxRigidBodyComponent)
             for shape in component.collision_shapes:
                 try:
-                    self._builder.add_shape(convert_shape(shape, friction=factor), body=body)
+                    collider = convert_shape(shape, friction=factor, is_measured=can_move)
                 except UnsupportedShapeError as err:
                     raise UnsupportedShapeError(f"body {component.name!r}: {err}") from err
+                # what cannot move belongs to the world: its pose is folded into the shape
+                if not can_move:
+                    pose = component.entity_pose * _pose(collider.pose)
+                    collider = replace(collider, pose=_flat(pose))
+                self._builder.add_shape(collider, body=body if can_move else 0)
                 self._shape_body.append(b)
         self.model: Model | None = None
 
@@ -210,8 +221,12 @@ class GarmentVisual:
     """A garment's surface in one SAPIEN scene.
 
     SAPIEN's triangle meshes are fixed, so each `update` replaces the mesh; update before taking
-    a picture, not every frame. Both windings are drawn, because back faces are culled.
+    a picture, not every frame. Back faces are culled, so the surface is drawn with both windings:
+    its outside, and its inside in a darker shade.
     """
+
+    INSIDE_SHADE = 0.72
+    """Brightness of the inside, a factor on the (linear) colour."""
 
     def __init__(
         self,
@@ -220,14 +235,36 @@ class GarmentVisual:
         *,
         colour: tuple[float, float, float] = (0.85, 0.5, 0.12),
         roughness: float = 0.9,
+        uvs: np.ndarray | None = None,
+        texture: np.ndarray | None = None,
         name: str = "garment",
     ) -> None:
-        """Add an entity with the garment's material to the scene; it is empty until `update`."""
+        """Add an entity with the garment's materials to the scene; it is empty until `update`.
+
+        Args:
+            scene: Where the garment is drawn.
+            faces: Triangles, shape (F, 3), seen from outside counter-clockwise.
+            colour: Base colour, linear, each in [0, 1]; used where there is no texture.
+            roughness: 0 for a mirror, 1 for chalk.
+            uvs: Texture coordinates in tiles, shape (V, 2); needed with a texture, alone unused.
+            texture: One tile of the outside, shape (H, W, 3), uint8, sRGB.
+            name: Name of the entity.
+        """
+        if texture is not None:
+            if uvs is None:
+                raise ValueError("a texture must come with uvs of shape (V, 2); got None")
+            if texture.ndim != 3 or texture.shape[2] != 3 or texture.dtype != np.uint8:
+                raise ValueError(
+                    "texture must have shape (H, W, 3) and dtype uint8; "
+                    f"got {texture.shape} {texture.dtype}"
+                )
         self._faces = np.asarray(faces, dtype=np.uint32)
-        self._material = render.RenderMaterial()
-        self._material.base_color = [*colour, 1.0]
-        self._material.roughness = roughness
-        self._material.specular = 0.1
+        self._windings = (self._faces, np.ascontiguousarray(self._faces[:, ::-1]))
+        self._uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
+        self._materials = tuple(
+            _make_cloth_material(colour, texture, roughness=roughness, shade=shade)
+            for shade in (1.0, self.INSIDE_SHADE)
+        )
         self._component: render.RenderBodyComponent | None = None
         self.entity = sapien.Entity()
         self.entity.name = name
@@ -236,21 +273,49 @@ class GarmentVisual:
     def update(self, positions: np.ndarray) -> None:
         """Draw the surface at these particle positions [m], shape (V, 3), world frame."""
         positions = np.asarray(positions, dtype=np.float32)
+        uvs = np.zeros((len(positions), 2), np.float32) if self._uvs is None else self._uvs
+        if len(uvs) != len(positions):
+            raise ValueError(f"positions must have shape ({len(uvs)}, 3); got {positions.shape}")
         normals = compute_vertex_normals(positions, self._faces)
-        count = len(positions)
-        shape = render.RenderShapeTriangleMesh(
-            vertices=np.concatenate([positions, positions]),
-            triangles=np.concatenate([self._faces, self._faces[:, ::-1] + count]).astype(np.uint32),
-            normals=np.concatenate([normals, -normals]),
-            uvs=np.zeros((2 * count, 2), dtype=np.float32),
-            material=self._material,
-        )
         component = render.RenderBodyComponent()
-        component.attach(shape)
+        for sign, triangles, material in zip((1, -1), self._windings, self._materials, strict=True):
+            shape = render.RenderShapeTriangleMesh(
+                vertices=positions,
+                triangles=triangles,
+                normals=sign * normals,
+                uvs=uvs,
+                material=material,
+            )
+            component.attach(shape)
         if self._component is not None:
             self.entity.remove_component(self._component)
         self.entity.add_component(component)
         self._component = component
+
+
+def _make_cloth_material(
+    colour: tuple[float, float, float],
+    texture: np.ndarray | None,
+    *,
+    roughness: float,
+    shade: float,
+) -> render.RenderMaterial:
+    """Make a matt material whose linear colour is scaled by `shade`."""
+    material = render.RenderMaterial()
+    material.base_color = [*(shade * c for c in colour), 1.0]
+    material.roughness = roughness
+    material.specular = 0.1
+    if texture is not None:
+        # sRGB is close to a power law, so a linear factor is this factor on its values
+        image = (texture * shade ** (1 / 2.2)).astype(np.uint8)
+        opaque = np.full((*image.shape[:2], 1), 255, dtype=np.uint8)
+        material.base_color_texture = render.RenderTexture2D(
+            np.ascontiguousarray(np.concatenate([image, opaque], axis=2)),
+            "R8G8B8A8Unorm",
+            mipmap_levels=int(np.log2(min(image.shape[:2]))),
+            srgb=True,
+        )
+    return material
 
 
 def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -266,6 +331,10 @@ def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarr
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return (normals / np.maximum(length, 1e-12)).astype(np.float32)
+
+
+def _pose(flat: np.ndarray) -> sapien.Pose:
+    return sapien.Pose(flat[:3], flat[3:])
 
 
 def _flat(pose: sapien.Pose) -> np.ndarray:

@@ -28,6 +28,8 @@ class Shape:
     """Pose in the body's frame, xyz [m] + quaternion wxyz, shape (7,)."""
     friction: float = 1.0
     """Factor on the garment's friction; >= 0."""
+    is_measured: bool = True
+    """Whether the impulse that cloth gives to it is added up in `State.impulse`."""
 
     def __post_init__(self) -> None:
         if self.kind not in KIND_CODES:

@@ -1,11 +1,12 @@
 """The solver: small XPBD substeps with contact last."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import cloth, rigid, selfcontact
+from dgl_physics._kernels import cloth, guard, rigid, selfcontact
 from dgl_physics._kernels.types import Limits
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
@@ -21,15 +22,16 @@ class SolverConfig:
     substeps: int = 10
     """Substeps of a frame, each of one iteration; >= 1."""
     neighbour_searches: int = 2
-    """Searches for particle contacts within a frame; 1..substeps."""
+    """Times in a frame at which particle contacts are searched for; 1..substeps. On the CPU a
+    search is left out while no particle has moved by a third of the margin since the last."""
     neighbour_margin: float = 0.006
-    """Distance beyond the thickness that a search looks for [m]; >= 0. Half of it is how far a
+    """Distance beyond the thickness that a search looks for [m]; > 0. Half of it is how far a
     particle may move between searches without a contact being missed."""
     neighbour_capacity: int = 96
     """Most contacts that a particle can have with other particles."""
     near_capacity: int = 48
     """Most shapes that a particle can be near to."""
-    max_speed: float = 8.0
+    max_speed: float = 15.0
     """Particles are not faster than this [m/s]."""
     separation_speed: float = 0.1
     """Speed at which contact may drive particles out of an overlap [m/s]; > 0."""
@@ -43,6 +45,8 @@ class SolverConfig:
             raise ValueError(f"dt must be > 0; got {self.dt}")
         if self.substeps < 1:
             raise ValueError(f"substeps must be >= 1; got {self.substeps}")
+        if not self.neighbour_margin > 0:
+            raise ValueError(f"neighbour_margin must be > 0; got {self.neighbour_margin}")
         if not 1 <= self.neighbour_searches <= self.substeps:
             raise ValueError(
                 f"neighbour_searches must be in 1..{self.substeps}; got {self.neighbour_searches}"
@@ -75,7 +79,7 @@ class SolverXPBD:
         self._limits.neighbour_margin = c.neighbour_margin
         self._limits.neighbour_capacity = c.neighbour_capacity
         self._limits.near_capacity = c.near_capacity
-        self._grid = wp.HashGrid(128, 128, 128, device=device)
+        self._grid = wp.HashGrid(128, 128, 16, device=device)
         self._grid.reserve(count)
         self._grid_radius = c.neighbour_margin + max(m.thickness for m in _materials(model))
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -93,7 +97,9 @@ class SolverXPBD:
         self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
         self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
-        self._graph: wp.Graph | None = None
+        self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
+        self._displacement = wp.zeros(1, dtype=wp.float32, device=device)
+        self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
 
     def step(self, state: State) -> None:
@@ -103,31 +109,75 @@ class SolverXPBD:
             SimulationDivergedError: If a particle is not finite or left the space (100 m).
             ContactOverflowError: If a contact list was too short.
         """
+        c = self.config
+        parts = [
+            range(k * c.substeps // c.neighbour_searches, (k + 1) * c.substeps // c.neighbour_searches)
+            for k in range(c.neighbour_searches)
+        ]
         with wp.ScopedDevice(self.model.device):
             if self._graph_state is not state:
-                self._launch_frame(state)  # compiles what is not compiled; graphs only record
-                self._graph = None
-                self._graph_state = state
-            else:
-                if self._graph is None:
-                    with wp.ScopedCapture() as capture:
-                        self._launch_frame(state)
-                    self._graph = capture.graph
-                wp.capture_launch(self._graph)
+                self._graphs, self._graph_state = {}, state
+            self._replay("begin", self._begin_frame)
+            for part in parts:
+                if self._needs_search():
+                    self._replay("search", self._find_neighbours)
+                self._replay(f"substeps {part}", lambda part=part: self._run_substeps(part))
+            self._replay("end", self._end_frame)
         self.frame += 1
         if self.config.is_guarded:
             self._check()
 
-    def _launch_frame(self, state: State) -> None:
-        m, c = self.model, self.config
+    def _replay(self, name: str, launch: Callable[[], None]) -> None:
+        """Run launches: directly the first time, which compiles kernels, then as a graph."""
+        if name not in self._graphs:
+            launch()
+            with wp.ScopedCapture() as capture:
+                launch()
+            self._graphs[name] = capture.graph
+        else:
+            wp.capture_launch(self._graphs[name])
+
+    @property
+    def _state(self) -> State:
+        assert self._graph_state is not None
+        return self._graph_state
+
+    def _needs_search(self) -> bool:
+        if self.model.device != "cpu":
+            return True  # reading the displacement back would stall the device
+        self._displacement.zero_()
+        m = self.model
+        wp.launch(
+            guard.measure_displacement,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[m.inverse_mass, self._state.positions, self._searched_at, self._displacement],
+        )
+        # `not <` so that NaN leads to a search, and the guard reports it
+        return not float(self._displacement.numpy()[0]) < self.config.neighbour_margin / 3
+
+    def _begin_frame(self) -> None:
+        self._state.impulse.zero_()
+        self._find_near_shapes(self._state)
+
+    def _end_frame(self) -> None:
+        m, state = self.model, self._state
+        wp.copy(state.body_start, state.body_end)
+        if self.config.is_guarded:
+            wp.launch(
+                guard.flag_divergence,
+                dim=m.env_count * m.particles_per_env,
+                inputs=[m.particles_per_env, 100.0, m.inverse_mass, state.positions, self._flag],
+            )
+
+    def _run_substeps(self, part: range) -> None:
+        m, c, state = self.model, self.config, self._state
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
-        search_at = {round(k * c.substeps / c.neighbour_searches) for k in range(c.neighbour_searches)}
-        state.impulse.zero_()
-        self._find_near_shapes(state)
-        for k in range(c.substeps):
-            if k in search_at:
-                self._find_neighbours(state)
+        colours = m.colour_start
+        if m.device == "cpu":
+            # One thread works off a launch in order, so constraints of all colours may share one.
+            colours = (colours[0], colours[-1])
+        for k in part:
             wp.launch(
                 cloth.integrate,
                 dim=count,
@@ -136,15 +186,6 @@ class SolverXPBD:
                     m.materials, m.inverse_mass, state.positions, state.velocities, self._previous,
                 ],
             )  # fmt: skip
-            for first, end in zip(m.colour_start[:-1], m.colour_start[1:], strict=True):
-                wp.launch(
-                    cloth.solve_distances,
-                    dim=end - first,
-                    inputs=[
-                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
-                        state.positions,
-                    ],
-                )  # fmt: skip
             wp.launch(
                 selfcontact.solve_self_contact,
                 dim=count,
@@ -154,6 +195,20 @@ class SolverXPBD:
                     self._correction,
                 ],
             )  # fmt: skip
+            wp.launch(
+                selfcontact.apply_corrections,
+                dim=count,
+                inputs=[self._correction, state.positions],
+            )
+            for first, end in zip(colours[:-1], colours[1:], strict=True):
+                wp.launch(
+                    cloth.solve_distances,
+                    dim=end - first,
+                    inputs=[
+                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
+                        state.positions,
+                    ],
+                )  # fmt: skip
             self._pose_shapes(state, (k + 1) / c.substeps)
             wp.launch(
                 rigid.solve_rigid_contact,
@@ -161,17 +216,10 @@ class SolverXPBD:
                 inputs=[
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
-                    self._near_count, self._correction, self._previous, state.positions,
+                    self._near_count, self._previous, state.positions,
                     state.velocities, state.impulse,
                 ],
             )  # fmt: skip
-        wp.copy(state.body_start, state.body_end)
-        if c.is_guarded:
-            wp.launch(
-                rigid.flag_divergence,
-                dim=count,
-                inputs=[m.particles_per_env, 100.0, m.inverse_mass, state.positions, self._flag],
-            )
 
     def _find_near_shapes(self, state: State) -> None:
         m, c = self.model, self.config
@@ -211,8 +259,9 @@ class SolverXPBD:
             ],
         )  # fmt: skip
 
-    def _find_neighbours(self, state: State) -> None:
-        m = self.model
+    def _find_neighbours(self) -> None:
+        m, state = self.model, self._state
+        wp.copy(self._searched_at, state.positions)
         self._grid.build(state.positions, self._grid_radius, groups=m.environment)
         wp.launch(
             selfcontact.find_neighbours,

@@ -125,18 +125,6 @@ def _checked_pose(name: str, pose: np.ndarray) -> np.ndarray:
     return pose
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reach:
-    """A way for one arm to a grasp point."""
-
-    pose: np.ndarray
-    """Pose of `ee` at the grasp, xyz [m] and wxyz, shape (7,), world frame."""
-    path: np.ndarray
-    """Joint targets [rad], one per control step, shape (M, 6); the last one is at `pose`."""
-    turn: float
-    """How far the wanted orientation was turned inward [rad]."""
-
-
 class ArmKinematics:
     """Forward and inverse kinematics of one arm.
 
@@ -255,48 +243,6 @@ class ArmKinematics:
             q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
             path.append(q)
         return limit_joint_speed(np.array(path).reshape(-1, len(UR10E)), np.asarray(start_q))
-
-    def reach_grasp(
-        self,
-        point: np.ndarray,
-        quaternion: np.ndarray,
-        start_q: np.ndarray,
-        *,
-        turns: tuple[float, ...] = (0.0,),
-        spacing: float = 0.01,
-    ) -> Reach:
-        """Go in a straight line until the grasp point between the fingers is at `point`.
-
-        Close beside its own base an arm cannot hold the hand in every direction. Further `turns`
-        let the hand point more inward where the wanted orientation does not reach.
-
-        Args:
-            point: Grasp point [m], shape (3,), world frame.
-            quaternion: Wanted orientation of `ee`, wxyz, shape (4,).
-            start_q: Present joint positions [rad], shape (6,).
-            turns: Inward turns to try [rad], in this order; (0.0,) accepts the wanted one only.
-            spacing: Distance between waypoints [m].
-
-        Returns:
-            The first turn that reaches, with its pose and joint path.
-
-        Raises:
-            UnreachableError: That of the last turn, if none reaches.
-        """
-        if not turns:
-            raise ValueError("turns must name at least one angle; got an empty tuple")
-        start_pose = self.compute_pose(start_q)
-        for turn in turns:
-            q_wxyz = turn_inward(quaternion, turn, self.side)
-            pose = np.concatenate([grasp_to_wrist(point, q_wxyz, self.side), q_wxyz])
-            try:
-                path = self.follow(plan_line(start_pose, pose, spacing=spacing), start_q)
-            except UnreachableError:
-                if turn == turns[-1]:
-                    raise
-            else:
-                return Reach(pose=pose, path=path, turn=turn)
-        raise AssertionError("unreachable: the last turn returns or raises")
 
     def _set(self, q: np.ndarray) -> None:
         self._robot.state.q[7:] = q

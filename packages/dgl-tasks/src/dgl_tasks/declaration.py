@@ -12,7 +12,7 @@ from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlaceme
 from dgl_physics import ClothMaterial
 
 from dgl_tasks.cameras import CameraPlacement, Workspace
-from dgl_tasks.control import GraspName
+from dgl_tasks.grasps import GraspName
 from dgl_tasks.success import Verdict
 
 Range = tuple[float, float]
@@ -32,8 +32,6 @@ class Stage:
     orientation: GraspName = "standard"
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
-    settle_frames: int = 20
-    """Frames that the garment gets to come to rest after the hands have left."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
 
@@ -62,8 +60,8 @@ class Task:
     """Rotation of the garment about z [rad]."""
     drop_height: float = 0.2
     """Height that the garment is dropped from [m]."""
-    settle_frames: int = 100
-    """Frames of 1/60 s from the drop to the first observation."""
+    settle_frames: int = 60
+    """Frames of 1/60 s from the drop to the end of a reset."""
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     cameras: Mapping[str, CameraPlacement]

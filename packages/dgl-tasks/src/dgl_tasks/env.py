@@ -6,16 +6,17 @@ import numpy as np
 import sapien
 import torch
 from dgl_assets import Garment, garment_ids, load_garment
+from dgl_assets.fabrics import Fabric, make_fabric
 from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
 from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from mani_skill.envs.sapien_env import BaseEnv
-from mani_skill.utils.building.ground import build_ground
 from mani_skill.utils.structs.types import SimConfig
 
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.robot import let_robot_pass, make_agent_class
+from dgl_tasks.scene import build_floor, light_scene
 from dgl_tasks.success import Verdict
 from dgl_tasks.tasks import get_task
 
@@ -57,6 +58,7 @@ class GarmentEnv(BaseEnv):
         self._is_drawn = False
         self.cloth: SapienCloth
         self.garment: Garment
+        self.fabric: Fabric
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
             robot_uids = make_agent_class(
@@ -83,17 +85,31 @@ class GarmentEnv(BaseEnv):
         return [self.task.cameras["video_camera"].build()]
 
     def _load_scene(self, options: dict) -> None:
-        self.ground = build_ground(self.scene)
+        self.ground = build_floor(
+            self.scene,
+            mat_centre=(float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))),
+            pedestals=[base[:2] for base in (self.task.left_base, self.task.right_base)],
+        )
         let_robot_pass(self.ground)
         self._garment_visual = None
 
+    def _load_lighting(self, options: dict) -> None:
+        light_scene(self.scene)
+
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
-        rng = np.random.default_rng(int(self._episode_seed[0]))
+        seed = int(self._episode_seed[0])
+        rng = np.random.default_rng(seed)
         # All draws are made whatever the options, so that an option changes only what it names.
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
         garment_id = options.get("garment", drawn)
-        self.draws = {"garment": garment_id, "x": float(x), "y": float(y)}
+        self.fabric = make_fabric([seed, 7])
+        self.draws = {
+            "garment": garment_id,
+            "x": float(x),
+            "y": float(y),
+            "fabric": self.fabric.name,
+        }
         start = HOME_CONFIGURATION.copy()
         for side in SIDES:
             start[joint_slice(side, "hand")] = HAND_POSES["open"]
@@ -144,6 +160,17 @@ class GarmentEnv(BaseEnv):
     def _after_control_step(self) -> None:
         self.cloth.step()
         self._is_drawn = False
+
+    def advance(self, action: np.ndarray | torch.Tensor) -> None:
+        """Make one control step without observation, reward and evaluation.
+
+        For whoever asks for these at some steps only, such as a recorder at every fifth.
+
+        Args:
+            action: Joint targets [rad], shape (60,) or (1, 60).
+        """
+        self._step_action(action)
+        self._elapsed_steps += 1
 
     def get_particles(self) -> np.ndarray:
         """Positions of the garment's vertices [m], shape (V, 3), world frame."""
@@ -242,7 +269,14 @@ class GarmentEnv(BaseEnv):
         if self._is_drawn:
             return
         if self._garment_visual is None:
-            self._garment_visual = GarmentVisual(self.scene.sub_scenes[0], self.garment.faces)
+            self._garment_visual = GarmentVisual(
+                self.scene.sub_scenes[0],
+                self.garment.faces,
+                colour=self.fabric.colour,
+                roughness=self.fabric.roughness,
+                uvs=self.fabric.compute_uvs(self.garment.rest_vertices),
+                texture=self.fabric.texture,
+            )
         self._garment_visual.update(self.get_particles())
         self._is_drawn = True
 

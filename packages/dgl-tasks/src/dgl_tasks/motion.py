@@ -7,24 +7,20 @@ from pathlib import Path
 import numpy as np
 from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
 
-from dgl_tasks.control import (
-    GRASP_ORIENTATIONS,
-    ArmKinematics,
-    GraspName,
-    grasp_to_wrist,
-    plan_line,
-)
+from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.rotations import multiply_quaternions
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, grasp_to_wrist, turn_inward
 
 HAND_FRAMES = 20
 """Frames of a change of hand pose (original code)."""
 _HAND_RAMP = 14  # frames of which the targets move; the rest lets the fingers arrive
-JOINT_SPEED = 1.6
+JOINT_SPEED = 2.0
 """Speed of the fastest arm joint of a move in joint space [rad/s]; the limit is 2.09."""
-TURNS: tuple[float, ...] = tuple(np.radians((0, 15, -15, 30, -30, 45, -45, 60, -60, 75)))
-"""Turns of a grasp about the vertical that are tried when it is out of reach [rad]."""
+TURNS: tuple[float, ...] = tuple(
+    float(np.radians(a)) for a in (0, 15, -15, 30, -30, 45, -45, 60, -60)
+)
+"""Inward turns about the vertical that are tried when a grasp is out of reach [rad]."""
 
 
 def _park(side: Side) -> np.ndarray:
@@ -36,21 +32,6 @@ def _park(side: Side) -> np.ndarray:
 
 PARKED: dict[Side, np.ndarray] = {side: _park(side) for side in SIDES}
 """Joint positions of each arm [rad], shape (6,), out of the cameras' way."""
-
-def turn_orientation(name: GraspName, side: Side, turn: float) -> np.ndarray:
-    """Turn a named grasp orientation about the vertical.
-
-    Args:
-        name: Key of `GRASP_ORIENTATIONS`.
-        side: Which hand.
-        turn: Angle [rad]; positive turns the fingers outwards, away from the other hand.
-
-    Returns:
-        Quaternion wxyz, shape (4,), of `ee` in the world.
-    """
-    half = 0.5 * (turn if side == "left" else -turn)
-    about_z = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-    return multiply_quaternions(about_z, GRASP_ORIENTATIONS[name][side])
 
 
 class BimanualMotion:
@@ -170,7 +151,7 @@ class BimanualMotion:
         for side in sides:
             first: UnreachableError | None = None
             for turn in TURNS:
-                orientation = turn_orientation(name, side, float(turn))
+                orientation = turn_inward(GRASP_ORIENTATIONS[name][side], turn, side)
                 try:
                     with self._rehearsal():
                         rehearse(side, orientation)
@@ -203,13 +184,15 @@ class BimanualMotion:
         for side, q in sides.items():
             goal[joint_slice(side, "arm")] = q
         change = goal - self.target
-        # the smooth step below is half as fast again in its middle
-        frames = int(np.ceil(1.5 * np.abs(change).max() / speed * 60))
+        # a fifth of the time to speed up and a fifth to slow down: the peak is 1.25 times the mean
+        frames = int(np.ceil(1.25 * np.abs(change).max() / speed * 60))
         if frames == 0:
             return np.zeros((0, 60))
-        # a smooth start and stop: 3 s^2 - 2 s^3
-        s = (np.arange(1, frames + 1) / frames)[:, None]
-        return self._finish(self.target + change * (3 * s**2 - 2 * s**3))
+        s = np.arange(1, frames + 1) / frames
+        ramp = 1.25 * np.where(
+            s < 0.2, 2.5 * s**2, np.where(s > 0.8, 0.8 - 2.5 * (1 - s) ** 2, s - 0.1)
+        )
+        return self._finish(self.target + change * ramp[:, None])
 
     def _finish(self, rows: np.ndarray) -> np.ndarray:
         self.target = rows[-1].copy()

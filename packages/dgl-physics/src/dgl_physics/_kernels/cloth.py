@@ -6,6 +6,8 @@ import warp as wp
 
 from dgl_physics._kernels.types import Material
 
+wp.set_module_options({"enable_backward": False, "fast_math": True})
+
 
 @wp.kernel
 def integrate(

@@ -6,6 +6,8 @@ import warp as wp
 
 from dgl_physics._kernels.types import Limits, Material
 
+wp.set_module_options({"enable_backward": False, "fast_math": True})
+
 
 @wp.kernel
 def find_neighbours(
@@ -107,3 +109,13 @@ def solve_self_contact(
                     pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
                     total += n * pull
     correction[i] = total / wp.max(1.0, hits * 0.5)
+
+
+@wp.kernel
+def apply_corrections(
+    correction: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+):
+    """Move the particles by their corrections."""
+    i = wp.tid()
+    position[i] = position[i] + correction[i]

@@ -39,3 +39,5 @@ class ShapeTable:
     body: wp.array(dtype=wp.int32)
     friction: wp.array(dtype=wp.float32)
     radius: wp.array(dtype=wp.float32)
+    is_moving: wp.array(dtype=wp.int32)
+    is_measured: wp.array(dtype=wp.int32)

@@ -1,0 +1,117 @@
+"""Whole attempts: the same files for the same seed, and honest failures."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dgl_assets.robots import SIDES, joint_slice
+from dgl_collect import read_episode
+from dgl_collect.attempt import DemonstrationAttempt, make_attempt_runner
+from dgl_tasks import get_task
+
+TASK_ID = "FoldTops-v1"
+
+
+@pytest.fixture(scope="module")
+def runner():
+    made = make_attempt_runner(TASK_ID, {})
+    yield made
+    made.close()
+
+
+def run(runner, folder, *, seed=0):
+    folder.mkdir()
+    return runner.run(attempt_index=0, seed=seed, out_dir=folder, episode_id="episode")
+
+
+def set_material(runner, **changes):
+    """Change the fabric of the following attempts; the environment reads it at each reset."""
+    task = get_task(TASK_ID)
+    material = dataclasses.replace(task.material, **changes)
+    runner.env.task = dataclasses.replace(task, material=material)
+
+
+def test_unknown_options_are_refused():
+    with pytest.raises(ValueError, match=r"options must be among \['garment'\]; got \['speed'\]"):
+        make_attempt_runner(TASK_ID, {"speed": 2})
+
+
+@pytest.mark.render
+def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
+    runner, tmp_path, monkeypatch
+):
+    """The garment is looked for 3 m above the ground; short, since nothing is ever grasped."""
+    stage = dataclasses.replace(get_task(TASK_ID).stages[0], grasp_height=3.0)
+    task = dataclasses.replace(get_task(TASK_ID), stages=(stage,))
+    monkeypatch.setattr(runner, "task", task)
+    result = run(runner, tmp_path / "far")
+    assert not result.success
+    assert result.value is None
+    assert result.reason == "unreachable"
+    assert "left arm cannot reach" in result.detail
+    assert set(result.files) == {"video", "picture"}
+    for name in result.files.values():
+        assert (tmp_path / "far" / name).stat().st_size > 1000
+    assert result.garment_id == result.randomisation["garment"]
+    assert result.frames == 0
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_equal_seeds_give_equal_files(runner, tmp_path):
+    first, second = (run(runner, tmp_path / name) for name in ("first", "second"))
+    assert first.success, (first.reason, first.detail)
+    assert first.value == second.value >= 0.85
+    for name in first.files.values():
+        one, other = (tmp_path / folder / name for folder in ("first", "second"))
+        assert one.read_bytes() == other.read_bytes(), name
+    check_episode(read_episode(tmp_path / "first" / first.files["episode"]), first)
+
+
+def check_episode(episode, result):
+    """What a policy learns from: whole stages in order, each from open hand to open hand."""
+    task = get_task(TASK_ID)
+    assert [stage.name for stage in episode.stages] == [stage.name for stage in task.stages]
+    assert episode.success
+    assert episode.success_value == result.value
+    assert sum(stage.frame_count for stage in episode.stages) == result.frames
+    for declared, stage in zip(task.stages, episode.stages, strict=True):
+        assert stage.frame_count >= 15
+        # commanded and measured joints agree but for the lag of the drives
+        arms = np.r_[tuple(joint_slice(side, "arm") for side in SIDES)]
+        assert np.abs(stage.action - stage.joint_state)[:, arms].max() < 0.35
+        # the channels peak where the hands took hold
+        for column, side in enumerate(SIDES):
+            if side in declared.grasp:
+                best = stage.points_affordance_feature[:, column].argmax()
+                point = stage.points[declared.grasp[side]]["xyz"]
+                gap = stage.garment_point_cloud[best][:2] - np.array(point)[:2]
+                assert np.linalg.norm(gap) < 0.15
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_without_friction_and_adhesion_nothing_is_lifted(runner, tmp_path):
+    set_material(runner, friction=0.0, adhesion=0.0)
+    try:
+        result = run(runner, tmp_path / "slippery")
+    finally:
+        runner.env.task = get_task(TASK_ID)
+    assert not result.success
+    assert result.reason == "missed grasp"
+    assert "left_sleeve, waypoint 0, left hand" in result.detail
+    assert "episode" not in result.files
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_the_garment_can_be_chosen(tmp_path):
+    garment = "Tops_LongSleeve/000019"
+    made = DemonstrationAttempt(TASK_ID, garment=garment)
+    try:
+        result = run(made, tmp_path / "chosen", seed=3)
+    finally:
+        made.close()
+    assert result.garment_id == garment
+    assert result.randomisation["garment"] == garment

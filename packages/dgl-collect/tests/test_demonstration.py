@@ -1,0 +1,208 @@
+"""The demonstrations that come with the package, faults in them, and retargeting."""
+
+import copy
+import json
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from dgl_assets import correspond, load_garment
+from dgl_collect.demonstration import (
+    load_demonstration,
+    parse_demonstration,
+    retarget_waypoints,
+)
+from dgl_collect.errors import DemonstrationError
+from dgl_tasks import get_task, task_ids
+
+FILE = resources.files("dgl_collect") / "demonstrations" / "FoldTops.json"
+
+# Where a garment might lie: the points of the paper's formulas, with heights that must not matter.
+P = {
+    "left_cuff": np.array([-0.50, 0.70, 0.010]),
+    "right_chest": np.array([0.16, 0.95, 0.012]),
+    "right_cuff": np.array([0.48, 0.68, 0.008]),
+    "left_chest": np.array([-0.15, 0.96, 0.011]),
+    "left_hem": np.array([-0.20, 0.56, 0.009]),
+    "right_hem": np.array([0.21, 0.57, 0.010]),
+}
+
+
+@pytest.fixture
+def content():
+    return json.loads(FILE.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def demonstration():
+    return load_demonstration("FoldTops-v1")
+
+
+def horizontal(a, b):
+    return float(np.hypot(*(a - b)[:2]))
+
+
+@pytest.mark.parametrize("task_id", task_ids())
+def test_every_task_has_a_demonstration_that_fits_it(task_id):
+    task, demonstration = get_task(task_id), load_demonstration(task_id)
+    assert demonstration.task == task.id
+    assert [stage.name for stage in demonstration.stages] == [s.name for s in task.stages]
+    named = {name for stage in task.stages for name in stage.grasp.values()}
+    assert named | set(task.judging_points) <= set(demonstration.points)
+    for stage in task.stages:
+        demonstrated = demonstration.get_stage(stage.name)
+        for waypoint in demonstrated.waypoints:
+            assert set(waypoint.targets) == set(stage.grasp)
+        assert retarget_waypoints(demonstrated, demonstration.points)
+
+
+def test_the_marked_points_lie_on_the_garment(demonstration):
+    garment = load_garment(demonstration.garment)
+    assert garment.category == get_task(demonstration.task).category
+    marked = np.array(list(demonstration.points.values()))
+    distance = np.linalg.norm(garment.vertices[None] - marked[:, None], axis=2).min(axis=1)
+    assert distance.max() < 0.015
+    np.testing.assert_allclose(correspond(garment, marked, garment), marked, atol=0.01)
+
+
+def test_sleeves_follow_the_papers_formulas(demonstration):
+    for stage, side, cuff, own, other in (
+        ("left_sleeve", "left", "left_cuff", "left_chest", "right_chest"),
+        ("right_sleeve", "right", "right_cuff", "right_chest", "left_chest"),
+    ):
+        h = min(horizontal(P[cuff], P[own]), 0.3)
+        waypoints = retarget_waypoints(demonstration.get_stage(stage), P)
+        assert all(set(targets) == {side} for targets, _ in waypoints)
+        lift, carry, lower = (targets[side] for targets, _ in waypoints)
+        np.testing.assert_allclose(lift, (*P[cuff][:2], h))
+        np.testing.assert_allclose(carry, (*P[other][:2], h))
+        np.testing.assert_allclose(lower[:2], carry[:2])
+        assert 0 < lower[2] < carry[2]
+
+
+def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(demonstration):
+    stage = demonstration.get_stage("left_sleeve")
+    for length, height in ((0.2, 0.2), (0.29, 0.29), (0.31, 0.3), (0.6, 0.3)):
+        points = P | {"left_cuff": P["left_chest"] - (length, 0, 0)}
+        lift = retarget_waypoints(stage, points)[0][0]["left"]
+        assert lift[2] == pytest.approx(height)
+
+
+def test_the_bottom_follows_the_papers_formulas(demonstration):
+    """Hf = p3.y - p4.y with p3 the left chest and p4 the left hem, for both hands."""
+    length = P["left_chest"][1] - P["left_hem"][1]
+    waypoints = retarget_waypoints(demonstration.get_stage("bottom_up"), P)
+    lift, carry, lower = (targets for targets, _ in waypoints)
+    for side, hem, chest in (
+        ("left", "left_hem", "left_chest"),
+        ("right", "right_hem", "right_chest"),
+    ):
+        np.testing.assert_allclose(lift[side], (*P[hem][:2], length / 2))
+        over = (P[chest][0], P[chest][1] + 0.1, min(length / 2, 0.2))
+        np.testing.assert_allclose(carry[side], over)
+        np.testing.assert_allclose(lower[side][:2], carry[side][:2])
+        assert 0 < lower[side][2] < carry[side][2]
+
+
+def test_waypoints_move_with_the_garment(demonstration):
+    shift = np.array([0.07, -0.05, 0.0])
+    moved = {name: xyz + shift for name, xyz in P.items()}
+    for stage in demonstration.stages:
+        for (before, _), (after, _) in zip(
+            retarget_waypoints(stage, P), retarget_waypoints(stage, moved), strict=True
+        ):
+            for side, goal in before.items():
+                np.testing.assert_allclose(after[side], goal + shift, atol=1e-12)
+
+
+def test_a_point_that_was_not_found_is_named(demonstration):
+    points = {k: v for k, v in P.items() if k != "right_chest"}
+    with pytest.raises(DemonstrationError, match=r"'left_sleeve': .*unknown name 'right_chest'"):
+        retarget_waypoints(demonstration.get_stage("left_sleeve"), points)
+
+
+def test_what_is_not_there_is_said(demonstration):
+    with pytest.raises(DemonstrationError, match=r"no demonstration of 'HangCoat-v1'.*HangCoat"):
+        load_demonstration("HangCoat-v1")
+    with pytest.raises(DemonstrationError, match="no stage 'collar'; it has left_sleeve, right_"):
+        demonstration.get_stage("collar")
+
+
+def _set(path, value):
+    def change(content):
+        *parents, last = path
+        for key in parents:
+            content = content[key]
+        content[last] = value
+
+    return change
+
+
+def _drop(*path):
+    def change(content):
+        *parents, last = path
+        for key in parents:
+            content = content[key]
+        del content[last]
+
+    return change
+
+
+STAGE, WAYPOINT = ("stages", 0), ("stages", 0, "waypoints", 0)
+FAULTS = [
+    (_drop("format"), "missing 'format'"),
+    (_set(["format"], 2), "format must be 1; got 2"),
+    (_drop("task"), "missing 'task'"),
+    (_drop("garment"), "missing 'garment'"),
+    (_drop("points"), "missing 'points'"),
+    (_drop("stages"), "missing 'stages'"),
+    (_set(["points", "collar"], [0.0, 0.1]), "point 'collar' must be three numbers"),
+    (_set(["points", "collar"], [0.0, 0.1, float("nan")]), "point 'collar' must be three numbers"),
+    (_set(["points", "collar"], "top"), "could not convert string"),
+    (_set(["points"], [[0, 0, 0]]), "items"),
+    (_drop(*STAGE, "name"), "missing 'name'"),
+    (_drop(*STAGE, "waypoints"), "missing 'waypoints'"),
+    (_drop(*STAGE, "grasp_pose"), "missing 'grasp_pose'"),
+    (_set([*STAGE, "grasp_pose"], "fist"), "grasp_pose must be one of .*; got 'fist'"),
+    (_set([*STAGE, "release_pose"], "drop"), "release_pose must be one of .*; got 'drop'"),
+    (_set(WAYPOINT, {"spacing": 0.01}), "a waypoint has hands"),
+    (_set(WAYPOINT, {"left": ["0"] * 3, "middle": ["0"] * 3}), "got .*'middle'"),
+    (_set([*WAYPOINT, "left"], ["0", "0"]), "left must have formulas for x, y, z"),
+    (_set([*WAYPOINT, "spacing"], 0), "spacing must be positive; got 0"),
+    (_set([*WAYPOINT, "spacing"], -0.01), "spacing must be positive"),
+    (_set([*WAYPOINT, "spacing"], "fast"), "could not convert string"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), FAULTS, ids=[message for _, message in FAULTS])
+def test_every_fault_names_the_file_and_the_place(content, change, message):
+    faulty = copy.deepcopy(content)
+    change(faulty)
+    with pytest.raises(DemonstrationError, match=rf"^top\.json: .*{message}"):
+        parse_demonstration(faulty, source="top.json")
+    parse_demonstration(content, source="top.json")
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [("left_cuf.x", "unknown name 'left_cuf'"), ("__import__('os')", "unknown function")],
+)
+def test_a_faulty_formula_names_its_stage(content, formula, message):
+    content["stages"][0]["waypoints"][0]["left"][0] = formula
+    demonstration = parse_demonstration(content, source="top.json")
+    with pytest.raises(DemonstrationError, match=f"stage 'left_sleeve': .*{message}"):
+        retarget_waypoints(demonstration.stages[0], demonstration.points)
+
+
+def test_definitions_see_those_before_them(content):
+    stage = content["stages"][0]
+    stage["definitions"] = {"a": "left_cuff.x", "b": "a * 2"}
+    stage["waypoints"] = [{"left": ["a", "b", 0.1], "spacing": 0.005}]
+    demonstration = parse_demonstration(content, source="top.json")
+    ((targets, spacing),) = retarget_waypoints(demonstration.stages[0], P)
+    np.testing.assert_allclose(targets["left"], (-0.5, -1.0, 0.1))
+    assert spacing == 0.005
+    stage["definitions"] = {"b": "a * 2", "a": "left_cuff.x"}
+    with pytest.raises(DemonstrationError, match="unknown name 'a'"):
+        retarget_waypoints(parse_demonstration(content, source="t").stages[0], P)

@@ -1,0 +1,39 @@
+"""Looking for particles that went astray, and for those that moved since the last search.
+
+Compiled without fast mathematics, which would assume that there are no NaNs.
+"""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportOperatorIssue=false
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def flag_divergence(
+    particles_per_env: wp.int32,
+    extent: wp.float32,
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    flag: wp.array(dtype=wp.int32),
+):
+    """Mark environments with a particle that is not finite or too far away."""
+    i = wp.tid()
+    if inverse_mass[i] > 0.0:
+        x = position[i]
+        if not (wp.length(x) < extent):
+            flag[i // particles_per_env] = 1
+
+
+@wp.kernel
+def measure_displacement(
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    searched_at: wp.array(dtype=wp.vec3),
+    largest: wp.array(dtype=wp.float32),
+):
+    """Largest distance of a particle from where the last neighbour search found it."""
+    i = wp.tid()
+    if inverse_mass[i] > 0.0:
+        wp.atomic_max(largest, 0, wp.length(position[i] - searched_at[i]))

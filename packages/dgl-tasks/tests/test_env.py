@@ -1,0 +1,250 @@
+"""The environment without pictures: draws, determinism, state, observation and judgement."""
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+
+import dgl_tasks
+from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
+from dgl_tasks.grasps import wrist_to_grasp
+
+TASK = dgl_tasks.get_task("FoldTops-v1")
+GARMENT = "Tops_LongSleeve/000019"
+
+
+@pytest.fixture(scope="module")
+def env():
+    """One environment for the whole module: each test resets it."""
+    made = gymnasium.make(
+        "FoldTops-v1", obs_mode="state", sim_backend="physx_cpu", render_backend="none"
+    )
+    yield made.unwrapped
+    made.close()
+
+
+def get_action(env):
+    """A fixed action that is not the resting one: both hands half closed."""
+    action = env.agent.get_joint_state()[0].numpy().copy()
+    for side in ("left", "right"):
+        action[joint_slice(side, "hand")] = 0.5 * HAND_POSES["close"]
+    return action
+
+
+def run(env, frames):
+    action = get_action(env)
+    for _ in range(frames):
+        env.step(action)
+    return env.get_particles().copy(), env.agent.get_joint_state()[0].numpy().copy()
+
+
+def put_particles(env, positions, velocities=None):
+    velocities = np.zeros_like(positions) if velocities is None else velocities
+    env.cloth.state.set_particles(
+        positions[None].astype(np.float32), velocities[None].astype(np.float32)
+    )
+
+
+def press_into_box(env, *, share=1.0):
+    """Scale the garment horizontally about the box's centre until it fits; leave a part outside."""
+    x0, y0, x1, y1 = env.judge_visible_surface().box
+    positions = env.get_particles().astype(np.float64)
+    low, high = positions[:, :2].min(axis=0), positions[:, :2].max(axis=0)
+    size = 0.98 * np.array([x1 - x0, y1 - y0])
+    unit = (positions[:, :2] - low) / (high - low)
+    positions[:, :2] = np.array([x0, y0]) + 0.01 * size + unit * size * [1.0 / share, 1.0]
+    positions[:, 2] = 0.004
+    return positions
+
+
+def test_spaces_and_observation(env):
+    observation, _ = env.reset(seed=0)
+    assert env.single_action_space.shape == (60,)
+    assert observation.shape == (1, 134)
+    parts = env.get_obs(unflattened=True)
+    q, v = parts["agent"]["joint_positions"], parts["agent"]["joint_velocities"]
+    assert q.shape == v.shape == (1, len(JOINT_NAMES))
+    torch.testing.assert_close(q, env.agent.get_joint_state())
+    poses = parts["extra"]["ee_poses"].reshape(2, 7)
+    torch.testing.assert_close(poses, env.agent.get_ee_poses()[0])
+    assert poses[0, 0] < 0 < poses[1, 0]  # left first
+    np.testing.assert_allclose(np.linalg.norm(poses[:, 3:], axis=1), 1.0, atol=1e-5)
+
+
+def test_the_joint_targets_are_reached(env):
+    env.reset(seed=0)
+    action = get_action(env)
+    for _ in range(60):
+        env.step(action)
+    np.testing.assert_allclose(env.agent.get_joint_state()[0].numpy(), action, atol=0.03)
+
+
+def test_draws_follow_from_the_seed_alone_and_lie_in_their_ranges(env):
+    draws = []
+    for seed in (3, 4, 5, 3):
+        env.reset(seed=seed)
+        draws.append(dict(env.draws))
+    assert draws[0] == draws[3]
+    assert len({str(d) for d in draws}) == 3
+    for draw in draws:
+        assert TASK.x_range[0] <= draw["x"] <= TASK.x_range[1]
+        assert TASK.y_range[0] <= draw["y"] <= TASK.y_range[1]
+        assert draw["garment"].startswith("Tops_LongSleeve/")
+
+
+def test_the_garment_lies_where_it_was_drawn(env):
+    env.reset(seed=5)
+    particles = env.get_particles()
+    assert particles.shape == env.garment.vertices.shape
+    middle = (particles.min(axis=0) + particles.max(axis=0)) / 2
+    np.testing.assert_allclose(middle[:2], (env.draws["x"], env.draws["y"]), atol=0.02)
+    assert particles[:, 2].min() > 0
+    assert particles[:, 2].max() < 0.06
+
+
+def test_the_garment_can_be_chosen_and_nothing_else_changes(env):
+    env.reset(seed=5)
+    drawn = dict(env.draws)
+    env.reset(seed=5, options={"garment": GARMENT})
+    assert env.garment.name == env.draws["garment"] == GARMENT
+    assert {k: env.draws[k] for k in "xy"} == {k: drawn[k] for k in "xy"}
+    assert drawn["garment"] != GARMENT
+
+
+def test_equal_seeds_give_equal_particles_to_the_last_bit(env):
+    env.reset(seed=7, options={"garment": GARMENT})
+    first = run(env, 20)
+    env.reset(seed=8)  # what was there before leaves no trace
+    run(env, 3)
+    env.reset(seed=7, options={"garment": GARMENT})
+    second = run(env, 20)
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_advancing_moves_like_stepping(env):
+    env.reset(seed=7, options={"garment": GARMENT})
+    stepped = run(env, 10)
+    elapsed = int(env.elapsed_steps[0])
+    env.reset(seed=7, options={"garment": GARMENT})
+    action = get_action(env)
+    for _ in range(10):
+        env.advance(action)
+    np.testing.assert_array_equal(env.get_particles(), stepped[0])
+    np.testing.assert_array_equal(env.agent.get_joint_state()[0].numpy(), stepped[1])
+    assert int(env.elapsed_steps[0]) == elapsed == 10
+
+
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_a_restored_state_goes_on_to_the_last_bit(env, is_flat):
+    """The joints of the first run differ by rounding: PhysX keeps more of them than it tells."""
+    env.reset(seed=7, options={"garment": GARMENT})
+    run(env, 5)
+    state = env.get_state().clone() if is_flat else env.get_state_dict()
+    restore = env.set_state if is_flat else env.set_state_dict
+    first = run(env, 10)
+    restored = []
+    for _ in range(2):
+        restore(state)
+        now = env.get_state() if is_flat else env.get_state_dict()["garment"]["positions"]
+        before = state if is_flat else state["garment"]["positions"]
+        torch.testing.assert_close(now, before, rtol=0, atol=0)
+        restored.append(run(env, 10))
+    for a, b in zip(*restored, strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(restored[0][0], first[0])
+    np.testing.assert_allclose(restored[0][1], first[1], rtol=0, atol=1e-6)
+
+
+def test_a_state_does_not_change_after_it_was_taken(env):
+    env.reset(seed=7, options={"garment": GARMENT})
+    state = env.get_state_dict()
+    copy = {key: value.clone() for key, value in state["garment"].items()}
+    joints = {key: value.clone() for key, value in state["articulations"].items()}
+    run(env, 10)
+    for key, value in copy.items():
+        torch.testing.assert_close(state["garment"][key], value, rtol=0, atol=0)
+    for key, value in joints.items():
+        torch.testing.assert_close(state["articulations"][key], value, rtol=0, atol=0)
+
+
+def test_the_state_of_another_garment_is_refused(env):
+    env.reset(seed=7, options={"garment": GARMENT})
+    count = len(env.get_particles())
+    state = env.get_state_dict()
+    env.reset(seed=7, options={"garment": "Tops_LongSleeve/000020"})
+    with pytest.raises(ValueError, match=f"must be of this garment.*got {count}"):
+        env.set_state_dict(state)
+
+
+def test_a_garment_that_lies_flat_is_no_success(env):
+    env.reset(seed=0)
+    outcome = env.evaluate()
+    assert set(outcome) == {"success", "success_value", "is_still", "is_released"}
+    assert all(value.shape == (1,) for value in outcome.values())
+    assert not outcome["success"]
+    assert 0.3 < float(outcome["success_value"]) < 0.85
+    assert outcome["is_still"]
+    assert outcome["is_released"]
+
+
+def test_a_garment_inside_the_box_is_a_success(env):
+    env.reset(seed=0)
+    put_particles(env, press_into_box(env))
+    outcome = env.evaluate()
+    assert float(outcome["success_value"]) == 1.0
+    assert outcome["success"]
+    put_particles(env, press_into_box(env, share=0.6))
+    outcome = env.evaluate()
+    assert float(outcome["success_value"]) < 0.85
+    assert not outcome["success"]
+
+
+def test_success_is_a_reward_of_one(env):
+    env.reset(seed=0)
+    assert float(env.get_reward(None, None, env.evaluate())) == 0.0
+    put_particles(env, press_into_box(env))
+    assert float(env.get_reward(None, None, env.evaluate())) == 1.0
+
+
+def test_a_garment_that_moves_is_no_success(env):
+    env.reset(seed=0)
+    positions = press_into_box(env)
+    for speed, is_still in ((0.04, True), (0.06, False)):
+        velocities = np.zeros_like(positions)
+        velocities[:, 2] = speed
+        put_particles(env, positions, velocities)
+        outcome = env.evaluate()
+        assert bool(outcome["is_still"]) is is_still
+        assert bool(outcome["success"]) is is_still
+
+
+def test_a_garment_that_a_hand_touches_is_not_released(env):
+    env.reset(seed=0)
+    assert not env.is_touching()
+    pose = env.agent.get_ee_poses()[0, 0].numpy()
+    positions = press_into_box(env)
+    palm = wrist_to_grasp(pose[:3], pose[3:], "left") - 0.2 * (
+        wrist_to_grasp(pose[:3], pose[3:], "left") - pose[:3]
+    )
+    lying = positions.copy()
+    # the middle of the cloth goes right through the palm
+    nearest = np.argsort(np.linalg.norm(positions[:, :2] - positions[:, :2].mean(0), axis=1))[:200]
+    positions[nearest] += palm - positions[nearest].mean(axis=0)
+    put_particles(env, positions)
+    env.cloth.step()
+    assert env.is_touching()
+    assert not env.evaluate()["is_released"]
+    put_particles(env, lying)
+    env.cloth.step()
+    assert not env.is_touching()
+
+
+def test_several_environments_in_one_process_are_refused():
+    with pytest.raises(ValueError, match=r"num_envs must be 1 \(one process .*got 2"):
+        gymnasium.make("FoldTops-v1", num_envs=2, render_backend="none")
+
+
+def test_pictures_without_a_garment_drawn_have_no_segment(env):
+    with pytest.raises(RuntimeError, match="draw_garment"):
+        _ = env.garment_segment

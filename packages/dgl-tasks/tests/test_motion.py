@@ -1,0 +1,206 @@
+"""Rows of joint targets: where they end, how fast they are, and what cannot be reached."""
+
+import numpy as np
+import pytest
+
+from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
+from dgl_tasks import get_task
+from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, turn_inward, wrist_to_grasp
+from dgl_tasks.motion import HAND_FRAMES, PARKED, TURNS, BimanualMotion
+from dgl_tasks.rotations import compute_rotation_angle
+
+TASK = get_task("FoldTops-v1")
+STANDARD = GRASP_ORIENTATIONS["standard"]
+SIGN = {"left": -1.0, "right": 1.0}
+ARM = {side: joint_slice(side, "arm") for side in SIDES}
+HAND = {side: joint_slice(side, "hand") for side in SIDES}
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    return BimanualMotion(TASK, tmp_path_factory.mktemp("robots"))
+
+
+@pytest.fixture
+def motion(shared):
+    shared.reset(HOME_CONFIGURATION)
+    return shared
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arms")
+    bases = {"left": TASK.left_base, "right": TASK.right_base}
+    return {side: ArmKinematics(side, bases[side], folder) for side in SIDES}
+
+
+def grasp_point(arms, row, side):
+    pose = arms[side].compute_pose(row[ARM[side]])
+    return wrist_to_grasp(pose[:3], pose[3:], side)
+
+
+def goals(height, *, x=0.3, y=0.75):
+    return {side: np.array([SIGN[side] * x, y, height]) for side in SIDES}
+
+
+def start_above_garment(motion):
+    motion.reach(goals(0.25), STANDARD)
+
+
+def test_lines_end_at_their_goals_and_stay_straight(motion, arms):
+    start_above_garment(motion)
+    begin = {side: grasp_point(arms, motion.target, side) for side in SIDES}
+    end = goals(0.05, x=0.35, y=0.7)
+    rows = motion.move(end, STANDARD)
+    assert rows.shape[1] == 60
+    for side in SIDES:
+        np.testing.assert_allclose(grasp_point(arms, rows[-1], side), end[side], atol=1e-3)
+        orientation = arms[side].compute_pose(rows[-1][ARM[side]])[3:]
+        assert compute_rotation_angle(orientation, STANDARD[side]) < 2e-3
+        way = end[side] - begin[side]
+        for row in rows[:: len(rows) // 5]:
+            offset = grasp_point(arms, row, side) - begin[side]
+            along = offset @ way / (way @ way)
+            assert -1e-6 <= along <= 1 + 1e-3
+            assert np.linalg.norm(offset - along * way) < 2e-3
+
+
+def test_both_hands_are_equally_far_at_every_row(motion, arms):
+    """The left hand has three times the way of the right; they move in proportion."""
+    start_above_garment(motion)
+    begin = {side: grasp_point(arms, motion.target, side) for side in SIDES}
+    end = {"left": begin["left"] + (0.1, 0.0, 0.21), "right": begin["right"] + (0, 0, 0.077)}
+    rows = motion.move(end, STANDARD)
+    for row in rows:
+        done = [
+            np.linalg.norm(grasp_point(arms, row, side) - begin[side])
+            / np.linalg.norm(end[side] - begin[side])
+            for side in SIDES
+        ]
+        assert done[0] == pytest.approx(done[1], abs=0.05)
+
+
+def test_the_longer_line_sets_the_number_of_rows(motion):
+    start_above_garment(motion)
+    point = goals(0.25)
+    point["left"] = point["left"] + (0, 0, 0.2)
+    assert len(motion.move(point, STANDARD, spacing=0.01)) == pytest.approx(20, abs=1)
+    point["left"] = point["left"] - (0, 0, 0.2)
+    assert len(motion.move(point, STANDARD, spacing=0.005)) == pytest.approx(40, abs=1)
+
+
+def test_a_line_of_no_length_is_done(motion):
+    start_above_garment(motion)
+    before = motion.target.copy()
+    rows = motion.move(goals(0.25), STANDARD)
+    assert len(rows) <= 1  # what inverse kinematics left open, at most
+    np.testing.assert_allclose(motion.target, before, atol=2e-3)
+    assert motion.move({}, {}).shape == (0, 60)
+    assert motion.move_joints({"left": motion.target[ARM["left"]]}).shape == (0, 60)
+
+
+def test_motion_is_continuous_and_within_the_arms_speed(motion):
+    """Over a whole fold: reach, lower, close, lift, carry, open, park."""
+    plan = [
+        motion.park,
+        lambda: motion.reach(goals(0.23), STANDARD),
+        lambda: motion.move(goals(0.03), STANDARD),
+        lambda: motion.set_hands({"left": "close", "right": "close"}),
+        lambda: motion.move(goals(0.3), STANDARD),
+        lambda: motion.move(goals(0.3, x=0.15, y=1.0), STANDARD),
+        lambda: motion.set_hands({"left": "open", "right": "open"}),
+        motion.park,
+    ]
+    rows = np.concatenate([motion.target[None], *(step() for step in plan)])
+    speed = np.abs(np.diff(rows, axis=0)) / CONTROL_DT
+    for side in SIDES:
+        assert np.all(speed[:, ARM[side]] <= ARM_SPEED_LIMITS + 1e-6)
+    np.testing.assert_allclose(rows[-1], motion.target)
+    for side in SIDES:
+        np.testing.assert_allclose(rows[-1][ARM[side]], PARKED[side])
+
+
+def test_hands_close_gradually_and_the_arms_hold(motion):
+    rows = motion.set_hands({"right": "close"})
+    assert rows.shape == (HAND_FRAMES, 60)
+    np.testing.assert_allclose(rows[-1][HAND["right"]], HAND_POSES["close"])
+    others = np.setdiff1d(np.arange(60), np.arange(60)[HAND["right"]])
+    np.testing.assert_array_equal(rows[:, others], np.tile(HOME_CONFIGURATION[others], (20, 1)))
+    way = rows[:, HAND["right"]] @ HAND_POSES["close"]
+    assert np.all(np.diff(way) >= -1e-12)
+    steps = np.abs(np.diff(np.vstack([HOME_CONFIGURATION, rows]), axis=0)).max(axis=1)
+    assert steps.max() < 0.15 * np.abs(HAND_POSES["close"]).max()
+    assert steps[-1] == 0.0  # the last rows let the fingers arrive
+
+
+def test_an_unknown_hand_pose_is_refused(motion):
+    with pytest.raises(ValueError, match=r"must be one of .*'close'.*got 'fist'"):
+        motion.set_hands({"left": "fist"})
+
+
+def test_what_is_out_of_reach_raises_and_moves_nothing(motion):
+    start_above_garment(motion)
+    before = motion.target.copy()
+    far = {"left": np.array([2.5, 3.0, 0.1])}
+    with pytest.raises(UnreachableError, match="left arm cannot reach") as caught:
+        motion.move(far, STANDARD)
+    assert caught.value.distance > ArmKinematics.POSITION_TOLERANCE
+    np.testing.assert_array_equal(motion.target, before)
+    with pytest.raises(UnreachableError):
+        motion.reach(far, STANDARD)
+    np.testing.assert_array_equal(motion.target, before)
+
+
+def test_a_hand_that_can_is_not_turned(motion):
+    before = motion.target.copy()
+    asked = []
+
+    def rehearse(side, orientation):
+        asked.append(side)
+        motion.reach({side: goals(0.1)[side]}, {side: orientation})
+
+    chosen = motion.choose_turns("standard", SIDES, rehearse)
+    assert asked == ["left", "right"]
+    for side in SIDES:
+        np.testing.assert_allclose(chosen[side], STANDARD[side], atol=1e-12)
+    np.testing.assert_array_equal(motion.target, before)
+
+
+def test_a_hand_that_cannot_is_turned_as_little_as_needed(motion):
+    """Near the base the straight hand would have to bend back too far."""
+    point = {"left": np.array([-0.6, 0.5, 0.05])}
+
+    def rehearse(side, orientation):
+        motion.reach({side: point[side] + (0, 0, 0.2)}, {side: orientation})
+        motion.move(point, {side: orientation})
+
+    with pytest.raises(UnreachableError):
+        rehearse("left", STANDARD["left"])
+    motion.reset(HOME_CONFIGURATION)
+    chosen = motion.choose_turns("standard", ("left",), rehearse)["left"]
+    np.testing.assert_array_equal(motion.target, HOME_CONFIGURATION)
+    turned = compute_rotation_angle(chosen, STANDARD["left"])
+    assert turned > 0.2
+    smaller = [turn for turn in TURNS if abs(turn) < turned - 1e-6]
+    assert smaller
+    for turn in smaller:
+        motion.reset(HOME_CONFIGURATION)
+        with pytest.raises(UnreachableError):
+            rehearse("left", turn_inward(STANDARD["left"], turn, "left"))
+
+
+def test_when_no_turn_helps_the_message_is_that_of_the_wanted_orientation(motion):
+    before = motion.target.copy()
+    tried = []
+
+    def rehearse(side, orientation):
+        tried.append(orientation)
+        motion.set_hands({side: "close"})
+        raise UnreachableError(f"attempt {len(tried)}", distance=0.1)
+
+    with pytest.raises(UnreachableError, match=r"attempt 1$"):
+        motion.choose_turns("standard", ("right",), rehearse)
+    assert len(tried) == len(TURNS)
+    np.testing.assert_array_equal(motion.target, before)

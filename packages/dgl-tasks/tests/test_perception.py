@@ -1,0 +1,162 @@
+"""Pictures and clouds against the simulation's own particles."""
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from dgl_tasks.errors import PerceptionError
+from dgl_tasks.perception import (
+    CLOUD_SIZE,
+    Picture,
+    film,
+    find_pixel,
+    get_environment_cloud,
+    get_garment_cloud,
+    get_garment_points,
+    take_picture,
+)
+
+pytestmark = pytest.mark.render
+
+
+@pytest.fixture(scope="module")
+def env():
+    """One environment at rest: the garment has settled, the arms are at home, beside it."""
+    made = gymnasium.make(
+        "FoldTops-v1",
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend="cpu",
+        render_mode="rgb_array",
+    ).unwrapped
+    made.reset(seed=0)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def from_above(env):
+    return take_picture(env, "garment_camera")
+
+
+@pytest.fixture(scope="module")
+def from_afar(env):
+    return take_picture(env, "environment_camera")
+
+
+def test_the_garment_cloud_lies_on_the_particles(env, from_above):
+    cloud = get_garment_cloud(env, from_above, seed=1)
+    assert cloud.shape == (CLOUD_SIZE, 3)
+    assert cloud.dtype == np.float32
+    particles = env.get_particles()
+    assert cKDTree(particles).query(cloud)[0].max() < 0.015
+    # and nothing of the garment is missing: it lies open to the camera
+    assert cKDTree(cloud[:, :2]).query(particles[:, :2])[0].max() < 0.03
+
+
+def test_clouds_depend_on_their_seed_alone(env, from_above, from_afar):
+    for sample, picture in (
+        (get_garment_cloud, from_above),
+        (get_environment_cloud, from_afar),
+    ):
+        first, again, other = (sample(env, picture, seed=s) for s in (1, 1, 2))
+        np.testing.assert_array_equal(first, again)
+        assert not np.array_equal(first, other)
+
+
+def test_two_pictures_of_one_state_are_equal(env, from_above):
+    again = take_picture(env, "garment_camera")
+    np.testing.assert_array_equal(again.rgb, from_above.rgb)
+    np.testing.assert_array_equal(again.points, from_above.points)
+    np.testing.assert_array_equal(again.segments, from_above.segments)
+
+
+def test_the_environment_cloud_has_colours_and_lies_in_the_workspace(env, from_afar):
+    cloud = get_environment_cloud(env, from_afar, seed=1)
+    assert cloud.shape == (CLOUD_SIZE, 6)
+    assert cloud.dtype == np.float32
+    xyz, rgb = cloud[:, :3], cloud[:, 3:]
+    assert np.all((xyz >= env.task.workspace.low) & (xyz <= env.task.workspace.high))
+    assert rgb.min() >= 0
+    assert rgb.max() <= 1
+    assert rgb.std(axis=0).max() > 0.05
+    # robots and garment are both in it
+    assert xyz[:, 2].max() > 0.5
+    distance = cKDTree(env.get_particles()).query(xyz)[0]
+    assert (distance < 0.02).sum() > 200
+    assert (distance > 0.1).sum() > 200
+
+
+@pytest.mark.parametrize("camera", ["garment_camera", "environment_camera"])
+def test_a_pixels_point_projects_back_to_the_pixel(env, camera):
+    picture = take_picture(env, camera)
+    height, width = picture.segments.shape
+    assert picture.rgb.shape == (height, width, 3) == (480, 640, 3)
+    assert picture.rgb.dtype == np.uint8
+    rng = np.random.default_rng(0)
+    for row, column in rng.integers((0, 0), (height, width), size=(50, 2)):
+        point = picture.points[row, column]
+        if np.isfinite(point).all():
+            u, v = find_pixel(env, camera, point)
+            assert (u, v) == pytest.approx((column + 0.5, row + 0.5), abs=0.05)
+
+
+def test_a_particle_seen_from_above_is_at_its_pixel(env, from_above):
+    """The position picture agrees with the simulation, not only with its own intrinsics."""
+    particles = env.get_particles()
+    top = particles[particles[:, 2] > np.median(particles[:, 2])]
+    inner = top[np.argsort(np.linalg.norm(top[:, :2] - top[:, :2].mean(axis=0), axis=1))[:50]]
+    for particle in inner:
+        u, v = find_pixel(env, "garment_camera", particle)
+        seen = from_above.points[int(v), int(u)]
+        assert from_above.segments[int(v), int(u)] == env.garment_segment
+        np.testing.assert_allclose(seen[:2], particle[:2], atol=0.006)
+        assert abs(seen[2] - particle[2]) < 0.015
+
+
+def test_camera_and_geometry_judge_alike(env, from_above):
+    seen = env.task.success(get_garment_points(env, from_above), env._initial_marks)
+    computed = env.judge_visible_surface()
+    assert seen.box == computed.box
+    assert seen.value == pytest.approx(computed.value, abs=0.02)
+
+
+def test_the_video_camera_gives_a_picture(env):
+    frame = film(env)
+    assert frame.shape == (480, 640, 3)
+    assert frame.dtype == np.uint8
+    assert frame.std() > 10
+
+
+def test_a_picture_follows_the_garment(env):
+    """What was drawn before a change is not shown after it."""
+    before = env.get_particles().copy()
+    moved = before + np.float32([0.05, 0.0, 0.0])
+    env.cloth.state.set_particles(moved[None])
+    env.cloth.step()
+    env._after_control_step()
+    points = get_garment_points(env, take_picture(env, "garment_camera"))
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    expected = (moved.min(axis=0) + moved.max(axis=0)) / 2
+    env.cloth.state.set_particles(before[None])
+    env._after_control_step()
+    np.testing.assert_allclose(middle[:2], expected[:2], atol=0.015)
+
+
+def test_an_unknown_camera_names_the_known(env):
+    with pytest.raises(ValueError, match=r"must be one of .*'garment_camera'.*got 'front'"):
+        take_picture(env, "front")
+
+
+def test_a_picture_without_the_garment_is_an_error(env, from_above):
+    empty = Picture(
+        rgb=from_above.rgb,
+        points=np.full_like(from_above.points, np.nan),
+        segments=np.zeros_like(from_above.segments),
+    )
+    with pytest.raises(PerceptionError, match="nothing of the garment"):
+        get_garment_cloud(env, empty, seed=0)
+    with pytest.raises(PerceptionError, match="nothing inside the workspace"):
+        get_environment_cloud(env, empty, seed=0)

@@ -1,0 +1,40 @@
+"""The code in the README runs as it stands there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+BLOCKS = {
+    title: re.findall(r"```python\n(.*?)```", body, re.DOTALL)
+    for title, body in (
+        section.split("\n", 1) for section in re.split(r"^## ", TEXT, flags=re.M)[1:]
+    )
+}
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["Environment", pytest.param("Pictures and clouds", marks=pytest.mark.render), "Motion"],
+)
+def test_the_code_runs(title, capsys):
+    (code,) = BLOCKS[title]
+    names: dict = {}
+    exec(compile(code, f"README.md, {title}", "exec"), names)
+    if title == "Environment":
+        assert names["observation"].shape == (1, 134)
+        assert "False" in capsys.readouterr().out
+    elif title == "Motion":
+        assert names["rows"].shape[1] == 60
+    else:
+        assert names["garment"].shape == (2048, 3)
+        assert names["workspace"].shape == (2048, 6)
+
+
+def test_no_block_is_left_out():
+    assert {title for title, blocks in BLOCKS.items() if blocks} == {
+        "Environment",
+        "Pictures and clouds",
+        "Motion",
+    }

@@ -1,0 +1,37 @@
+"""The verb `tasks`."""
+
+import json
+
+from dexgarmentlab.cli import main
+from dgl_tasks import get_task, task_ids
+
+
+def test_every_task_is_described_as_it_is_declared(capsys):
+    assert main(["tasks", "--json"]) == 0
+    tasks = json.loads(capsys.readouterr().out)["tasks"]
+    assert [task["id"] for task in tasks] == list(task_ids())
+    for shown in tasks:
+        task = get_task(shown["id"])
+        assert shown["category"] == task.category
+        assert [stage["name"] for stage in shown["stages"]] == [s.name for s in task.stages]
+        assert shown["success"] == task.success_text
+        assert shown["robot_bases"] == {
+            "left": list(task.left_base),
+            "right": list(task.right_base),
+        }
+
+
+def test_the_text_says_what_is_done_where_and_what_counts(capsys):
+    assert main(["tasks"]) == 0
+    text = capsys.readouterr().out
+    assert "FoldTops-v1  Fold Tops" in text
+    assert "Tops_LongSleeve, 8,000 for training, 2,000 for testing" in text
+    assert "x -0.1 to 0.1 m, y 0.7 to 0.9 m" in text
+    assert "3. bottom_up: left hand at left_hem, right hand at right_hem" in text
+    assert "at least 85 %" in text
+    assert "left (-0.8, 0, 0.5) m, yaw 0 rad; right (0.8, 0, 0.5) m, yaw 0 rad" in text
+
+
+def test_an_option_that_is_not_there_is_a_usage_error(capsys):
+    assert main(["tasks", "--category", "coats"]) == 2
+    assert "--category" in capsys.readouterr().err
