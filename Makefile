@@ -16,7 +16,7 @@ demo: setup ## Collect one Fold Tops demonstration with its video and report
 	$(RUN) dgl demo
 
 test: setup ## Run the tests that need no GPU
-	$(RUN) pytest -m "not slow and not gpu"
+	$(RUN) pytest -m "not slow"
 
 test-package: setup ## Test one package alone, in an environment of its own: make test-package P=dgl-gam
 	@test -n "$(P)" || { echo "say which package: make test-package P=dgl-gam" >&2; exit 2; }

@@ -112,7 +112,7 @@ def test_meshes_are_modest_finite_and_named_finishes():
             np.testing.assert_allclose(np.linalg.norm(mesh.vertex_normals, axis=1), 1, atol=1e-3)
             triangles[name] += len(mesh.faces)
     total = sum(triangles[f] for files in meshes.by_link.values() for f in files)
-    assert total < 60_000
+    assert total < 30_000
 
 
 def test_low_base_has_no_pedestal():

@@ -58,6 +58,7 @@ def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_equal_seeds_give_equal_files(runner, tmp_path):
     first, second = (run(runner, tmp_path / name) for name in ("first", "second"))
@@ -91,6 +92,7 @@ def check_episode(episode, result):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_without_friction_and_adhesion_nothing_is_lifted(runner, tmp_path):
     set_material(runner, friction=0.0, adhesion=0.0)
@@ -105,6 +107,7 @@ def test_without_friction_and_adhesion_nothing_is_lifted(runner, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_the_garment_can_be_chosen(tmp_path):
     garment = "Tops_LongSleeve/000019"

@@ -7,13 +7,7 @@ import warp as wp
 from dgl_physics import ModelBuilder, SolverConfig, SolverXPBD
 
 
-def pytest_configure():
-    wp.config.quiet = True
-
-
-@pytest.fixture(
-    params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)], ids=["cpu", "cuda"]
-)
+@pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)], ids=["cpu", "cuda"])
 def device(request):
     """Each device that there is; the others skip visibly."""
     if request.param != "cpu" and not wp.is_cuda_available():

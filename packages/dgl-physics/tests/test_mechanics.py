@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dgl_physics import ClothMaterial, ModelBuilder
+from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 
 G = 9.81
 SMOOTH = ClothMaterial(drag=0.0, adhesion=0.0)
@@ -49,7 +49,7 @@ def test_free_cloth_keeps_its_momentum(sheet, run, builder, device):
     builder.add_garment(vertices, faces, material=SMOOTH)
     r = run(builder, device=device, gravity=(0, 0, 0))
     velocities = np.random.default_rng(0).normal(0, 0.3, vertices.shape)
-    velocities += np.cross([0.0, 0.0, 2.0], vertices) + [0.1, -0.2, 0.3]
+    velocities += np.add(np.cross([0.0, 0.0, 2.0], vertices), [0.1, -0.2, 0.3])
     r.state.set_particles(vertices[None], velocities[None])
     m = r.mass[:, None]
     linear, angular = (m * r.v).sum(axis=0), (m * np.cross(r.x, r.v)).sum(axis=0)
@@ -64,7 +64,9 @@ def test_energy_does_not_grow(sheet, run, builder):
     vertices, faces = sheet(0.2, 0.2, 0.0125)
     builder.add_garment(vertices, faces, material=SMOOTH)
     r = run(builder, gravity=(0, 0, 0))
-    r.state.set_particles(vertices[None], np.random.default_rng(0).normal(0, 0.5, (1, *vertices.shape)))
+    r.state.set_particles(
+        vertices[None], np.random.default_rng(0).normal(0, 0.5, (1, *vertices.shape))
+    )
     energy = [0.5 * (r.mass[:, None] * r.v**2).sum()]
     for _ in range(20):
         energy.append(0.5 * (r.step(3).mass[:, None] * r.v**2).sum())
@@ -103,10 +105,19 @@ def hang(run, sheet, *, substeps, is_row=False, frames=240, **material):
 
 
 def test_strain_of_a_hanging_panel_falls_with_substeps(sheet, run):
-    """Doubling the substeps divides the residual strain by up to four; at least by two."""
+    """The residual strain goes with the square of the substep: a quarter, at most 0.4."""
     coarse, fine = (hang(run, sheet, substeps=n, is_row=True, frames=150).mean() for n in (20, 40))
-    assert fine < coarse / 2
+    assert fine < 0.4 * coarse
     assert fine < 0.01
+
+
+@pytest.mark.xfail(
+    reason="10 substeps of one iteration do not converge: see Limitations in docs/physics.md"
+)
+def test_a_panel_hung_by_two_corners_hardly_stretches(sheet, run):
+    strain = hang(run, sheet, substeps=SolverConfig().substeps)
+    assert strain.mean() <= 0.01
+    assert np.percentile(strain, 99.9) <= 0.04
 
 
 def test_elastic_strain_follows_the_stiffness(run, builder):

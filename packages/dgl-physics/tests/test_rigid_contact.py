@@ -29,14 +29,18 @@ def slide(run, sheet, *, friction, tangent, frames, device="cpu", shape_friction
 
 @pytest.mark.parametrize("friction", [0.3, 1.0])
 def test_cloth_sticks_below_the_friction_angle(run, sheet, device, friction):
-    moved, _ = slide(run, sheet, friction=friction, tangent=0.8 * friction, frames=120, device=device)
+    moved, _ = slide(
+        run, sheet, friction=friction, tangent=0.8 * friction, frames=120, device=device
+    )
     assert np.abs(moved).max() < 1e-5  # over 2 s: no creep
 
 
 @pytest.mark.parametrize("friction", [0.3, 1.0])
 def test_cloth_slides_above_the_friction_angle(run, sheet, device, friction):
     frames, tangent = 30, 1.2 * friction
-    moved, speed = slide(run, sheet, friction=friction, tangent=tangent, frames=frames, device=device)
+    moved, speed = slide(
+        run, sheet, friction=friction, tangent=tangent, frames=frames, device=device
+    )
     angle = np.arctan(tangent)
     acceleration = G * (np.sin(angle) - friction * np.cos(angle))
     assert speed == pytest.approx(acceleration * frames / 60, rel=0.1)
@@ -150,9 +154,7 @@ def test_a_fast_capsule_does_not_tunnel(run, sheet, builder, device, radius):
         (Shape(kind="sphere", size=(0.08, 0, 0)), lambda x: np.linalg.norm(x, axis=1) - 0.08),
         (
             Shape(kind="capsule", size=(0.05, 0.1, 0)),
-            lambda x: (
-                np.linalg.norm(x - np.clip(x[:, 2:], -0.1, 0.1) * [0, 0, 1], axis=1) - 0.05
-            ),
+            lambda x: np.linalg.norm(x - np.clip(x[:, 2:], -0.1, 0.1) * [0, 0, 1], axis=1) - 0.05,
         ),
         (
             Shape(kind="box", size=(0.05, 0.06, 0.07)),

@@ -61,6 +61,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("demo", "collect one Fold Tops demonstration, with its video and a report"),
     Verb("tasks", "the tasks, with their stages, success rules and garments"),
     Verb("collect", "collect demonstrations of a task automatically"),
+    Verb("bench", "measure this machine: the numbers that the documentation quotes"),
 )
 
 

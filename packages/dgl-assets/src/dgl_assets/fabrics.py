@@ -148,7 +148,7 @@ def _knit(rng: np.random.Generator, *, mottle: float) -> np.ndarray:
     across = np.abs((column % _STITCH + 0.5) / _STITCH - 0.5) * 2  # 0 mid-stitch, 1 between columns
     along = (row + across * _STITCH / 2) % _STITCH / _STITCH
     stitch = 0.5 * np.cos(2 * np.pi * along) - across**4
-    uneven = 0.6 * _smooth_noise(rng, (1.5, 4.0)) + 0.4 * _smooth_noise(rng, (14.0, 14.0))
+    uneven = 0.9 * _smooth_noise(rng, (1.5, 4.0)) + 0.15 * _smooth_noise(rng, (14.0, 14.0))
     return 0.05 * (stitch - stitch.mean()) + mottle * uneven
 
 

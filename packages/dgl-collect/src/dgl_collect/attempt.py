@@ -16,6 +16,7 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Stage
 from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.rotations import matrix_from_quaternion
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 from dgl_tasks.success import Verdict
 
@@ -30,8 +31,10 @@ logger = logging.getLogger(__name__)
 
 APPROACH_HEIGHT = 0.2
 """Height above the grasp point from which a hand comes down [m]."""
+WITHDRAWAL = 0.12
+"""How far an opened hand draws back along its fingers, out of the cloth, before it rises [m]."""
 CLEARANCE = 0.15
-"""How far a hand goes straight up after the release [m]."""
+"""How far it then rises [m]."""
 ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
 FINAL_FRAMES = 30
@@ -209,8 +212,8 @@ class _Attempt:
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
         self._send(self.motion.set_hands({s: demonstrated.release_pose for s in grasp}), recorder)
         self.records.append(recorder.finish())
-        lifted = {s: self._clear(targets[s]) for s in grasp}
-        self._send(self.motion.move(lifted, orientations))
+        for leave in _leave(targets, orientations):
+            self._send(self.motion.move(leave, orientations))
         self._send(self.motion.park())
 
     def _plan_hand(
@@ -221,11 +224,8 @@ class _Attempt:
         self.motion.move({side: grasp}, orientations)
         for targets, spacing in waypoints:
             self.motion.move({side: targets[side]}, orientations, spacing=spacing)
-        self.motion.move({side: self._clear(waypoints[-1][0][side])}, orientations)
-
-    @staticmethod
-    def _clear(point: np.ndarray) -> np.ndarray:
-        return np.array([point[0], point[1], point[2] + CLEARANCE])
+        for leave in _leave({side: waypoints[-1][0][side]}, orientations):
+            self.motion.move(leave, orientations)
 
     # Acting and seeing -----------------------------------------------------------------------
 
@@ -291,10 +291,12 @@ class _Attempt:
                 self.events.append((reason, f"{where}: nearest raised cloth {far}"))
 
     def _measure(self) -> None:
-        strain = self.env.cloth.measure_strain()
+        cloth = self.env.cloth
+        strain = cloth.measure_strain()
         values = {
             "strain_mean": float(strain.mean()),
             "strain_p999": float(np.quantile(strain, 0.999)),
+            "penetration_m": float(cloth.solver.measure_penetration(cloth.state)[0]),
         }
         for name, value in values.items():
             self.measurements[f"max_{name}"] = max(
@@ -328,6 +330,18 @@ class _Attempt:
             measurements=dict(self.measurements),
             package_versions=package_versions(),
         )
+
+
+def _leave(
+    points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
+) -> list[dict[Side, np.ndarray]]:
+    """Grasp points of hands that leave the cloth: back along the fingers, then up."""
+    back, up = {}, {}
+    for side, q in orientations.items():
+        fingers = matrix_from_quaternion(q)[:, 0]
+        back[side] = points[side] - WITHDRAWAL * fingers + np.array([0, 0, WITHDRAWAL / 4])
+        up[side] = back[side] + np.array([0, 0, CLEARANCE])
+    return [back, up]
 
 
 def _to_criteria(verdict: Verdict | None) -> tuple[Criterion, ...]:

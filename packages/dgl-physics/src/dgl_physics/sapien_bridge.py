@@ -225,7 +225,7 @@ class GarmentVisual:
     its outside, and its inside in a darker shade.
     """
 
-    INSIDE_SHADE = 0.72
+    INSIDE_SHADE = 0.9
     """Brightness of the inside, a factor on the (linear) colour."""
 
     def __init__(
@@ -237,6 +237,7 @@ class GarmentVisual:
         roughness: float = 0.9,
         uvs: np.ndarray | None = None,
         texture: np.ndarray | None = None,
+        thickness: float = 0.004,
         name: str = "garment",
     ) -> None:
         """Add an entity with the garment's materials to the scene; it is empty until `update`.
@@ -248,6 +249,8 @@ class GarmentVisual:
             roughness: 0 for a mirror, 1 for chalk.
             uvs: Texture coordinates in tiles, shape (V, 2); needed with a texture, alone unused.
             texture: One tile of the outside, shape (H, W, 3), uint8, sRGB.
+            thickness: Thickness of the cloth [m]; what is drawn lies half of it outwards, so that
+                of two layers that are pressed together the outer one is seen.
             name: Name of the entity.
         """
         if texture is not None:
@@ -265,6 +268,7 @@ class GarmentVisual:
             _make_cloth_material(colour, texture, roughness=roughness, shade=shade)
             for shade in (1.0, self.INSIDE_SHADE)
         )
+        self._thickness = thickness
         self._component: render.RenderBodyComponent | None = None
         self.entity = sapien.Entity()
         self.entity.name = name
@@ -277,10 +281,11 @@ class GarmentVisual:
         if len(uvs) != len(positions):
             raise ValueError(f"positions must have shape ({len(uvs)}, 3); got {positions.shape}")
         normals = compute_vertex_normals(positions, self._faces)
+        surface = positions + np.float32(self._thickness / 2) * normals
         component = render.RenderBodyComponent()
         for sign, triangles, material in zip((1, -1), self._windings, self._materials, strict=True):
             shape = render.RenderShapeTriangleMesh(
-                vertices=positions,
+                vertices=surface,
                 triangles=triangles,
                 normals=sign * normals,
                 uvs=uvs,

@@ -273,6 +273,29 @@ class SolverXPBD:
             ],
         )  # fmt: skip
 
+    def measure_penetration(self, state: State) -> np.ndarray:
+        """Measure how deep particles are inside rigid shapes after the last frame.
+
+        Args:
+            state: The state that was stepped last.
+
+        Returns:
+            Largest depth of a particle's centre under a surface [m], shape (B,); 0 when none is
+            inside. Particles rest `ClothMaterial.rest_offset` above a surface.
+        """
+        m = self.model
+        deepest = wp.zeros(m.env_count, dtype=wp.float32, device=m.device)
+        wp.launch(
+            rigid.measure_penetration,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                m.particles_per_env, self._limits, m.shapes, self._active, self._pose_now,
+                self._near, self._near_count, state.positions, deepest,
+            ],
+            device=m.device,
+        )  # fmt: skip
+        return deepest.numpy()
+
     def _check(self) -> None:
         diverged = np.flatnonzero(self._flag.numpy())
         if len(diverged):

@@ -21,19 +21,19 @@ Point2 = tuple[float, float]
 
 FLOOR = (0.585, 0.560, 0.525)
 """Colour of the floor, linear."""
-MAT = (0.330, 0.318, 0.300)
+MAT = (0.255, 0.292, 0.325)
 """Colour of the work mat, linear."""
 MAT_SIZE = (2.0, 1.36)
 """Width and depth of the mat [m]."""
-ZENITH = (0.42, 0.43, 0.45)
+ZENITH = (0.20, 0.21, 0.23)
 """Light of the dome from above, linear."""
-HORIZON = (0.66, 0.645, 0.62)
+HORIZON = (0.50, 0.49, 0.475)
 """Light of the dome from the sides and colour of the backdrop, linear."""
-NADIR = (0.20, 0.19, 0.17)
+NADIR = (0.13, 0.12, 0.11)
 """Light that the floor throws back, linear."""
 KEY_DIRECTION = (0.62, -0.30, -0.72)
 """Where the lamp's light goes: in from the side, so that folds show."""
-KEY_COLOUR = (2.0, 1.94, 1.84)
+KEY_COLOUR = (3.0, 2.92, 2.78)
 """Light of the lamp; a white floor under it shines with this, times the sine of its height, over pi."""
 
 _NEAR_SIDE, _FAR_SIDE = 6.0, 60.0  # the detailed middle of the floor and all of it [m]
@@ -116,7 +116,8 @@ def light_on_floor() -> np.ndarray:
     """What a white floor shines with, linear, shape (3,)."""
     direction = np.array(KEY_DIRECTION)
     sine = -direction[2] / np.linalg.norm(direction)
-    return np.array(KEY_COLOUR) * sine / np.pi + np.array(ZENITH)
+    dome = 0.8 * np.array(ZENITH) + 0.2 * np.array(HORIZON)  # the blur of SAPIEN's diffuse light
+    return np.array(KEY_COLOUR) * sine / np.pi + dome
 
 
 def _make_square(
@@ -152,7 +153,7 @@ def _make_square(
     )
 
 
-def _make_dome(pixels: int = 64) -> sapien.render.RenderCubemap:
+def _make_dome(pixels: int = 256) -> sapien.render.RenderCubemap:
     """Make the environment map: light by height, the same all around."""
     ramp = (np.arange(pixels) + 0.5) / pixels * 2 - 1
     across, down = np.meshgrid(ramp, ramp)

@@ -51,7 +51,7 @@ class Section:
     """Exponent of the superellipse."""
 
 
-def turn(material: str, profile: Sequence[tuple[float, float]], segments: int = 28) -> Solid:
+def turn(material: str, profile: Sequence[tuple[float, float]], segments: int = 16) -> Solid:
     """Turn a profile of (radius, z) [m] about z; it should start and end on the axis."""
     return loft(material, [Section(z=z, hx=r, hy=r) for r, z in profile], segments)
 
@@ -89,7 +89,7 @@ def cylinder(
     high: float,
     *,
     bevel: float = 0.0,
-    segments: int = 28,
+    segments: int = 16,
 ) -> Solid:
     """Make a cylinder along z from `low` to `high` [m] with bevelled edges."""
     b = bevel
@@ -104,7 +104,7 @@ def rounded_box(
     *,
     radius: float = 0.002,
     power: float = 7.0,
-    segments: int = 24,
+    segments: int = 12,
 ) -> Solid:
     """Make a box with rounded vertical edges and bevelled top and bottom."""
     hx, hy, hz = half_size
@@ -123,7 +123,7 @@ def rounded_box(
     )
 
 
-def ball(material: str, radius: float, *, segments: int = 18) -> Solid:
+def ball(material: str, radius: float, *, segments: int = 12) -> Solid:
     """Make a sphere about the origin."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
     return turn(material, [(radius * np.cos(a), radius * np.sin(a)) for a in angles], segments)

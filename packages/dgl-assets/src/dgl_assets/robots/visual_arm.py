@@ -142,14 +142,14 @@ def build_arm_solids() -> dict[str, list[Solid]]:
 
 
 def _base() -> list[Solid]:
-    flange = cylinder("aluminium", 0.095, 0.0, 0.018, bevel=0.003, segments=36)
+    flange = cylinder("aluminium", 0.095, 0.0, 0.018, bevel=0.003, segments=20)
     body = turn(
         "aluminium",
         [(0, 0.016), (0.083, 0.016), (0.078, 0.030), (_R4, 0.045), (_R4, 0.099), (0, 0.099)],
     )
     connector = rounded_box("dark", (0.022, 0.030, 0.020), (-0.076, 0, 0.050), radius=0.004)
     bolts = [
-        cylinder("steel", 0.006, 0.016, 0.022, segments=8).moved(transform((x, y, 0)))
+        cylinder("steel", 0.006, 0.016, 0.022, segments=6).moved(transform((x, y, 0)))
         for x in (-0.062, 0.062)
         for y in (-0.062, 0.062)
     ]

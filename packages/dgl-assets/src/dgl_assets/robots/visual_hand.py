@@ -32,8 +32,8 @@ def _at(solid: Solid, x: float, y: float, z: float) -> Solid:
 def _hinge(radius: float, half: float) -> list[Solid]:
     """Make a finger joint about x: a metal barrel with darker pin heads."""
     return [
-        along_x(cylinder("steel", radius, -half, half, bevel=0.0012, segments=18)),
-        along_x(cylinder("dark", 0.45 * radius, -half - 0.0008, half + 0.0008, segments=10)),
+        along_x(cylinder("steel", radius, -half, half, segments=10)),
+        along_x(cylinder("dark", 0.45 * radius, -half - 0.0008, half + 0.0008, segments=6)),
     ]
 
 
@@ -50,7 +50,7 @@ def _phalanx(length: float, radius: float, *, start: float = 0.005) -> list[Soli
             Section(z=end - 0.003, hx=0.93 * r, hy=0.90 * r, power=2.8),
             Section(z=end, hx=0.80 * r, hy=0.72 * r, power=2.6),
         ],
-        18,
+        10,
     )
     half = (end - start) / 2 - 0.003
     pad = rounded_box(
@@ -59,7 +59,7 @@ def _phalanx(length: float, radius: float, *, start: float = 0.005) -> list[Soli
         (0, -0.72 * r, (start + end) / 2),
         radius=0.0012,
         power=3,
-        segments=14,
+        segments=8,
     )
     return [shell, pad]
 
@@ -78,7 +78,7 @@ def _fingertip(tip: float, radius: float) -> list[Solid]:
             Section(z=0.975 * tip, hx=0.34 * r, hy=0.32 * r),
             Section(z=tip, hx=0.06 * r, hy=0.06 * r),
         ],
-        18,
+        10,
     )
     nail = loft(
         "shell",
@@ -89,14 +89,14 @@ def _fingertip(tip: float, radius: float) -> list[Solid]:
             Section(z=0.80 * tip, hx=0.68 * r, hy=0.42 * r, cy=0.30 * r, power=2.4),
             Section(z=0.90 * tip, hx=0.30 * r, hy=0.20 * r, cy=0.30 * r),
         ],
-        18,
+        10,
     )
     return [*_hinge(0.86 * r, 0.80 * r), pad, nail]
 
 
 def _forearm() -> list[Solid]:
-    ring = cylinder("steel", 0.046, 0.0, 0.009, bevel=0.0015, segments=32)
-    collar = cylinder("dark", 0.041, 0.008, 0.014, segments=32)
+    ring = cylinder("steel", 0.046, 0.0, 0.009, bevel=0.0015, segments=16)
+    collar = cylinder("dark", 0.041, 0.008, 0.014, segments=16)
     body = loft(
         "shell",
         [
@@ -107,13 +107,13 @@ def _forearm() -> list[Solid]:
             Section(z=0.176, hx=0.034, hy=0.029, cy=-0.008, power=3.4),
             Section(z=0.186, hx=0.031, hy=0.026, cy=-0.009, power=3.2),
         ],
-        36,
+        16,
     )
     bands = [
         loft(
             "trim",
             [Section(z=z, hx=0.0508, hy=0.0468, cy=0.004, power=4) for z in (z0, z0 + 0.004)],
-            36,
+            16,
         )
         for z0 in (0.030, 0.100)
     ]
@@ -134,7 +134,7 @@ def _forearm() -> list[Solid]:
             Section(z=0.183, hx=0.027, hy=0.020, cy=-0.009, power=3),
             Section(z=0.197, hx=0.024, hy=0.014, cy=-0.010, power=3),
         ],
-        24,
+        16,
     )
     fork = [
         rounded_box("steel", (0.012, 0.0035, 0.014), (0, -0.010 + s * 0.0155, 0.206), radius=0.001)
@@ -144,8 +144,8 @@ def _forearm() -> list[Solid]:
 
 
 def _wrist() -> list[Solid]:
-    barrel = along_y(cylinder("steel", 0.0120, -0.012, 0.012, bevel=0.001, segments=20))
-    pin = along_y(cylinder("dark", 0.005, -0.0205, 0.0205, segments=12))
+    barrel = along_y(cylinder("steel", 0.0120, -0.012, 0.012, bevel=0.001, segments=12))
+    pin = along_y(cylinder("dark", 0.005, -0.0205, 0.0205, segments=8))
     yoke = loft(
         "trim",
         [
@@ -153,7 +153,7 @@ def _wrist() -> list[Solid]:
             Section(z=0.018, hx=0.026, hy=0.011, power=3.5),
             Section(z=0.024, hx=0.028, hy=0.011, power=3.5),
         ],
-        24,
+        16,
     )
     ears = [
         rounded_box("steel", (0.0045, 0.010, 0.012), (x, 0, 0.031), radius=0.001)
@@ -163,7 +163,7 @@ def _wrist() -> list[Solid]:
 
 
 def _palm() -> list[Solid]:
-    axle = along_x(cylinder("steel", 0.0085, -0.0215, 0.0255, bevel=0.001, segments=20))
+    axle = along_x(cylinder("steel", 0.0085, -0.0215, 0.0255, bevel=0.001, segments=12))
     core = loft(
         "shell",
         [
@@ -174,7 +174,7 @@ def _palm() -> list[Solid]:
             Section(z=0.078, hx=0.033, hy=0.0115, cx=0.011, power=4),
             Section(z=0.086, hx=0.031, hy=0.0095, cx=0.011, power=4),
         ],
-        32,
+        16,
     )
     back = rounded_box(
         "plate", (0.028, 0.0018, 0.030), (0.011, 0.0130, 0.048), radius=0.0012, power=6
@@ -183,7 +183,7 @@ def _palm() -> list[Solid]:
         "shell", (0.018, 0.0012, 0.014), (0.011, 0.0145, 0.052), radius=0.0008, power=6
     )
     screws = [
-        _at(along_y(cylinder("dark", 0.0020, 0.0, 0.0022, segments=8)), x, 0.0140, z)
+        _at(along_y(cylinder("dark", 0.0020, 0.0, 0.0022, segments=6)), x, 0.0140, z)
         for x in (-0.012, 0.034)
         for z in (0.024, 0.072)
     ]
@@ -196,7 +196,7 @@ def _palm() -> list[Solid]:
     ]
     # Bearings of the J4 axes, which run along y.
     bearings = [
-        _at(along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=18)), x, 0, z)
+        _at(along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=10)), x, 0, z)
         for x, z in ((0.033, 0.090), (0.011, 0.094), (-0.011, 0.090))
     ]
     thumb_root = loft(
@@ -207,7 +207,7 @@ def _palm() -> list[Solid]:
             Section(z=0.020, hx=0.012, hy=0.012, cx=0.031, cy=-0.008, power=3),
             Section(z=0.028, hx=0.009, hy=0.009, cx=0.031, cy=-0.008, power=3),
         ],
-        20,
+        16,
     )
     little_root = rounded_box(
         "plate", (0.008, 0.010, 0.011), (-0.033, 0, 0.014), radius=0.002, power=4
@@ -218,7 +218,7 @@ def _palm() -> list[Solid]:
 def _metacarpal() -> list[Solid]:
     # The J5 axis lies 55 degrees from x towards z.
     tilt = rotation_about(AXIS_Y, -radians(55))
-    axle = along_x(cylinder("steel", 0.0075, -0.009, 0.009, bevel=0.001, segments=18)).moved(
+    axle = along_x(cylinder("steel", 0.0075, -0.009, 0.009, bevel=0.001, segments=10)).moved(
         transform((0, 0, 0), tilt)
     )
     body = loft(
@@ -229,14 +229,14 @@ def _metacarpal() -> list[Solid]:
             Section(z=0.050, hx=0.0098, hy=0.0110, power=3.5),
             Section(z=0.058, hx=0.0085, hy=0.0090, power=3.5),
         ],
-        20,
+        16,
     )
     back = rounded_box(
         "plate", (0.0075, 0.0015, 0.017), (0.0, 0.0110, 0.033), radius=0.001, power=5
     )
     pad = rounded_box("pad", (0.0082, 0.0025, 0.018), (0.0, -0.0110, 0.034), radius=0.0018, power=4)
     bearing = _at(
-        along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=18)), 0, 0, 0.0608
+        along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=10)), 0, 0, 0.0608
     )
     return [axle, body, back, pad, bearing]
 
@@ -269,7 +269,7 @@ def build_hand_solids() -> dict[str, list[Solid]]:
         "finger_distal": _fingertip(FINGERTIP_OFFSET, 0.0080),
         "th_base": [
             ball("steel", 0.0125),
-            cylinder("dark", 0.0090, -0.0140, 0.0040, bevel=0.001, segments=18),
+            cylinder("dark", 0.0090, -0.0140, 0.0040, bevel=0.001, segments=10),
         ],
         "th_proximal": [
             *_hinge(0.0100, 0.0115),
@@ -277,7 +277,7 @@ def build_hand_solids() -> dict[str, list[Solid]]:
         ],
         "th_hub": [ball("steel", 0.0100), *_hinge(0.0085, 0.0105)],
         "th_middle": [
-            along_y(cylinder("dark", 0.0040, -0.0108, 0.0108, segments=10)),
+            along_y(cylinder("dark", 0.0040, -0.0108, 0.0108, segments=6)),
             *_phalanx(0.032, 0.0100, start=0.0065),
             *[
                 _at(s.moved(transform((0, 0, 0), rotation_about(AXIS_Z, pi / 2))), 0, 0, 0.032)
@@ -291,6 +291,6 @@ def build_hand_solids() -> dict[str, list[Solid]]:
 def _ears(radius: float) -> list[Solid]:
     """Make the two cheeks that hold the next hinge."""
     return [
-        along_x(cylinder("trim", radius, *span, bevel=0.0006, segments=16))
+        along_x(cylinder("trim", radius, *span, segments=8))
         for span in ((-0.0082, -0.0062), (0.0062, 0.0082))
     ]

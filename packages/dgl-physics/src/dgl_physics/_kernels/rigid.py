@@ -271,3 +271,25 @@ def solve_rigid_contact(
         v = v * (limits.max_speed / speed)
     position[i] = x
     velocity[i] = v
+
+
+@wp.kernel
+def measure_penetration(
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    active: wp.array2d(dtype=wp.int32),
+    pose_now: wp.array2d(dtype=wp.transform),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.vec3),
+    deepest: wp.array(dtype=wp.float32),
+):
+    """Largest depth of a particle's centre under the surface of a shape, by environment."""
+    i = wp.tid()
+    e = i // particles_per_env
+    for c in range(near_count[i]):
+        k = near[i * limits.near_capacity + c]
+        s = active[e, k]
+        local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), position[i])
+        wp.atomic_max(deepest, e, -shape_distance(shapes.kind[s], shapes.size[s], local)[3])

@@ -1,0 +1,40 @@
+"""The code in the README that needs no simulation runs as it stands there."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def find_block(title):
+    section = re.split(rf"^## {title}$", README.read_text(encoding="utf-8"), flags=re.MULTILINE)[1]
+    found = re.search(r"```python\n(.*?)```", section, re.DOTALL)
+    assert found
+    return found.group(1)
+
+
+def test_a_demonstration_is_carried_over(capsys):
+    names: dict = {}
+    exec(compile(find_block("One demonstration, any garment"), "README.md", "exec"), names)
+    assert set(names["goals"]) == {"left"}
+    chest = names["target"].vertices[names["target"].landmarks["right_upper_chest"]]
+    assert np.linalg.norm(names["goals"]["left"][:2] - chest[:2]) < 0.03
+    assert capsys.readouterr().out
+
+
+def test_an_episode_is_read(fakes, tmp_path, monkeypatch, capsys):
+    from dgl_collect import write_episode
+
+    monkeypatch.chdir(tmp_path)
+    path = Path("out/fold-tops/episodes/FoldTops-v1-s0-00000.h5")
+    path.parent.mkdir(parents=True)
+    write_episode(path, fakes.make_episode())
+    exec(compile(find_block("Read an episode"), "README.md", "exec"), {})
+    assert "left_sleeve (2, 60) (2, 480, 640, 3)" in capsys.readouterr().out
+
+
+def test_all_code_is_valid_python():
+    for code in re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL):
+        compile(code, "README.md", "exec")
