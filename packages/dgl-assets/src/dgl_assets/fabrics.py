@@ -29,7 +29,7 @@ COLOURS: dict[str, Rgb] = {
     "denim": (82, 118, 162),
     "sky": (122, 168, 204),
     "plum": (104, 66, 110),
-    "charcoal": (74, 76, 84),
+    "charcoal": (88, 90, 98),
     "ecru": (238, 229, 210),
 }
 """Yarn colours, sRGB."""

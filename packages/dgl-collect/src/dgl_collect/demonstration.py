@@ -29,6 +29,16 @@ class Waypoint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RetargetedWaypoint:
+    """A waypoint on the garment at hand."""
+
+    targets: Mapping[Side, np.ndarray]
+    """Goal of the grasp point of each working hand [m], shape (3,), world frame."""
+    spacing: float
+    """As in `Waypoint`."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class DemonstratedStage:
     """What the expert did in one stage."""
 
@@ -66,7 +76,7 @@ class Demonstration:
 
 def retarget_waypoints(
     stage: DemonstratedStage, points: Mapping[str, np.ndarray]
-) -> list[tuple[dict[Side, np.ndarray], float]]:
+) -> list[RetargetedWaypoint]:
     """Compute a stage's waypoints for a garment.
 
     Args:
@@ -74,7 +84,7 @@ def retarget_waypoints(
         points: The demonstration's points as found on this garment [m], shape (3,), world frame.
 
     Returns:
-        For each waypoint the goals of the grasp points [m] by hand, and the spacing [m].
+        The waypoints in order.
 
     Raises:
         DemonstrationError: If a formula cannot be evaluated.
@@ -84,12 +94,12 @@ def retarget_waypoints(
         for name, formula in stage.definitions.items():
             names[name] = evaluate_formula(formula, names)
         return [
-            (
-                {
+            RetargetedWaypoint(
+                targets={
                     side: np.array([evaluate_formula(f, names) for f in formulas])
                     for side, formulas in waypoint.targets.items()
                 },
-                waypoint.spacing,
+                spacing=waypoint.spacing,
             )
             for waypoint in stage.waypoints
         ]

@@ -17,8 +17,10 @@ _BINARY: dict[type, Callable[[float, float], float]] = {
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def _distance_xy(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.linalg.norm(np.asarray(a)[:2] - np.asarray(b)[:2]))
+def _distance_xy(a: Value, b: Value) -> float:
+    if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
+        raise ValueError("distance_xy takes two points")
+    return float(np.linalg.norm(a[:2] - b[:2]))
 
 
 _FUNCTIONS: dict[str, Callable[..., float]] = {
@@ -54,6 +56,8 @@ def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
         raise ValueError(f"formula {text!r} cannot be evaluated: {err}") from err
     if not isinstance(value, float):
         raise ValueError(f"formula must give a number; {text!r} gives a point")
+    if not np.isfinite(value):
+        raise ValueError(f"formula must be finite; {text!r} gives {value}")
     return value
 
 

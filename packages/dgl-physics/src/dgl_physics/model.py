@@ -44,6 +44,8 @@ class Model:
     garments: tuple[Garment, ...]
     initial_positions: np.ndarray
     """[m], shape (B, V, 3)."""
+    contact_reach: float
+    """Largest distance at which two particles act on each other [m]."""
     shapes: ShapeTable
     materials: wp.array
     environment: wp.array
@@ -188,6 +190,7 @@ class ModelBuilder:
             shape_count=len(self._shapes),
             garments=tuple(garments),
             initial_positions=position.reshape(self.env_count, per_env, 3),
+            contact_reach=max(m.thickness + m.adhesion_radius for m in materials),
             shapes=self._build_shapes(device),
             materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
             environment=to_device(np.repeat(np.arange(self.env_count), per_env), wp.int32),

@@ -19,14 +19,14 @@ class SolverConfig:
 
     dt: float = 1 / 60
     """Length of a frame [s]; > 0."""
-    substeps: int = 10
+    substeps: int = 12
     """Substeps of a frame, each of one iteration; >= 1."""
-    neighbour_searches: int = 2
-    """Times in a frame at which particle contacts are searched for; 1..substeps. On the CPU a
-    search is left out while no particle has moved by a third of the margin since the last."""
-    neighbour_margin: float = 0.006
-    """Distance beyond the thickness that a search looks for [m]; > 0. Half of it is how far a
-    particle may move between searches without a contact being missed."""
+    neighbour_searches: int = 1
+    """Times in a frame at which particle contacts are searched for; 1..substeps. Environments
+    whose particles have moved by less than a third of the margin keep what was found."""
+    neighbour_margin: float = 0.004
+    """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
+    far a particle may move between searches without a contact being missed."""
     neighbour_capacity: int = 96
     """Most contacts that a particle can have with other particles."""
     near_capacity: int = 48
@@ -79,11 +79,12 @@ class SolverXPBD:
         self._limits.neighbour_margin = c.neighbour_margin
         self._limits.neighbour_capacity = c.neighbour_capacity
         self._limits.near_capacity = c.near_capacity
-        self._grid = wp.HashGrid(128, 128, 16, device=device)
+        self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
-        self._grid_radius = c.neighbour_margin + max(m.thickness for m in _materials(model))
+        self._grid_radius = c.neighbour_margin + model.contact_reach
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
@@ -91,6 +92,7 @@ class SolverXPBD:
         shapes = max(model.shape_count, 1)
         self._active = wp.zeros((envs, shapes), dtype=wp.int32, device=device)
         self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._swept = wp.zeros((envs, shapes), dtype=wp.vec4, device=device)
         self._pose_before = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._pose_now = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
@@ -98,7 +100,7 @@ class SolverXPBD:
         self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
         self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
         self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
-        self._displacement = wp.zeros(1, dtype=wp.float32, device=device)
+        self._displacement = wp.zeros(envs, dtype=wp.float32, device=device)
         self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
 
@@ -143,17 +145,24 @@ class SolverXPBD:
         return self._graph_state
 
     def _needs_search(self) -> bool:
+        """Measure how far particles have moved; on a GPU the search itself decides, unasked."""
+        self._replay("displacement", self._measure_displacement)
         if self.model.device != "cpu":
             return True  # reading the displacement back would stall the device
-        self._displacement.zero_()
+        limit = self.config.neighbour_margin * selfcontact.SEARCH_AGAIN
+        return bool((self._displacement.numpy() >= limit).any())
+
+    def _measure_displacement(self) -> None:
         m = self.model
+        self._displacement.zero_()
         wp.launch(
             guard.measure_displacement,
             dim=m.env_count * m.particles_per_env,
-            inputs=[m.inverse_mass, self._state.positions, self._searched_at, self._displacement],
-        )
-        # `not <` so that NaN leads to a search, and the guard reports it
-        return not float(self._displacement.numpy()[0]) < self.config.neighbour_margin / 3
+            inputs=[
+                m.particles_per_env, m.inverse_mass, self._state.positions, self._searched_at,
+                self._displacement,
+            ],
+        )  # fmt: skip
 
     def _begin_frame(self) -> None:
         self._state.impulse.zero_()
@@ -192,7 +201,7 @@ class SolverXPBD:
                 inputs=[
                     dt, self._limits, m.garment_index, m.materials, m.inverse_mass,
                     state.positions, self._previous, self._neighbours, self._neighbour_count,
-                    self._correction,
+                    self._correction, self._carry,
                 ],
             )  # fmt: skip
             wp.launch(
@@ -216,7 +225,7 @@ class SolverXPBD:
                 inputs=[
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
-                    self._near_count, self._previous, state.positions,
+                    self._near_count, self._previous, self._carry, state.positions,
                     state.velocities, state.impulse,
                 ],
             )  # fmt: skip
@@ -234,7 +243,7 @@ class SolverXPBD:
             dim=m.env_count,
             inputs=[
                 0.02 + c.max_speed * c.dt, m.shapes, state.body_start, state.body_end, self._lower,
-                self._upper, self._active, self._active_count,
+                self._upper, self._active, self._active_count, self._swept,
             ],
         )  # fmt: skip
         self._pose_shapes(state, 0.0)
@@ -243,9 +252,8 @@ class SolverXPBD:
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
-                self._active, self._active_count, self._pose_now, state.body_start, state.body_end,
-                m.inverse_mass, state.positions, state.velocities, self._near, self._near_count,
-                self._overflow,
+                self._active, self._active_count, self._swept, self._pose_now, m.inverse_mass,
+                state.positions, state.velocities, self._near, self._near_count, self._overflow,
             ],
         )  # fmt: skip
 
@@ -261,15 +269,14 @@ class SolverXPBD:
 
     def _find_neighbours(self) -> None:
         m, state = self.model, self._state
-        wp.copy(self._searched_at, state.positions)
         self._grid.build(state.positions, self._grid_radius, groups=m.environment)
         wp.launch(
             selfcontact.find_neighbours,
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
-                m.adjacency_start, m.adjacency, state.positions, self._neighbours,
-                self._neighbour_count, self._overflow,
+                m.adjacency_start, m.adjacency, self._displacement, state.positions,
+                self._searched_at, self._neighbours, self._neighbour_count, self._overflow,
             ],
         )  # fmt: skip
 
@@ -309,7 +316,3 @@ class SolverXPBD:
                 f"{self.frame}; raise neighbour_capacity ({self.config.neighbour_capacity}) or "
                 f"near_capacity ({self.config.near_capacity}) of SolverConfig"
             )
-
-
-def _materials(model: Model) -> list:
-    return list(model.materials.numpy().view(np.recarray))

@@ -68,14 +68,13 @@ class State:
         envs = np.arange(m.env_count) if envs is None else np.asarray(envs, dtype=np.int64)
         expected = (len(envs), m.particles_per_env, 3)
         velocities = np.zeros(expected, np.float32) if velocities is None else velocities
-        for name, new, old in (
-            ("positions", positions, self.positions),
-            ("velocities", velocities, self.velocities),
-        ):
+        both = (("positions", positions, self.positions), ("velocities", velocities, self.velocities))
+        for name, new, _ in both:
             if np.shape(new) != expected:
                 raise ValueError(f"{name} must have shape {expected}; got {np.shape(new)}")
             if not np.isfinite(new).all():
                 raise ValueError(f"{name} must be finite")
+        for _, new, old in both:
             values = old.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
             values[envs] = new
             old.assign(values.reshape(-1, 3).astype(np.float32))

@@ -4,7 +4,6 @@ Poses are arrays of seven numbers, xyz [m] then wxyz, of the arm's `ee` frame in
 the fingers, y out of the palm. Nothing here needs a simulator.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +19,6 @@ from dgl_assets.robots import (
     joint_slice,
 )
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import (
-    GRASP_ORIENTATIONS,
-    GraspName,
-    grasp_to_wrist,
-    turn_inward,
-    wrist_to_grasp,
-)
 from dgl_tasks.rotations import (
     compute_rotation_angle,
     matrix_from_quaternion,
@@ -34,19 +26,6 @@ from dgl_tasks.rotations import (
     quaternion_from_matrix,
     slerp,
 )
-
-__all__ = [
-    "ARM_SPEED_LIMITS",
-    "CONTROL_DT",
-    "GRASP_ORIENTATIONS",
-    "ArmKinematics",
-    "GraspName",
-    "Reach",
-    "grasp_to_wrist",
-    "limit_joint_speed",
-    "plan_line",
-    "wrist_to_grasp",
-]
 
 CONTROL_DT = 1.0 / 60.0
 """Control step [s]."""

@@ -5,18 +5,25 @@ from typing import Any
 import numpy as np
 import sapien
 import torch
-from dgl_assets import Garment, garment_ids, load_garment
-from dgl_assets.fabrics import Fabric, make_fabric
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
-from dgl_physics import SolverConfig
-from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
+from dgl_assets import Garment, garment_ids, load_garment
+from dgl_assets.fabrics import Fabric, make_fabric
+from dgl_assets.robots import (
+    HAND_POSES,
+    HOME_CONFIGURATION,
+    SIDES,
+    BasePlacement,
+    joint_slice,
+)
+from dgl_physics import SolverConfig
+from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.robot import let_robot_pass, make_agent_class
-from dgl_tasks.scene import build_floor, light_scene
+from dgl_tasks.scene import build_floor, build_shadow, light_scene
+from dgl_tasks.shadows import FloorShadow
 from dgl_tasks.success import Verdict
 from dgl_tasks.tasks import get_task
 
@@ -55,6 +62,7 @@ class GarmentEnv(BaseEnv):
         self.task: Task = get_task(task)
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._garment_visual: GarmentVisual | None = None
+        self._shadow: FloorShadow | None = None
         self._is_drawn = False
         self.cloth: SapienCloth
         self.garment: Garment
@@ -76,8 +84,7 @@ class GarmentEnv(BaseEnv):
     @property
     def _default_sensor_configs(self) -> list:
         return [
-            self.task.cameras[name].build()
-            for name in ("garment_camera", "environment_camera")
+            self.task.cameras[name].build() for name in ("garment_camera", "environment_camera")
         ]
 
     @property
@@ -86,12 +93,18 @@ class GarmentEnv(BaseEnv):
 
     def _load_scene(self, options: dict) -> None:
         self.ground = build_floor(
-            self.scene,
-            mat_centre=(float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))),
-            pedestals=[base[:2] for base in (self.task.left_base, self.task.right_base)],
+            self.scene, mat_centre=self._mat_centre, pedestals=[b[:2] for b in self._bases]
         )
         let_robot_pass(self.ground)
-        self._garment_visual = None
+        self._garment_visual = self._shadow = None
+
+    @property
+    def _mat_centre(self) -> tuple[float, float]:
+        return float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))
+
+    @property
+    def _bases(self) -> tuple[BasePlacement, BasePlacement]:
+        return self.task.left_base, self.task.right_base
 
     def _load_lighting(self, options: dict) -> None:
         light_scene(self.scene)
@@ -124,7 +137,12 @@ class GarmentEnv(BaseEnv):
         }
 
     def _load_garment(self, garment_id: str, x: float, y: float) -> None:
-        self.garment = load_garment(garment_id)
+        garment = load_garment(garment_id)
+        if garment.category != self.task.category:
+            raise ValueError(
+                f"garment must be of category {self.task.category}; got {garment_id!r}"
+            )
+        self.garment = garment
         c, s = np.cos(self.task.yaw), np.sin(self.task.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         vertices = self.garment.vertices @ turn.T + np.array([x, y, self.task.drop_height])
@@ -277,7 +295,16 @@ class GarmentEnv(BaseEnv):
                 uvs=self.fabric.compute_uvs(self.garment.rest_vertices),
                 texture=self.fabric.texture,
             )
-        self._garment_visual.update(self.get_particles())
+        if self._shadow is None:
+            self._shadow = build_shadow(
+                self.scene,
+                self.cloth.bodies[0],
+                mat_centre=self._mat_centre,
+                pedestals=[b[:3] for b in self._bases],
+            )
+        particles = self.get_particles()
+        self._garment_visual.update(particles)
+        self._shadow.update(particles, self.garment.faces)
         self._is_drawn = True
 
     @property
@@ -305,5 +332,3 @@ class GarmentEnv(BaseEnv):
         """Show the viewer, as ManiSkill does."""
         self.draw_garment()
         return super().render_human()
-
-

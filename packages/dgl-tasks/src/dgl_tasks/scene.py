@@ -1,7 +1,7 @@
 """The studio that tasks take place in: a calm floor with a work mat, soft light, a plain backdrop.
 
 Everything is picture only, except for the ground plane. Light is one lamp and a dome; both are
-cheap to draw on a processor, where shadows would double the time of a picture.
+cheap to draw on a processor, and so are the flat shadows of `dgl_tasks.shadows`.
 """
 
 import tempfile
@@ -13,15 +13,18 @@ import imageio.v3 as iio
 import numpy as np
 import sapien
 
+from dgl_tasks.shadows import CORNERS, FloorShadow
+
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
     from mani_skill.utils.structs import Actor
 
 Point2 = tuple[float, float]
+Point3 = tuple[float, float, float]
 
 FLOOR = (0.585, 0.560, 0.525)
 """Colour of the floor, linear."""
-MAT = (0.255, 0.292, 0.325)
+MAT = (0.165, 0.225, 0.275)
 """Colour of the work mat, linear."""
 MAT_SIZE = (2.0, 1.36)
 """Width and depth of the mat [m]."""
@@ -31,11 +34,15 @@ HORIZON = (0.50, 0.49, 0.475)
 """Light of the dome from the sides and colour of the backdrop, linear."""
 NADIR = (0.13, 0.12, 0.11)
 """Light that the floor throws back, linear."""
-KEY_DIRECTION = (0.62, -0.30, -0.72)
+KEY_DIRECTION = (0.52, -0.27, -0.81)
 """Where the lamp's light goes: in from the side, so that folds show."""
-KEY_COLOUR = (3.0, 2.92, 2.78)
+KEY_COLOUR = (2.75, 2.68, 2.55)
 """Light of the lamp; a white floor under it shines with this, times the sine of its height, over pi."""
 
+SHADE = 0.62
+"""Brightness of the floor in shadow, linear, a factor: lighter than true, as under a large lamp."""
+
+_COLUMN = 0.15  # width of the robots' columns [m]
 _NEAR_SIDE, _FAR_SIDE = 6.0, 60.0  # the detailed middle of the floor and all of it [m]
 _EDGE = 0.006  # width of a drawn edge [m]
 
@@ -64,6 +71,39 @@ def build_floor(
                 component.attach(shape)
                 entity.add_component(component)
     return ground
+
+
+def build_shadow(
+    scene: "ManiSkillScene",
+    bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
+    *,
+    mat_centre: Point2,
+    pedestals: Sequence[Point3] = (),
+) -> FloorShadow:
+    """Add the shadow that garment, bodies and pedestals throw onto the floor of `build_floor`.
+
+    Args:
+        scene: ManiSkill's scene, which must be able to render.
+        bodies: Rigid bodies that throw shadows.
+        mat_centre: Centre of the work mat [m].
+        pedestals: Upper ends of the robots' columns [m].
+    """
+    feet = [base[:2] for base in pedestals]
+    image = paint_floor(_NEAR_SIDE, 1024, mat_centre=mat_centre, pedestals=feet)
+    shaded = (image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
+    columns = [
+        np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
+        for x, y, z in pedestals
+    ]
+    return FloorShadow(
+        scene.sub_scenes[0],
+        bodies,
+        direction=KEY_DIRECTION,
+        material=_make_matt(shaded),
+        picture_centre=mat_centre,
+        picture_side=_NEAR_SIDE,
+        fixed=columns,
+    )
 
 
 def light_scene(scene: "ManiSkillScene") -> None:
@@ -133,6 +173,16 @@ def _make_square(
     else:
         flat, triangles = corners * side, np.array([[0, 1, 2], [0, 2, 3]])
     vertices = np.column_stack([flat + centre, np.zeros(len(flat))])
+    return sapien.render.RenderShapeTriangleMesh(
+        vertices=vertices.astype(np.float32),
+        triangles=triangles.astype(np.uint32),
+        normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
+        uvs=(flat / side + 0.5).astype(np.float32),
+        material=_make_matt(image),
+    )
+
+
+def _make_matt(image: np.ndarray) -> sapien.render.RenderMaterial:
     material = sapien.render.RenderMaterial()
     material.roughness = 1.0
     material.specular = 0.0
@@ -144,13 +194,7 @@ def _make_square(
         address_mode="edge",
         srgb=True,
     )
-    return sapien.render.RenderShapeTriangleMesh(
-        vertices=vertices.astype(np.float32),
-        triangles=triangles.astype(np.uint32),
-        normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
-        uvs=(flat / side + 0.5).astype(np.float32),
-        material=material,
-    )
+    return material
 
 
 def _make_dome(pixels: int = 256) -> sapien.render.RenderCubemap:

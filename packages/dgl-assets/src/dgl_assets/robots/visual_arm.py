@@ -25,10 +25,8 @@ def _housing(radius: float, low: float, high: float) -> list[Solid]:
         "aluminium",
         [
             (0, low + 0.003),
-            (radius - 0.002, low + 0.003),
-            (radius, low + 0.005),
+            (radius, low + 0.003),
             (radius, high - b),
-            (radius - 0.35 * b, high - 0.35 * b),
             (radius - b, high),
             (0, high),
         ],
@@ -58,8 +56,7 @@ def _cap(radius: float, z: float, sign: int) -> list[Solid]:
                 (0, z - sign * 0.002),
                 (r - 0.003, z - sign * 0.002),
                 (r - 0.003, z + sign * 0.004),
-                (r - 0.008, z + sign * 0.0075),
-                (0.45 * r, z + sign * 0.0095),
+                (r - 0.009, z + sign * 0.008),
                 (0, z + sign * 0.010),
             ]
         ),

@@ -30,6 +30,7 @@ def integrate(
         return
     v = velocity[i] + gravity * (gravity_scale[environment[i]] * dt)
     v = v * wp.exp(-materials[garment[i]].drag * dt)
+    velocity[i] = v
     position[i] = x + v * dt
 
 

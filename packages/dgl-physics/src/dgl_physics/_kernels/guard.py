@@ -28,12 +28,19 @@ def flag_divergence(
 
 @wp.kernel
 def measure_displacement(
+    particles_per_env: wp.int32,
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
-    largest: wp.array(dtype=wp.float32),
+    displacement: wp.array(dtype=wp.float32),
 ):
-    """Largest distance of a particle from where the last neighbour search found it."""
+    """Largest distance of a particle from where the last search found it, by environment.
+
+    Far away where a position is not finite, so that the search and then the guard see it.
+    """
     i = wp.tid()
     if inverse_mass[i] > 0.0:
-        wp.atomic_max(largest, 0, wp.length(position[i] - searched_at[i]))
+        d = wp.length(position[i] - searched_at[i])
+        if not (d < 1.0e6):
+            d = 1.0e6
+        wp.atomic_max(displacement, i // particles_per_env, d)

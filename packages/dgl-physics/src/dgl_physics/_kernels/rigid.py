@@ -74,8 +74,11 @@ def select_shapes(
     upper: wp.array(dtype=wp.vec3),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
+    swept: wp.array2d(dtype=wp.vec4),
 ):
     """List the shapes whose swept sphere meets the cloth's box, one thread an environment.
+
+    `swept` gets the centre and radius of a sphere that holds the shape during the whole frame.
 
     Planes come last, so that the ground has the last word in a contact.
     """
@@ -95,6 +98,9 @@ def select_shapes(
                 if wp.min(start[k], end[k]) - r > high[k] or wp.max(start[k], end[k]) + r < low[k]:
                     inside = 0
             if inside == 1:
+                middle = 0.5 * (start + end)
+                radius = shapes.radius[s] + 0.5 * wp.length(end - start)
+                swept[e, count] = wp.vec4(middle[0], middle[1], middle[2], radius)
                 active[e, count] = s
                 count += 1
     for s in range(total):
@@ -149,9 +155,8 @@ def find_near_shapes(
     materials: wp.array(dtype=Material),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
+    swept: wp.array2d(dtype=wp.vec4),
     pose_start: wp.array2d(dtype=wp.transform),
-    body_start: wp.array2d(dtype=wp.transform),
-    body_end: wp.array2d(dtype=wp.transform),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
@@ -159,7 +164,10 @@ def find_near_shapes(
     near_count: wp.array(dtype=wp.int32),
     overflow: wp.array(dtype=wp.int32),
 ):
-    """List the active shapes that each particle may touch within the coming frame."""
+    """List the active shapes that each particle may touch within the coming frame.
+
+    A moving shape is near when its swept sphere is, a plane when its surface is.
+    """
     i = wp.tid()
     count = int(0)
     if inverse_mass[i] > 0.0:
@@ -170,22 +178,13 @@ def find_near_shapes(
         reach = m.rest_offset + m.adhesion_radius + (wp.length(velocity[i]) + 0.3) * dt
         for k in range(active_count[e]):
             s = active[e, k]
-            pose = pose_start[e, k]
-            b = shapes.body[s]
-            # how far the shape's frame travels, plus what its rotation sweeps
-            start = body_start[e, b]
-            end = body_end[e, b]
-            travel = wp.length(
-                wp.transform_point(end * shapes.pose[s], wp.vec3(0.0, 0.0, 0.0))
-                - wp.transform_get_translation(pose)
-            )
-            q = wp.mul(
-                wp.quat_inverse(wp.transform_get_rotation(start)), wp.transform_get_rotation(end)
-            )
-            turn = 2.0 * wp.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-            extent = wp.where(shapes.kind[s] == PLANE, 0.0, shapes.radius[s])
-            local = wp.transform_point(wp.transform_inverse(pose), x)
-            if shape_distance(shapes.kind[s], shapes.size[s], local)[3] < reach + travel + turn * extent:
+            gap = float(0.0)
+            if shapes.kind[s] == PLANE:
+                gap = wp.transform_point(wp.transform_inverse(pose_start[e, k]), x)[2]
+            else:
+                ball = swept[e, k]
+                gap = wp.length(x - wp.vec3(ball[0], ball[1], ball[2])) - ball[3]
+            if gap < reach:
                 if count < limits.near_capacity:
                     near[i * limits.near_capacity + count] = k
                     count += 1
@@ -209,6 +208,7 @@ def solve_rigid_contact(
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
+    carry: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
@@ -225,6 +225,9 @@ def solve_rigid_contact(
         return
     e = i // particles_per_env
     before = previous[i]
+    predicted = before + velocity[i] * dt
+    pushed = wp.vec3(0.0, 0.0, 0.0)
+    surface_velocity = wp.vec3(0.0, 0.0, 0.0)
     x = position[i]
     m = materials[garment[i]]
     for c in range(near_count[i]):
@@ -244,15 +247,14 @@ def solve_rigid_contact(
             if shapes.is_moving[s] == 1:
                 drift = surface - wp.transform_point(pose_before[e, k], local - n_local * hit[3])
             slip = (x - before) - drift
-            along = wp.dot(n, slip)
-            slip = slip - n * along
+            slip = slip - n * wp.dot(n, slip)
             push = float(0.0)
             support = float(0.0)
             if gap < 0.0:
                 push = -gap
                 support = push
-                # overlap from before this substep must not throw the particle off the surface
-                before = before + n * wp.max(along + push - limits.separation_speed * dt, 0.0)
+                pushed = n
+                surface_velocity = drift / dt
             else:
                 push = -wp.min(m.adhesion * w * dt * dt, 1.0) * gap
                 support = -push
@@ -265,7 +267,18 @@ def solve_rigid_contact(
             if shapes.is_measured[s] == 1:
                 j = (slip - n * push) / (w * dt)
                 wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
-    v = (x - before) / dt
+    # From what was corrected rather than from x - before: rounding would bias a small velocity.
+    v = velocity[i] + (x - predicted) / dt
+    # Overlap from before this substep must not throw the particle off: of what it was moved by
+    # other particles it keeps what `carry` allows, off a surface at most the separation speed.
+    carried = carry[i]
+    length = wp.length(carried)
+    if length > 0.0:
+        leaving = wp.clamp(wp.dot(v, carried) / length, 0.0, length / dt)
+        v = v - carried * (leaving / length)
+    leaving = wp.dot(v - surface_velocity, pushed) - limits.separation_speed
+    if leaving > 0.0:
+        v = v - pushed * leaving
     speed = wp.length(v)
     if speed > limits.max_speed:
         v = v * (limits.max_speed / speed)

@@ -8,6 +8,9 @@ from dgl_physics._kernels.types import Limits, Material
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
+SEARCH_AGAIN = wp.constant(0.333)
+"""Share of the margin that a particle may move before its environment is searched again."""
+
 
 @wp.kernel
 def find_neighbours(
@@ -18,19 +21,27 @@ def find_neighbours(
     materials: wp.array(dtype=Material),
     adjacency_start: wp.array(dtype=wp.int32),
     adjacency: wp.array(dtype=wp.int32),
+    displacement: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    searched_at: wp.array(dtype=wp.vec3),
     neighbours: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
     overflow: wp.array(dtype=wp.int32),
 ):
     """List the particles that may touch each particle before the next search.
 
-    Particles that share an edge of the mesh are left out: the edge holds them apart.
+    Environments whose particles have hardly moved since their last search keep their lists.
+    Particles that share an edge of the mesh are left out: the edge holds them apart. A list is in
+    the order of indices, whatever the order in which the grid gives them.
     """
     i = wp.tid()
-    x = position[i]
     env = environment[i]
-    radius = materials[garment[i]].thickness + limits.neighbour_margin
+    if displacement[env] < limits.neighbour_margin * SEARCH_AGAIN:
+        return
+    x = position[i]
+    searched_at[i] = x
+    m = materials[garment[i]]
+    radius = m.thickness + m.adhesion_radius + limits.neighbour_margin
     first = adjacency_start[i]
     last = adjacency_start[i + 1]
     count = int(0)
@@ -45,7 +56,12 @@ def find_neighbours(
                         is_joined = 1
                 if is_joined == 0:
                     if count < limits.neighbour_capacity:
-                        neighbours[i * limits.neighbour_capacity + count] = j
+                        at = int(i * limits.neighbour_capacity + count)
+                        start = int(i * limits.neighbour_capacity)
+                        while at > start and neighbours[at - 1] > j:
+                            neighbours[at] = neighbours[at - 1]
+                            at -= 1
+                        neighbours[at] = j
                         count += 1
                     else:
                         wp.atomic_add(overflow, env, 1)
@@ -64,13 +80,14 @@ def solve_self_contact(
     neighbours: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
     correction: wp.array(dtype=wp.vec3),
+    carry: wp.array(dtype=wp.vec3),
 ):
     """Push apart particles closer than the thickness; rub and hold those that touch.
 
     All particles read the same positions and write their own correction (Jacobi), averaged over
-    the contacts, so the result depends on no order. A pair leaves its overlap no faster than the
-    separation speed: all of an approach within the substep is undone at once, older overlap
-    slowly, so that contact does not throw particles apart.
+    the contacts, so the result depends on no order. The whole overlap is undone, but a pair gets
+    no more velocity from it than the separation speed: the rest is a change of place alone, kept
+    in `carry` and left out of the velocity, so that contact does not throw particles apart.
     Friction cancels the tangential displacement of the substep up to Coulomb's limit; adhesion
     is the paper's spring within a radius.
     """
@@ -78,6 +95,7 @@ def solve_self_contact(
     n_count = neighbour_count[i]
     wi = inverse_mass[i]
     total = wp.vec3(0.0, 0.0, 0.0)
+    carried = wp.vec3(0.0, 0.0, 0.0)
     hits = float(0.0)
     if n_count > 0 and wi > 0.0:
         m = materials[garment[i]]
@@ -96,8 +114,9 @@ def solve_self_contact(
                 if depth > 0.0:
                     slip = moved - (position[j] - previous[j])
                     along = wp.dot(n, slip)
-                    push = wp.clamp(limits.separation_speed * dt - along, 0.0, depth)
-                    total += n * (share * push)
+                    kept = wp.clamp(limits.separation_speed * dt - along, 0.0, depth)
+                    total += n * (share * depth)
+                    carried += n * (share * (depth - kept))
                     slip = slip - n * along
                     length = wp.length(slip)
                     limit = m.particle_friction * depth
@@ -108,7 +127,10 @@ def solve_self_contact(
                 else:
                     pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
                     total += n * pull
-    correction[i] = total / wp.max(1.0, hits * 0.5)
+    # Half the number of contacts: their mean converges slowly, their sum overshoots.
+    scale = 1.0 / wp.max(1.0, hits * 0.5)
+    correction[i] = total * scale
+    carry[i] = carried * scale
 
 
 @wp.kernel

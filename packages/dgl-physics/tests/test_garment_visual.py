@@ -1,0 +1,74 @@
+"""What a picture shows of a garment: its outside, its texture, its thickness."""
+
+import numpy as np
+import pytest
+import sapien
+
+from dgl_physics.sapien_bridge import GarmentVisual
+
+pytestmark = pytest.mark.render
+
+SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+UP = np.array([[0, 1, 2], [0, 2, 3]])
+CORNERS = (SQUARE[:, :2] + 1) / 2
+RED_AND_BLUE = np.repeat(np.array([[[200, 20, 20]], [[20, 20, 200]]], np.uint8), 2, axis=1)
+
+
+@pytest.fixture
+def photograph():
+    """Take a picture from 1 m above the origin: colour and height of the middle row's pixels."""
+    sapien.render.set_camera_shader_dir("default")
+    scene = sapien.Scene()
+    scene.set_ambient_light([1, 1, 1])
+
+    def take():
+        camera = scene.add_camera("above", 32, 32, 1.0, 0.1, 10.0)
+        camera.entity.set_pose(sapien.Pose([0, 0, 1], [np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
+        scene.update_render()
+        camera.take_picture()
+        return camera.get_picture("Color")[..., :3], 1.0 + camera.get_picture("Position")[..., 2]
+
+    return scene, take
+
+
+def test_texture_lies_as_its_coordinates_say(photograph):
+    scene, take = photograph
+    visual = GarmentVisual(scene, UP, uvs=CORNERS, texture=np.repeat(RED_AND_BLUE, 32, axis=0))
+    visual.update(SQUARE)
+    colour, _ = take()
+    # The picture's up is +x and its left is +y: the texture's second half lies to the left.
+    left, right = colour[:, 4].mean(axis=0), colour[:, -5].mean(axis=0)
+    assert left[2] > 2 * left[0]
+    assert right[0] > 2 * right[2]
+
+
+def test_of_two_layers_in_one_place_the_outside_is_seen(photograph):
+    scene, take = photograph
+    layers = np.concatenate([SQUARE, SQUARE])
+    faces = np.concatenate([UP, UP[:, ::-1] + 4])
+    thickness = 0.01
+    visual = GarmentVisual(scene, faces, thickness=thickness)
+    visual.update(layers)
+    _, height = take()
+    np.testing.assert_allclose(height, thickness / 2, atol=1e-4)
+
+
+def test_inside_is_seen_and_darker(photograph):
+    scene, take = photograph
+    visual = GarmentVisual(scene, UP, colour=(0.5, 0.5, 0.5))
+    visual.update(SQUARE)
+    outside = take()[0].mean()
+    visual.update(SQUARE * np.float32([1, -1, 1]))
+    inside = take()[0].mean()
+    assert 0.8 * outside < inside < outside
+
+
+def test_wrong_textures_are_refused(photograph):
+    scene, _ = photograph
+    with pytest.raises(ValueError, match="must come with uvs"):
+        GarmentVisual(scene, UP, texture=RED_AND_BLUE)
+    with pytest.raises(ValueError, match=r"dtype uint8; got .* float64"):
+        GarmentVisual(scene, UP, uvs=CORNERS, texture=RED_AND_BLUE / 255.0)
+    visual = GarmentVisual(scene, UP, uvs=CORNERS, texture=RED_AND_BLUE)
+    with pytest.raises(ValueError, match=r"must have shape \(4, 3\); got \(3, 3\)"):
+        visual.update(SQUARE[:3])

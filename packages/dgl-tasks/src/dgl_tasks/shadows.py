@@ -1,0 +1,161 @@
+"""Shadows on the floor, drawn as flat shapes.
+
+Shadow maps cost as much as the rest of a picture on a processor. A parallel light throws the shadow
+of a convex body onto a plane as a convex polygon, and that of a mesh as the flattened mesh; these
+are drawn just above the floor with its own picture, darkened.
+
+Limitations: nothing but the floor receives a shadow; edges are sharp.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import sapien
+from sapien import physx, render
+
+HEIGHT = 0.0008
+"""How far above the floor shadows are drawn [m]."""
+_OUTLINE = 14  # corners of a convex body's shadow
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+"""Corners of a cube of side 2 about the origin, shape (8, 3)."""
+
+Body = physx.PhysxRigidBaseComponent
+
+
+class FloorShadow:
+    """What a garment and rigid bodies throw onto the ground z = 0 of one SAPIEN scene."""
+
+    def __init__(
+        self,
+        scene: sapien.Scene,
+        bodies: Sequence[Body],
+        *,
+        direction: Sequence[float],
+        material: render.RenderMaterial,
+        picture_centre: Sequence[float],
+        picture_side: float,
+        fixed: Sequence[np.ndarray] = (),
+    ) -> None:
+        """Collect the shapes that throw shadows; the shadow is empty until `update`.
+
+        Args:
+            scene: Where it is drawn.
+            bodies: Rigid bodies; their capsules, spheres and boxes throw shadows.
+            direction: Where the light goes, shape (3,), downward.
+            material: Material of the floor in shadow.
+            picture_centre: Centre of the material's picture on the floor [m].
+            picture_side: Length of the picture's sides [m].
+            fixed: Corners of boxes that never move [m], each of shape (8, 3), world frame.
+        """
+        self._slope = np.asarray(direction[:2], dtype=float) / direction[2]
+        self._material = material
+        self._centre, self._side = np.asarray(picture_centre, dtype=float), picture_side
+        shapes = [(body, shape) for body in bodies for shape in _list_convex(body)]
+        self._bodies = [body for body, _ in shapes]
+        described = [_describe(shape) for _, shape in shapes]
+        self._points = np.array([points for points, _ in described]).reshape(-1, 8, 3)
+        self._fixed = np.array(list(fixed), dtype=float).reshape(-1, 8, 3)
+        self._radii = np.array([radius for _, radius in described] + [0.0] * len(self._fixed))
+        self._component: render.RenderBodyComponent | None = None
+        self.entity = sapien.Entity()
+        self.entity.name = "floor_shadow"
+        scene.add_entity(self.entity)
+
+    def update(self, positions: np.ndarray, faces: np.ndarray) -> None:
+        """Draw the shadows of a mesh and of the bodies where they are now.
+
+        Args:
+            positions: Vertices of the mesh [m], shape (V, 3), world frame.
+            faces: Its triangles, shape (F, 3).
+        """
+        outlines = self._outline_bodies()  # (S, K, 2)
+        count, corners = outlines.shape[:2]
+        fan = np.arange(1, corners - 1)
+        polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
+        first = len(positions) + np.arange(count) * corners
+        triangles = np.concatenate(
+            [
+                _facing_up(faces, flat := project(positions, self._slope)),
+                (first[:, None, None] + polygon).reshape(-1, 3),
+            ]
+        )
+        flat = np.concatenate([flat, outlines.reshape(-1, 2)])
+        vertices = np.column_stack([flat, np.full(len(flat), HEIGHT)]).astype(np.float32)
+        shape = render.RenderShapeTriangleMesh(
+            vertices=vertices,
+            triangles=triangles.astype(np.uint32),
+            normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
+            uvs=((flat - self._centre) / self._side + 0.5).astype(np.float32),
+            material=self._material,
+        )
+        component = render.RenderBodyComponent()
+        component.attach(shape)
+        if self._component is not None:
+            self.entity.remove_component(self._component)
+        self.entity.add_component(component)
+        self._component = component
+
+    def _outline_bodies(self) -> np.ndarray:
+        poses = [body.entity_pose.to_transformation_matrix() for body in self._bodies]
+        T = np.array(poses, dtype=float).reshape(-1, 4, 4)
+        moved = self._points @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
+        flat = project(np.concatenate([moved, self._fixed]), self._slope)
+        return outline(flat, self._radii, self._slope)
+
+
+def project(points: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Move points [m], shape (..., 3), along the light to z = 0; returns (..., 2).
+
+    What is below the ground stays where it is: it throws no shadow upwards.
+    """
+    return points[..., :2] - np.maximum(points[..., 2:], 0.0) * slope
+
+
+def outline(flat: np.ndarray, radii: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Compute convex outlines of projected point sets that are thickened by spheres.
+
+    Args:
+        flat: Projected points [m], shape (S, P, 2).
+        radii: Radius of the sphere about each point of a set [m], shape (S,).
+        slope: Horizontal way of the light per way up, shape (2,).
+
+    Returns:
+        Polygons [m], shape (S, K, 2), counter-clockwise.
+    """
+    angles = np.arange(_OUTLINE) * 2 * np.pi / _OUTLINE
+    normals = np.column_stack([np.cos(angles), np.sin(angles)])  # (K, 2)
+    farthest = np.argmax(np.einsum("spd,kd->skp", flat, normals), axis=2)  # (S, K)
+    corners = np.take_along_axis(flat, farthest[..., None], axis=1)
+    # A sphere's shadow is the ellipse {p : p^T A^-1 p <= r^2} with A = 1 + slope slope^T.
+    A = np.eye(2) + np.outer(slope, slope)
+    reach = normals @ A / np.sqrt(np.einsum("kd,de,ke->k", normals, A, normals))[:, None]
+    return corners + radii[:, None, None] * reach
+
+
+def _list_convex(body: Body) -> list[physx.PhysxCollisionShape]:
+    kinds = (
+        physx.PhysxCollisionShapeBox,
+        physx.PhysxCollisionShapeCapsule,
+        physx.PhysxCollisionShapeSphere,
+    )
+    return [shape for shape in body.collision_shapes if isinstance(shape, kinds)]
+
+
+def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float]:
+    """Give a shape as eight points [m], frame of its body, thickened by a sphere's radius."""
+    if isinstance(shape, physx.PhysxCollisionShapeBox):
+        points, radius = CORNERS * np.asarray(shape.half_size), 0.0
+    elif isinstance(shape, physx.PhysxCollisionShapeCapsule):
+        # SAPIEN's capsules are along x
+        points, radius = CORNERS * [shape.half_length, 0.0, 0.0], float(shape.radius)
+    else:
+        points, radius = CORNERS * 0.0, float(shape.radius)
+    T = shape.local_pose.to_transformation_matrix()
+    return points @ T[:3, :3].T + T[:3, 3], radius
+
+
+def _facing_up(faces: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """Keep the triangles that are counter-clockwise in the plane; of a closed mesh they suffice."""
+    a, b, c = (flat[faces[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    return faces[u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0]
