@@ -7,7 +7,7 @@ import pytest
 
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
-from dgl_collect.attempt import DemonstrationAttempt, make_attempt_runner
+from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
 from dgl_tasks import get_task
 
 TASK_ID = "FoldTops-v1"
@@ -33,8 +33,10 @@ def set_material(runner, **changes):
 
 
 def test_unknown_options_are_refused():
-    with pytest.raises(ValueError, match=r"options must be among \['garment'\]; got \['speed'\]"):
+    with pytest.raises(ValueError, match=r"options must be among .*garment.*; got \['speed'\]"):
         make_attempt_runner(TASK_ID, {"speed": 2})
+    with pytest.raises(ValueError, match="option garment must be a string; got 7"):
+        make_attempt_runner(TASK_ID, {"garment": 7})
 
 
 @pytest.mark.render
@@ -44,7 +46,7 @@ def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
     """The garment is looked for 3 m above the ground; short, since nothing is ever grasped."""
     stage = dataclasses.replace(get_task(TASK_ID).stages[0], grasp_height=3.0)
     task = dataclasses.replace(get_task(TASK_ID), stages=(stage,))
-    monkeypatch.setattr(runner, "task", task)
+    monkeypatch.setattr(runner.env, "task", task)
     result = run(runner, tmp_path / "far")
     assert not result.success
     assert result.value is None
@@ -111,7 +113,7 @@ def test_without_friction_and_adhesion_nothing_is_lifted(runner, tmp_path):
 @pytest.mark.render
 def test_the_garment_can_be_chosen(tmp_path):
     garment = "Tops_LongSleeve/000019"
-    made = DemonstrationAttempt(TASK_ID, garment=garment)
+    made = DemonstrationAttempts(TASK_ID, garment=garment)
     try:
         result = run(made, tmp_path / "chosen", seed=3)
     finally:

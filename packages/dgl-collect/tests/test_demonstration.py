@@ -73,8 +73,8 @@ def test_sleeves_follow_the_papers_formulas(demonstration):
     ):
         h = min(horizontal(P[cuff], P[own]), 0.3)
         waypoints = retarget_waypoints(demonstration.get_stage(stage), P)
-        assert all(set(targets) == {side} for targets, _ in waypoints)
-        lift, carry, lower = (targets[side] for targets, _ in waypoints)
+        assert all(set(waypoint.targets) == {side} for waypoint in waypoints)
+        lift, carry, lower = (waypoint.targets[side] for waypoint in waypoints)
         np.testing.assert_allclose(lift, (*P[cuff][:2], h))
         np.testing.assert_allclose(carry, (*P[other][:2], h))
         np.testing.assert_allclose(lower[:2], carry[:2])
@@ -85,7 +85,7 @@ def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(demonstr
     stage = demonstration.get_stage("left_sleeve")
     for length, height in ((0.2, 0.2), (0.29, 0.29), (0.31, 0.3), (0.6, 0.3)):
         points = P | {"left_cuff": P["left_chest"] - (length, 0, 0)}
-        lift = retarget_waypoints(stage, points)[0][0]["left"]
+        lift = retarget_waypoints(stage, points)[0].targets["left"]
         assert lift[2] == pytest.approx(height)
 
 
@@ -93,7 +93,7 @@ def test_the_bottom_follows_the_papers_formulas(demonstration):
     """Hf = p3.y - p4.y with p3 the left chest and p4 the left hem, for both hands."""
     length = P["left_chest"][1] - P["left_hem"][1]
     waypoints = retarget_waypoints(demonstration.get_stage("bottom_up"), P)
-    lift, carry, lower = (targets for targets, _ in waypoints)
+    lift, carry, lower = (waypoint.targets for waypoint in waypoints)
     for side, hem, chest in (
         ("left", "left_hem", "left_chest"),
         ("right", "right_hem", "right_chest"),
@@ -109,11 +109,11 @@ def test_waypoints_move_with_the_garment(demonstration):
     shift = np.array([0.07, -0.05, 0.0])
     moved = {name: xyz + shift for name, xyz in P.items()}
     for stage in demonstration.stages:
-        for (before, _), (after, _) in zip(
+        for before, after in zip(
             retarget_waypoints(stage, P), retarget_waypoints(stage, moved), strict=True
         ):
-            for side, goal in before.items():
-                np.testing.assert_allclose(after[side], goal + shift, atol=1e-12)
+            for side, goal in before.targets.items():
+                np.testing.assert_allclose(after.targets[side], goal + shift, atol=1e-12)
 
 
 def test_a_point_that_was_not_found_is_named(demonstration):
@@ -200,9 +200,9 @@ def test_definitions_see_those_before_them(content):
     stage["definitions"] = {"a": "left_cuff.x", "b": "a * 2"}
     stage["waypoints"] = [{"left": ["a", "b", 0.1], "spacing": 0.005}]
     demonstration = parse_demonstration(content, source="top.json")
-    ((targets, spacing),) = retarget_waypoints(demonstration.stages[0], P)
-    np.testing.assert_allclose(targets["left"], (-0.5, -1.0, 0.1))
-    assert spacing == 0.005
+    (waypoint,) = retarget_waypoints(demonstration.stages[0], P)
+    np.testing.assert_allclose(waypoint.targets["left"], (-0.5, -1.0, 0.1))
+    assert waypoint.spacing == 0.005
     stage["definitions"] = {"b": "a * 2", "a": "left_cuff.x"}
     with pytest.raises(DemonstrationError, match="unknown name 'a'"):
         retarget_waypoints(parse_demonstration(content, source="t").stages[0], P)

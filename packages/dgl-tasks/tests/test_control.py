@@ -234,9 +234,7 @@ def test_a_fold_is_one_continuous_motion_from_home(arms, side):
         path = follow_line(arm, point, quaternion, q)
         steps = np.abs(np.diff(np.vstack([q, path]), axis=0)) * 60
         assert (steps <= ARM_SPEED_LIMITS + 1e-9).all()
-        assert (np.sign(np.sin(path[:, [2, 4]])) == home_signs).all(), (
-            "elbow or wrist flipped"
-        )
+        assert (np.sign(np.sin(path[:, [2, 4]])) == home_signs).all(), "elbow or wrist flipped"
         end = arm.compute_pose(path[-1])
         np.testing.assert_allclose(wrist_to_grasp(end[:3], end[3:], side), point, atol=5e-4)
         q = path[-1]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from importlib import resources
 
 import numpy as np
-from dgl_assets.robots import HAND_POSES, SIDES, Side
 
+from dgl_assets.robots import HAND_POSES, SIDES, Side
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import evaluate_formula
 

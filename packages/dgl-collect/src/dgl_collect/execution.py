@@ -235,9 +235,7 @@ class Execution:
         state = self.env.evaluate()
         reason, detail = None, ""
         if not verdict.success:
-            shortfall = (
-                f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
-            )
+            shortfall = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
             # the first thing that went wrong on the way says more than the result
             reason, detail = self.events[0] if self.events else ("below the threshold", "")
             detail = f"{detail}; {shortfall}" if detail else shortfall
@@ -271,9 +269,7 @@ class Execution:
             "penetration_m": float(cloth.solver.measure_penetration(cloth.state)[0]),
         }
         for name, value in values.items():
-            self.measurements[f"max_{name}"] = max(
-                value, self.measurements.get(f"max_{name}", 0.0)
-            )
+            self.measurements[f"max_{name}"] = max(value, self.measurements.get(f"max_{name}", 0.0))
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()

@@ -1,8 +1,9 @@
 """The generator's exact correspondence behind the matcher interface of `dgl_gam`."""
 
 import numpy as np
-from dgl_assets import Garment, correspond
 from scipy.spatial import cKDTree
+
+from dgl_assets import Garment, correspond
 
 
 class ExactMatcher:

@@ -1,5 +1,7 @@
 """What does not change during a simulation: meshes, constraints, shapes; and its builder."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,7 +115,9 @@ class ModelBuilder:
             )
         if rest.shape[1] == 2:
             rest = np.column_stack([rest, np.zeros(len(rest))])
-        entry = _make_constraints(vertices, faces.astype(np.int32), rest, material or ClothMaterial())
+        entry = _make_constraints(
+            vertices, faces.astype(np.int32), rest, material or ClothMaterial()
+        )
         entry["inverse_mass"][list(pinned)] = 0.0
         if env is not None and not 0 <= env < self.env_count:
             raise ValueError(f"env must be in 0..{self.env_count - 1}; got {env}")
@@ -174,7 +178,9 @@ class ModelBuilder:
                     )
                 )
                 first += n
-        pairs, rest_length, compliance, colour = (np.concatenate(b) for b in zip(*blocks, strict=True))
+        pairs, rest_length, compliance, colour = (
+            np.concatenate(b) for b in zip(*blocks, strict=True)
+        )
         order = np.argsort(colour, kind="stable")
         starts = np.searchsorted(colour[order], np.arange(colour.max() + 2))
         adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)

@@ -196,7 +196,7 @@ class SapienCloth:
             component = self.bodies[e][b]
             if isinstance(component, physx.PhysxRigidBodyComponent):
                 force = self._forces[e, b]
-                component.add_force_torque(force[:3], force[3:])
+                component.add_force_torque(force[:3], force[3:])  # pyright: ignore[reportArgumentType]
 
     def _built(self) -> Model:
         if self.model is None:
@@ -206,7 +206,8 @@ class SapienCloth:
     def _sum_forces(self) -> np.ndarray:
         impulse = self.state.impulse.numpy()[:, : len(self._shape_body)]  # (B, S, 6)
         total = np.zeros((len(self.scenes), len(self.bodies[0]), 6), dtype=np.float32)
-        np.add.at(total, (slice(None), self._shape_body), impulse / self.config.dt)
+        rows = (slice(None), self._shape_body)
+        np.add.at(total, rows, impulse / self.config.dt)  # pyright: ignore[reportArgumentType]
         for e, b in zip(*np.nonzero(np.abs(total[..., :3]).sum(axis=-1)), strict=True):
             component = self.bodies[e][b]
             if isinstance(component, physx.PhysxRigidBodyComponent):
@@ -339,7 +340,7 @@ def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarr
 
 
 def _pose(flat: np.ndarray) -> sapien.Pose:
-    return sapien.Pose(flat[:3], flat[3:])
+    return sapien.Pose(flat[:3], flat[3:])  # pyright: ignore[reportArgumentType]
 
 
 def _flat(pose: sapien.Pose) -> np.ndarray:

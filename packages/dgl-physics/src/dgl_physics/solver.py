@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -71,7 +72,11 @@ class SolverXPBD:
         self.model = model
         self.config = config or SolverConfig()
         self.frame = 0
-        device, count, envs = model.device, model.env_count * model.particles_per_env, model.env_count
+        device, count, envs = (
+            model.device,
+            model.env_count * model.particles_per_env,
+            model.env_count,
+        )
         c = self.config
         self._limits = Limits()
         self._limits.max_speed = c.max_speed
@@ -113,7 +118,9 @@ class SolverXPBD:
         """
         c = self.config
         parts = [
-            range(k * c.substeps // c.neighbour_searches, (k + 1) * c.substeps // c.neighbour_searches)
+            range(
+                k * c.substeps // c.neighbour_searches, (k + 1) * c.substeps // c.neighbour_searches
+            )
             for k in range(c.neighbour_searches)
         ]
         with wp.ScopedDevice(self.model.device):
@@ -135,7 +142,7 @@ class SolverXPBD:
             launch()
             with wp.ScopedCapture() as capture:
                 launch()
-            self._graphs[name] = capture.graph
+            self._graphs[name] = capture.graph  # pyright: ignore[reportArgumentType]
         else:
             wp.capture_launch(self._graphs[name])
 
@@ -209,7 +216,7 @@ class SolverXPBD:
                 dim=count,
                 inputs=[self._correction, state.positions],
             )
-            for first, end in zip(colours[:-1], colours[1:], strict=True):
+            for first, end in pairwise(colours):
                 wp.launch(
                     cloth.solve_distances,
                     dim=end - first,

@@ -37,7 +37,9 @@ class State:
         self.body_start = wp.array(identity, dtype=wp.transform, device=device)
         self.body_end = wp.array(identity, dtype=wp.transform, device=device)
         self.impulse = wp.zeros(
-            (model.env_count, max(model.shape_count, 1)), dtype=wp.spatial_vector, device=device
+            (model.env_count, max(model.shape_count, 1)),
+            dtype=wp.spatial_vector,  # pyright: ignore[reportArgumentType]
+            device=device,
         )
 
     def get_positions(self) -> np.ndarray:
@@ -68,7 +70,10 @@ class State:
         envs = np.arange(m.env_count) if envs is None else np.asarray(envs, dtype=np.int64)
         expected = (len(envs), m.particles_per_env, 3)
         velocities = np.zeros(expected, np.float32) if velocities is None else velocities
-        both = (("positions", positions, self.positions), ("velocities", velocities, self.velocities))
+        both = (
+            ("positions", positions, self.positions),
+            ("velocities", velocities, self.velocities),
+        )
         for name, new, _ in both:
             if np.shape(new) != expected:
                 raise ValueError(f"{name} must have shape {expected}; got {np.shape(new)}")

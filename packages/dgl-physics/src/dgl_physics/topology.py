@@ -25,7 +25,9 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     if len(bad):
         raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(f"faces must index 0..{len(vertices) - 1}; got {faces.min()}..{faces.max()}")
+        raise MeshError(
+            f"faces must index 0..{len(vertices) - 1}; got {faces.min()}..{faces.max()}"
+        )
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     bad = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-10)
     if len(bad):

@@ -5,7 +5,7 @@ simulator; only `CameraPlacement.build` does.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,9 +41,6 @@ class CameraPlacement:
     """Near plane [m]."""
     far: float = 30.0
     """Far plane [m]."""
-    shader_pack: Literal["default", "minimal"] = "default"
-    """ManiSkill's shaders: "default" has positions in full precision, which clouds need; "minimal"
-    rounds them to millimetres and takes half the time, for pictures alone."""
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
@@ -94,7 +91,7 @@ class CameraPlacement:
             fov=self.vertical_fov,
             near=self.near,
             far=self.far,
-            shader_pack=self.shader_pack,
+            shader_pack="minimal",  # the fastest; see `dgl_tasks.perception` for its depth
         )
 
 
@@ -127,7 +124,9 @@ FOLD_CAMERAS: dict[str, CameraPlacement] = {
         name="garment_camera", position=(0.0, 1.0, 6.75), euler_deg=(0, 90, 90)
     ),
     "environment_camera": CameraPlacement(
-        name="environment_camera", position=(0.0, 4.0, 6.0), euler_deg=(0, 60, -90)
+        name="environment_camera",
+        position=(0.0, 4.0, 6.0),
+        euler_deg=(0, 60, -90),
     ),
     "video_camera": CameraPlacement(
         name="video_camera",
@@ -135,7 +134,6 @@ FOLD_CAMERAS: dict[str, CameraPlacement] = {
         # Just wide enough for both parked arms, whose hands point outwards.
         euler_deg=look_at(_VIDEO_EYE, (-0.09, 0.04, 0.30)),
         horizontal_fov=float(np.radians(51.5)),
-        shader_pack="minimal",
     ),
 }
 """Cameras of the folding tasks; the first two as in the original, the third for people."""
@@ -183,22 +181,24 @@ def depth_to_points(
     return (rays * distance[..., None]) @ R.T.astype(np.float32) + t.astype(np.float32)
 
 
-def crop_workspace(cloud: np.ndarray, workspace: Workspace) -> np.ndarray:
-    """Keep the points inside a box.
+def is_in_workspace(points: np.ndarray, workspace: Workspace) -> np.ndarray:
+    """Tell which points lie inside a box.
 
     Args:
-        cloud: Points, xyz [m] in the first three columns, shape (N, C), C >= 3, world frame.
+        points: [m], shape (N, 3), world frame.
         workspace: The box; its faces belong to it.
 
     Returns:
-        The rows inside, shape (M, C). Rows with NaN coordinates are dropped.
+        Shape (N,), bool. Points with NaN coordinates are outside.
     """
-    cloud = np.asarray(cloud)
-    if cloud.ndim != 2 or cloud.shape[1] < 3:
-        raise ValueError(f"cloud must have shape (N, C) with C >= 3; got {cloud.shape}")
-    xyz = cloud[:, :3]
-    is_inside = np.all((xyz >= workspace.low) & (xyz <= workspace.high), axis=1)
-    return cloud[is_inside]
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points must have shape (N, 3); got {points.shape}")
+    inside = np.ones(len(points), dtype=bool)
+    for axis in range(3):
+        column = points[:, axis]
+        inside &= (column >= workspace.low[axis]) & (column <= workspace.high[axis])
+    return inside
 
 
 def farthest_point_sample(points: np.ndarray, count: int, *, seed: int) -> np.ndarray:

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement, Side
 from dgl_physics import ClothMaterial
-
 from dgl_tasks.cameras import CameraPlacement, Workspace
 from dgl_tasks.grasps import GraspName
 from dgl_tasks.success import Verdict

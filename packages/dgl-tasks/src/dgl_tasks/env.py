@@ -314,7 +314,7 @@ class GarmentEnv(BaseEnv):
             raise RuntimeError("draw_garment() must be called before its segment is known")
         return self._garment_visual.entity.per_scene_id
 
-    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:
+    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:  # noqa: FBT001, FBT002 - ManiSkill's signature
         self.draw_garment()
         return super()._get_obs_sensor_data(apply_texture_transforms)
 

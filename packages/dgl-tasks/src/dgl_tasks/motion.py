@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
 
+from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
 from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
@@ -67,8 +67,11 @@ class BimanualMotion:
         return self._finish(rows)
 
     def move(
-        self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray],
-        *, spacing: float = 0.01,
+        self,
+        points: Mapping[Side, np.ndarray],
+        orientations: Mapping[Side, np.ndarray],
+        *,
+        spacing: float = 0.01,
     ) -> np.ndarray:
         """Move grasp points on straight lines, both hands arriving together.
 
@@ -173,7 +176,9 @@ class BimanualMotion:
         finally:
             self.target = target
 
-    def move_joints(self, sides: Mapping[Side, np.ndarray], *, speed: float = JOINT_SPEED) -> np.ndarray:
+    def move_joints(
+        self, sides: Mapping[Side, np.ndarray], *, speed: float = JOINT_SPEED
+    ) -> np.ndarray:
         """Move arms straight in joint space, shape (N, 60).
 
         Args:

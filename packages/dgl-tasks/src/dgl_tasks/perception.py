@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dgl_tasks.cameras import crop_workspace, depth_to_points, farthest_point_sample
+from dgl_tasks.cameras import depth_to_points, farthest_point_sample, is_in_workspace
 from dgl_tasks.errors import PerceptionError
 
 if TYPE_CHECKING:
@@ -36,21 +36,24 @@ def take_picture(env: "GarmentEnv", camera: str) -> Picture:
     sensors = env.scene.sensors
     if camera not in sensors:
         raise ValueError(f"camera must be one of {sorted(sensors)}; got {camera!r}")
+    placement = env.task.cameras[camera]
     env.draw_garment()
     env.scene.update_render(update_sensors=True, update_human_render_cameras=False)
     sensor = sensors[camera]
     sensor.capture()
-    raw = sensor.get_obs(apply_texture_transforms=False)
-    colour = raw["Color"][0].cpu().numpy()[..., :3]
-    position = raw["Position"][0].cpu().numpy()  # OpenGL camera frame: it looks along -z
-    placement = env.task.cameras[camera]
-    points = depth_to_points(
-        -position[..., 2], placement.intrinsics, placement.transform_camera_to_world
+    # Positions of the fast shaders are rounded to millimetres; their depth buffer is not.
+    colour, buffer, mixed = (
+        texture[0].cpu().numpy()
+        for texture in sensor.camera.get_picture(["Color", "GbufferDepth", "PositionSegmentation"])
     )
+    near, far = placement.near, placement.far
+    buffer = buffer.reshape(colour.shape[:2])
+    depth = near * far / (far - buffer * (far - near))
+    depth[buffer >= 1.0] = np.nan  # nothing was hit
     return Picture(
-        rgb=(np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8),
-        points=points,
-        segments=raw["Segmentation"][0].cpu().numpy()[..., 1].astype(np.int32),
+        rgb=np.ascontiguousarray(colour[..., :3]),
+        points=depth_to_points(depth, placement.intrinsics, placement.transform_camera_to_world),
+        segments=mixed[..., 3].astype(np.int32),
     )
 
 
@@ -81,13 +84,13 @@ def get_garment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.n
 
 def get_environment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.ndarray:
     """Sample the coloured cloud of the workspace, xyz and rgb in [0, 1], shape (2048, 6)."""
-    coloured = np.concatenate(
-        [picture.points.reshape(-1, 3), picture.rgb.reshape(-1, 3) / np.float32(255)], axis=1
-    )
-    cloud = crop_workspace(coloured, env.task.workspace)
-    if len(cloud) == 0:
+    points = picture.points.reshape(-1, 3)
+    index = np.flatnonzero(is_in_workspace(points, env.task.workspace))
+    if len(index) == 0:
         raise PerceptionError("the camera sees nothing inside the workspace")
-    return cloud[farthest_point_sample(cloud[:, :3], CLOUD_SIZE, seed=seed)].astype(np.float32)
+    index = index[farthest_point_sample(points[index], CLOUD_SIZE, seed=seed)]
+    rgb = picture.rgb.reshape(-1, 3)[index] / np.float32(255)
+    return np.concatenate([points[index], rgb], axis=1).astype(np.float32)
 
 
 def find_pixel(env: "GarmentEnv", camera: str, point: np.ndarray) -> tuple[float, float]:

@@ -60,7 +60,7 @@ def build_floor(
     builder = scene.create_actor_builder()
     # SAPIEN's planes face along x
     builder.add_plane_collision(sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0]))
-    builder.initial_pose = sapien.Pose()
+    builder.initial_pose = sapien.Pose()  # pyright: ignore[reportAttributeAccessIssue]
     ground = builder.build_static(name="ground")
     if scene.can_render():
         for side, hole, pixels in ((_NEAR_SIDE, 0.0, 1024), (_FAR_SIDE, _NEAR_SIDE, 512)):

@@ -148,8 +148,10 @@ def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float]:
     elif isinstance(shape, physx.PhysxCollisionShapeCapsule):
         # SAPIEN's capsules are along x
         points, radius = CORNERS * [shape.half_length, 0.0, 0.0], float(shape.radius)
-    else:
+    elif isinstance(shape, physx.PhysxCollisionShapeSphere):
         points, radius = CORNERS * 0.0, float(shape.radius)
+    else:
+        raise TypeError(f"shape must be a box, a capsule or a sphere; got {type(shape).__name__}")
     T = shape.local_pose.to_transformation_matrix()
     return points @ T[:3, :3].T + T[:3, 3], radius
 

@@ -2,6 +2,7 @@
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
 # pyright: reportOperatorIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
 import warp as wp
 
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
@@ -129,9 +130,7 @@ def pose_shapes(
     b = shapes.body[s]
     start = body_start[e, b]
     end = body_end[e, b]
-    p = wp.lerp(
-        wp.transform_get_translation(start), wp.transform_get_translation(end), fraction
-    )
+    p = wp.lerp(wp.transform_get_translation(start), wp.transform_get_translation(end), fraction)
     q0 = wp.transform_get_rotation(start)
     q1 = wp.transform_get_rotation(end)
     if wp.dot(q0, q1) < 0.0:
