@@ -11,10 +11,6 @@ THICKNESS = ClothMaterial().thickness
 # this height.
 LEAST = np.sqrt(THICKNESS**2 - EDGE**2 / 3)
 
-too_weak = pytest.mark.xfail(
-    reason="contact between particles is under-resolved: see Limitations in docs/physics.md"
-)
-
 
 def turned(vertices, angle):
     c, s = np.cos(angle), np.sin(angle)
@@ -60,7 +56,6 @@ def test_two_dropped_layers_lie_on_each_other(run, sheet, builder):
         assert np.median(heights) > LEAST
 
 
-@too_weak
 def test_two_dropped_layers_stay_in_order_everywhere(run, sheet, builder):
     for heights in drop_two_layers(run, sheet, builder):
         assert heights.min() > 0.5 * LEAST
@@ -88,7 +83,6 @@ def test_most_of_a_heap_keeps_its_distance(run, sheet, builder):
     assert np.median(gaps) > 0.85 * THICKNESS
 
 
-@too_weak
 def test_all_of_a_heap_keeps_its_distance(run, sheet, builder):
     assert drop_in_a_heap(run, sheet, builder).min() > 0.5 * THICKNESS
 
@@ -142,15 +136,99 @@ def test_adhesion_scale_holds_a_patch_under_cloth(run, sheet):
     assert hang_below_cloth(run, sheet, adhesion=0.0, scale=1.0).min() > 0.5
 
 
-@pytest.mark.parametrize("layers", [2, pytest.param(4, marks=too_weak)])
-def test_a_pile_does_not_collapse(run, sheet, builder, layers):
-    """The layers of a pile rest on each other, at least as high as in each other's hollows."""
+def pile(run, sheet, layers):
+    """Stack sheets on the ground, and let them lie for two seconds."""
+    builder = ModelBuilder(1)
     for k in range(layers):
         vertices, faces = sheet(0.15, 0.15, EDGE, height=0.004 + k * THICKNESS)
         builder.add_garment(turned(vertices, 0.3 * k), faces)
     builder.add_ground()
-    r = run(builder).step(120)
-    n = len(vertices)
-    means = np.array([r.x[k * n : (k + 1) * n, 2].mean() for k in range(layers)])
-    assert np.diff(means).min() > LEAST
+    return run(builder).step(120)
+
+
+@pytest.mark.parametrize("layers", [2, 4, 8])
+def test_a_pile_does_not_collapse(run, sheet, layers):
+    """The layers of a pile rest on each other, at least as high as in each other's hollows."""
+    heights = pile(run, sheet, layers).x[:, 2].reshape(layers, -1).mean(axis=1)
+    assert np.diff(heights).min() > LEAST
+
+
+unsettled = pytest.mark.xfail(
+    reason="overlaps undone and made in turns keep a pile moving: see docs/physics.md"
+)
+
+
+@pytest.mark.parametrize("layers", [2, pytest.param(4, marks=unsettled)])
+def test_a_pile_comes_to_rest(run, sheet, layers):
+    r = pile(run, sheet, layers)
+    before = r.x
     assert np.abs(r.v).max() < 0.02
+    assert np.abs(r.step(60).x - before).max() < 1e-4
+
+
+def place_two_layers(run, sheet, *, gap, velocities, **config):
+    """Two free sheets above each other, each with its velocity [m/s], without gravity and air."""
+    builder = ModelBuilder(1)
+    material = ClothMaterial(drag=0.0, adhesion=0.0)
+    for k in (0, 1):
+        vertices, faces = sheet(0.1, 0.1, EDGE, height=gap * k)
+        builder.add_garment(turned(vertices, 0.3 * k), faces, material=material)
+    r = run(builder, gravity=(0, 0, 0), **config)
+    r.state.set_particles(r.x[None], np.repeat(velocities, len(vertices), axis=0)[None])
+    return r, faces
+
+
+too_fast = pytest.mark.xfail(
+    reason="one search a frame finds fast layers late or never: see docs/physics.md"
+)
+
+
+@pytest.mark.parametrize(
+    ("speed", "searches"), [(0.9, 1), (2.0, 4), pytest.param(2.0, 1, marks=too_fast)]
+)
+def test_layers_do_not_pass_through_each_other(run, sheet, speed, searches):
+    r, faces = place_two_layers(
+        run, sheet, gap=0.03, velocities=[[0, 0, 0], [0, 0, -speed]], neighbour_searches=searches
+    )
+    lower, upper = np.split(r.step(round(0.05 / speed * 60) + 6).x, 2)
+    heights = distance_over_surface(upper, lower, faces)
+    assert np.isfinite(heights).sum() > 50
+    assert np.nanmin(heights) > 0
+
+
+@pytest.mark.parametrize(
+    ("speed", "searches"), [(0.5, 1), (1.0, 4), pytest.param(0.8, 1, marks=too_fast)]
+)
+def test_layers_that_meet_keep_their_momentum(run, sheet, speed, searches):
+    r, _ = place_two_layers(
+        run, sheet, gap=0.03, velocities=[[0, 0, 0], [0, 0, -speed]], neighbour_searches=searches
+    )
+    before = (r.mass[:, None] * r.v).sum(axis=0)
+    energy = (r.mass[:, None] * r.v**2).sum()
+    r.step(round(0.05 / speed * 60) + 6)
+    after = (r.mass[:, None] * r.v).sum(axis=0)
+    assert (r.mass[:, None] * r.v**2).sum() < 0.6 * energy  # they did meet
+    assert after == pytest.approx(before, abs=0.01 * np.linalg.norm(before))
+
+
+def leave_overlap(run, sheet, *, gap, common=(0.0, 0.0, 0.0), **config):
+    """Mean velocity of each of two overlapping sheets after 10 frames, less the common one."""
+    r, _ = place_two_layers(run, sheet, gap=gap, velocities=[common, common], **config)
+    return [half.mean(axis=0) - common for half in np.split(r.step(10).v, 2)]
+
+
+def test_separation_speed_bounds_how_fast_layers_part(run, sheet):
+    """Of a quarter of the thickness; deeper overlaps are left faster, as the cloth is bent too."""
+    for speed in (0.1, 1.0):
+        low, high = leave_overlap(run, sheet, gap=0.75 * THICKNESS, separation_speed=speed)
+        assert 0 < high[2] - low[2] < speed
+        assert high[2] + low[2] == pytest.approx(0, abs=0.005)
+
+
+@pytest.mark.xfail(
+    reason="velocity is left out in the world's frame, not in that of the pair: see docs/physics.md"
+)
+def test_overlap_is_left_alike_in_moving_cloth(run, sheet):
+    resting = leave_overlap(run, sheet, gap=0.75 * THICKNESS)
+    moving = leave_overlap(run, sheet, gap=0.75 * THICKNESS, common=(0.0, 0.0, 1.0))
+    assert moving == pytest.approx(np.array(resting), abs=0.01)

@@ -79,10 +79,12 @@ def test_friction_lifts_and_holds(run, sheet, device, name):
     check_hold(run, sheet, shape=SHAPES[name], device=device, friction=25.0)
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.xfail(
-    reason="separation_speed bounds the force of a pinch: see Limitations in docs/physics.md"
+too_round = pytest.mark.xfail(
+    reason="12 substeps do not hold few particles between curved fingers: see docs/physics.md"
 )
+
+
+@pytest.mark.parametrize("name", ["boxes", pytest.param("capsules", marks=too_round)])
 def test_a_real_friction_lifts_and_holds(run, sheet, name):
     check_hold(run, sheet, shape=SHAPES[name], friction=1.0)
 

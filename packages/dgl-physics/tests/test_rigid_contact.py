@@ -176,7 +176,7 @@ def test_a_moving_surface_carries_what_lies_on_it(run, sheet, builder):
     """A tray accelerates and turns: cloth on it keeps its place on the tray.
 
     Bodies have a constant velocity within a frame. The step of velocity between two frames must
-    be within what friction gives in one substep, here 0.016 m/s, for no slip at all.
+    be within what friction gives in one substep, here 0.014 m/s, for no slip at all.
     """
     vertices, faces = sheet(0.1, 0.1, EDGE, height=REST)
     builder.add_garment(vertices, faces, material=ClothMaterial(adhesion=0.0))

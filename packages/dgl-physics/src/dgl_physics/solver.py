@@ -35,7 +35,8 @@ class SolverConfig:
     max_speed: float = 15.0
     """Particles are not faster than this [m/s]."""
     separation_speed: float = 0.1
-    """Speed at which contact may drive particles out of an overlap [m/s]; > 0."""
+    """Velocity that a contact may give by undoing an overlap [m/s]; > 0. The overlap itself is
+    undone at once; what exceeds this changes places and not velocities."""
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     """[m/s^2], world frame."""
     is_guarded: bool = True
@@ -58,8 +59,8 @@ class SolverXPBD:
     """Advances the state of a model by frames.
 
     Extended position-based dynamics with small steps (Macklin et al. 2016 and 2019): each substep
-    integrates, projects every distance constraint once in the order of its colour, separates
-    particles, and resolves rigid contact with stiction last.
+    integrates, separates particles, projects every distance constraint once in the order of its
+    colour, and resolves rigid contact with stiction last.
 
     The bodies move on straight lines from `body_start` to `body_end` during a frame, after which
     `body_end` becomes `body_start`.
