@@ -25,6 +25,8 @@ P = {
     "right_cuff": np.array([0.48, 0.68, 0.008]),
     "left_chest": np.array([-0.15, 0.96, 0.011]),
     "left_hem": np.array([-0.20, 0.56, 0.009]),
+    "left_sleeve_joint": np.array([-0.23, 0.93, 0.011]),
+    "right_sleeve_joint": np.array([0.24, 0.94, 0.011]),
     "right_hem": np.array([0.21, 0.57, 0.010]),
 }
 
@@ -66,40 +68,51 @@ def test_the_marked_points_lie_on_the_garment(demonstration):
     np.testing.assert_allclose(correspond(garment, marked, garment), marked, atol=0.01)
 
 
-def test_sleeves_follow_the_papers_formulas(demonstration):
-    for stage, side, cuff, own, other in (
-        ("left_sleeve", "left", "left_cuff", "left_chest", "right_chest"),
-        ("right_sleeve", "right", "right_cuff", "right_chest", "left_chest"),
-    ):
-        h = min(horizontal(P[cuff], P[own]), 0.3)
-        waypoints = retarget_waypoints(demonstration.get_stage(stage), P)
-        assert all(set(waypoint.targets) == {side} for waypoint in waypoints)
-        lift, carry, lower = (waypoint.targets[side] for waypoint in waypoints)
-        np.testing.assert_allclose(lift, (*P[cuff][:2], h))
-        np.testing.assert_allclose(carry, (*P[other][:2], h))
-        np.testing.assert_allclose(lower[:2], carry[:2])
-        assert 0 < lower[2] < carry[2]
+SLEEVES = (
+    ("left_sleeve", "left", "left_cuff", "left_sleeve_joint", "left_chest", "right_chest"),
+    ("right_sleeve", "right", "right_cuff", "right_sleeve_joint", "right_chest", "left_chest"),
+)
 
 
-def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(demonstration):
-    stage = demonstration.get_stage("left_sleeve")
-    for length, height in ((0.2, 0.2), (0.29, 0.29), (0.31, 0.3), (0.6, 0.3)):
-        points = P | {"left_cuff": P["left_chest"] - (length, 0, 0)}
-        lift = retarget_waypoints(stage, points)[0].targets["left"]
-        assert lift[2] == pytest.approx(height)
+@pytest.mark.parametrize(("stage", "side", "cuff", "joint", "own", "other"), SLEEVES)
+def test_sleeves_are_carried_over_their_joint_without_pulling(
+    demonstration, stage, side, cuff, joint, own, other
+):
+    """The paper's height over the joint, its goal at the far chest, and never a taut sleeve."""
+    waypoints = retarget_waypoints(demonstration.get_stage(stage), P)
+    assert all(set(waypoint.targets) == {side} for waypoint in waypoints)
+    _, over, _, end = path = [waypoint.targets[side] for waypoint in waypoints]
+    h = min(horizontal(P[cuff], P[own]), 0.3)
+    np.testing.assert_allclose(over, (*P[joint][:2], h))
+    sleeve = horizontal(P[cuff], P[joint])
+    for point in path:
+        flat = horizontal(point, P[joint])
+        assert np.hypot(flat, point[2]) <= sleeve + 1e-9
+    # straight towards the far chest, as far as the sleeve allows
+    goal = P[other][:2] - P[joint][:2]
+    share = min(1.0, 0.95 * sleeve / np.linalg.norm(goal))
+    np.testing.assert_allclose(end[:2], P[joint][:2] + share * goal)
+    assert 0 < end[2] < 0.1
 
 
-def test_the_bottom_follows_the_papers_formulas(demonstration):
+@pytest.mark.parametrize(("length", "height"), [(0.2, 0.2), (0.29, 0.29), (0.31, 0.3), (0.6, 0.3)])
+def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(
+    demonstration, length, height
+):
+    points = P | {"left_cuff": P["left_chest"] - (length, 0, 0)}
+    waypoints = retarget_waypoints(demonstration.get_stage("left_sleeve"), points)
+    assert max(w.targets["left"][2] for w in waypoints) == pytest.approx(height)
+
+
+def test_the_bottom_follows_the_papers_heights(demonstration):
     """Hf = p3.y - p4.y with p3 the left chest and p4 the left hem, for both hands."""
     length = P["left_chest"][1] - P["left_hem"][1]
     waypoints = retarget_waypoints(demonstration.get_stage("bottom_up"), P)
     lift, carry, lower = (waypoint.targets for waypoint in waypoints)
-    for side, hem, chest in (
-        ("left", "left_hem", "left_chest"),
-        ("right", "right_hem", "right_chest"),
-    ):
-        np.testing.assert_allclose(lift[side], (*P[hem][:2], length / 2))
-        over = (P[chest][0], P[chest][1] + 0.1, min(length / 2, 0.2))
+    for side in ("left", "right"):
+        hem, chest = P[f"{side}_hem"], P[f"{side}_chest"]
+        np.testing.assert_allclose(lift[side], (hem[0], hem[1] + length / 4, length / 2))
+        over = (chest[0], P["left_chest"][1] + 0.1, min(length / 2, 0.2))
         np.testing.assert_allclose(carry[side], over)
         np.testing.assert_allclose(lower[side][:2], carry[side][:2])
         assert 0 < lower[side][2] < carry[side][2]

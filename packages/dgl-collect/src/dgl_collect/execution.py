@@ -23,15 +23,15 @@ from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.rotations import matrix_from_quaternion
 from dgl_tasks.success import Verdict
 
-APPROACH_HEIGHT = 0.2
+APPROACH_HEIGHT = 0.15
 """Height above the grasp point from which a hand comes down [m]."""
 WITHDRAWAL = 0.12
 """How far an opened hand draws back along its fingers, out of the cloth, before it rises [m]."""
-CLEARANCE = 0.15
+CLEARANCE = 0.1
 """How far it then rises [m]."""
 ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
-FINAL_FRAMES = 30
+FINAL_FRAMES = 20
 """Frames between the hands being out of the way and the verdict."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
