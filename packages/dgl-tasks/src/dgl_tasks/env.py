@@ -21,6 +21,7 @@ from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
+from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.robot import let_robot_pass, make_agent_class
 from dgl_tasks.scene import build_floor, build_shadow, light_scene
 from dgl_tasks.shadows import FloorShadow
@@ -73,7 +74,14 @@ class GarmentEnv(BaseEnv):
                 left_base=self.task.left_base, right_base=self.task.right_base
             )
         kwargs.setdefault("reward_mode", "sparse")
-        super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
+        try:
+            super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
+        except RuntimeError as err:
+            if "vk::" not in str(err) and "render" not in str(err).lower():
+                raise
+            raise RenderingUnavailableError(
+                f"no usable Vulkan device ({err}); `dgl doctor` says what to install"
+            ) from err
 
     # Scene ---------------------------------------------------------------------------------
 

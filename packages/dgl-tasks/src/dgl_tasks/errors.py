@@ -13,6 +13,10 @@ class PerceptionError(TaskError):
     """A camera sees nothing of what it should see."""
 
 
+class RenderingUnavailableError(TaskError):
+    """No renderer could be started; state observations with `render_backend="none"` need none."""
+
+
 class UnreachableError(TaskError):
     """An arm has no joint configuration for a wanted pose, or none on its present branch.
 
