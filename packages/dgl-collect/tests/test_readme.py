@@ -37,5 +37,5 @@ def test_an_episode_is_read(fakes, tmp_path, monkeypatch, capsys):
 
 
 def test_all_code_is_valid_python():
-    for code in re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL):
-        compile(code, "README.md", "exec")
+    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert all(compile(code, "README.md", "exec") for code in blocks)

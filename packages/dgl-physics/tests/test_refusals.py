@@ -138,6 +138,7 @@ def test_a_guard_that_is_off_says_nothing(run, sheet, builder):
     r = run(builder, is_guarded=False)
     r.state.positions.assign(np.full((r.model.particles_per_env, 3), 1e3, dtype=np.float32))
     r.step()
+    assert r.x.min() > 100.0  # far outside, and no error
 
 
 def test_too_many_neighbours_are_not_dropped_in_silence(run, sheet):
