@@ -16,6 +16,6 @@ fi
 
 export UV_PROJECT_ENVIRONMENT="$PWD/.venvs/$package"
 rm -rf "$UV_PROJECT_ENVIRONMENT"
-# Of the workspace only this package; of its groups only its tests'.
-uv sync --package "$package" --no-default-groups --group test --no-editable --quiet
-exec "$UV_PROJECT_ENVIRONMENT/bin/python" -m pytest "packages/$package" -m "not slow and not gpu" "$@"
+# Of the workspace only this package with its extras; of its groups only its tests'.
+uv sync --package "$package" --all-extras --no-default-groups --group test --no-editable --quiet
+exec "$UV_PROJECT_ENVIRONMENT/bin/python" -m pytest "packages/$package" -m "not slow" "$@"

@@ -43,7 +43,7 @@ def file_uri(path: Path) -> str:
 
 
 def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
-    """Draw an image with the found points on it.
+    """Draw an image with the found points on it; their names show on hovering, to keep it clear.
 
     Args:
         image: RGB, shape (480, 640, 3), uint8.
@@ -52,7 +52,7 @@ def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
     """
     uri = _data_uri(encode_picture(image, ".webp"), ".webp")
     marks = "".join(
-        _mark(name, float(point["uv"][0]), float(point["uv"][1]), IMAGE_WIDTH, size=1.5)
+        _disc(name, float(point["uv"][0]), float(point["uv"][1]), size=0.9)
         for name, point in points.items()
         if "uv" in point
     )
@@ -180,7 +180,7 @@ def interval_bar(rate: float, low: float, high: float) -> str:
 def time_bar(stage_seconds: Mapping[str, float], total: float) -> str:
     """Draw how the time of an attempt divides into its stages and the rest."""
     rest = max(0.0, total - sum(stage_seconds.values()))
-    parts = [*stage_seconds.items(), ("preparing, pressing, judging", rest)]
+    parts = [*stage_seconds.items(), ("writing the files", rest)]
     whole = max(sum(seconds for _, seconds in parts), 1e-9)
     bars = "".join(
         f'<i class="part{number % 4}" style="width:{seconds / whole:.2%}"></i>'
@@ -211,16 +211,27 @@ def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> 
 
 
 def _mark(name: str, x: float, y: float, width: int, *, size: float) -> str:
-    side = "left" if name.startswith("left") else "right" if name.startswith("right") else "other"
+    side = _side(name)
     # Outwards, away from the other hand's point, unless the label would leave the picture.
     is_leftwards = x > 0.3 * width if side == "left" else x > 0.7 * width
     dx = -12 * size if is_leftwards else 12 * size
     anchor = "end" if is_leftwards else "start"
     return (
-        f'<g class="mark {side}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}"/>'
+        f'<g class="mark {side}">{_disc(name, x, y, size=size)}'
         f'<text x="{x + dx:.1f}" y="{y + 5 * size:.1f}" text-anchor="{anchor}" '
         f'font-size="{17 * size:g}">{html.escape(_words(name))}</text></g>'
     )
+
+
+def _disc(name: str, x: float, y: float, *, size: float) -> str:
+    return (
+        f'<g class="mark {_side(name)}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}">'
+        f"<title>{html.escape(_words(name))}</title></circle></g>"
+    )
+
+
+def _side(name: str) -> str:
+    return next((side for side in ("left", "right") if name.startswith(side)), "other")
 
 
 def _words(name: str) -> str:

@@ -219,7 +219,8 @@ def _film(run: _Run, result: AttemptResult, *, is_single: bool) -> str:
     play = " autoplay" if is_single else ' preload="none"'
     return (
         f'<figure><video src="{video}"{poster}{play} controls loop muted playsinline></video>'
-        f"<figcaption>Every recorded frame, {FRAME_RATE} a second</figcaption></figure>"
+        "<figcaption>The whole attempt at its own speed, "
+        f"{FRAME_RATE} pictures a second</figcaption></figure>"
     )
 
 
