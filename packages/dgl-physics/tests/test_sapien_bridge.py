@@ -10,9 +10,9 @@ from dgl_physics import ClothMaterial, SolverConfig  # noqa: E402
 from dgl_physics.sapien_bridge import (  # noqa: E402
     SapienCloth,
     UnsupportedShapeError,
-    compute_vertex_normals,
     find_colliders,
 )
+from dgl_physics.topology import compute_vertex_normals  # noqa: E402
 
 REST = ClothMaterial().rest_offset
 TRIANGLE = np.array([[-2, -1, 0], [2, -1, 0], [0, 2, 0]]) * 1e-3

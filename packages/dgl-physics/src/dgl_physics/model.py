@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics import topology
+from dgl_physics.coarse import CoarseLevel, CoarseTable, build_coarse_level, join_coarse_levels
 from dgl_physics._kernels.types import Material, ShapeTable
 from dgl_physics.material import ClothMaterial
 from dgl_physics.shapes import KIND_CODES, Shape
@@ -60,6 +61,7 @@ class Model:
     """First constraint of each colour, and the end of the last."""
     adjacency_start: wp.array
     adjacency: wp.array
+    coarse: CoarseTable
 
     def make_state(self) -> State:
         """Make a state at the initial positions, at rest, with all bodies at the origin."""
@@ -156,6 +158,7 @@ class ModelBuilder:
         blocks: list[tuple[np.ndarray, ...]] = []
         edge_blocks: list[np.ndarray] = []
         materials: list[ClothMaterial] = []
+        levels: list[tuple[int, CoarseLevel]] = []
         for e, entries in enumerate(self._garments):
             first = 0
             for g in entries:
@@ -166,6 +169,7 @@ class ModelBuilder:
                 garment_index[base : base + n] = len(garments)
                 blocks.append((g["pairs"] + base, g["rest_length"], g["compliance"], g["colour"]))
                 edge_blocks.append(g["edges"] + base)
+                levels.append((base, g["coarse"]))
                 materials.append(g["material"])
                 garments.append(
                     Garment(
@@ -208,6 +212,7 @@ class ModelBuilder:
             colour_start=tuple(int(s) for s in starts),
             adjacency_start=to_device(adjacency_start, wp.int32),
             adjacency=to_device(adjacency, wp.int32),
+            coarse=join_coarse_levels(levels, count, device),
         )
 
     def _build_shapes(self, device: str) -> ShapeTable:
@@ -253,6 +258,7 @@ def _make_constraints(
         # bending first within a substep: what is solved last holds best, and that is stretch
         "colour": colours.max() - colours,
         "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
+        "coarse": build_coarse_level(rest, faces, areas * material.area_density),
         "material": material,
     }
 

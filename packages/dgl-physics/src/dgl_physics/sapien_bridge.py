@@ -19,6 +19,7 @@ from dgl_physics.model import Model, ModelBuilder
 from dgl_physics.shapes import Shape
 from dgl_physics.solver import SolverConfig, SolverXPBD
 from dgl_physics.state import State
+from dgl_physics.topology import compute_vertex_normals
 
 # SAPIEN's capsules and planes are along x, ours along z.
 _X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
@@ -322,21 +323,6 @@ def _make_cloth_material(
             srgb=True,
         )
     return material
-
-
-def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute area-weighted unit normals of a mesh's vertices, shape (V, 3), float32."""
-    a, b, c = (positions[faces[:, k]] for k in range(3))
-    weighted = np.cross(b - a, c - a)
-    normals = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(weighted[:, k], 3), minlength=len(positions))
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return (normals / np.maximum(length, 1e-12)).astype(np.float32)
 
 
 def _pose(flat: np.ndarray) -> sapien.Pose:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import cloth, guard, rigid, selfcontact
+from dgl_physics._kernels import cloth, coarse, guard, rigid, selfcontact
 from dgl_physics._kernels.types import Limits
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
@@ -22,6 +22,8 @@ class SolverConfig:
     """Length of a frame [s]; > 0."""
     substeps: int = 12
     """Substeps of a frame, each of one iteration; >= 1."""
+    coarse_sweeps: int = 3
+    """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
     neighbour_searches: int = 1
     """Times in a frame at which particle contacts are searched for; 1..substeps. Environments
     whose particles have moved by less than a third of the margin keep what was found."""
@@ -91,6 +93,13 @@ class SolverXPBD:
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
+        nodes = max(model.coarse.node_count, 1)
+        self._centre = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._centre_before = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._mobility = wp.zeros(nodes, dtype=wp.float32, device=device)
+        self._held = wp.zeros(nodes, dtype=wp.float32, device=device)
+        self._reaction = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._tension = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
@@ -226,6 +235,8 @@ class SolverXPBD:
                         state.positions,
                     ],
                 )  # fmt: skip
+            if m.coarse.node_count and c.coarse_sweeps:
+                self._solve_coarse_level(state)
             self._pose_shapes(state, (k + 1) / c.substeps)
             wp.launch(
                 rigid.solve_rigid_contact,
@@ -234,9 +245,38 @@ class SolverXPBD:
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._carry, state.positions,
-                    state.velocities, state.impulse,
+                    state.velocities, state.impulse, state.is_stuck, self._tension,
                 ],
             )  # fmt: skip
+
+    def _solve_coarse_level(self, state: State) -> None:
+        m, t = self.model, self.model.coarse
+        wp.launch(
+            coarse.gather_nodes,
+            dim=t.node_count,
+            inputs=[
+                t.node_start, t.node_particle, t.node_weight, t.node_inverse_mass, m.inverse_mass,
+                state.is_stuck, state.positions, self._centre, self._centre_before, self._mobility,
+                self._held, self._reaction,
+            ],
+        )  # fmt: skip
+        colours = (t.colour_start[0], t.colour_start[-1]) if m.device == "cpu" else t.colour_start
+        for _ in range(self.config.coarse_sweeps):
+            for first, end in pairwise(colours):
+                wp.launch(
+                    coarse.solve_limits,
+                    dim=end - first,
+                    inputs=[first, t.pairs, t.limit, self._mobility, self._centre, self._reaction],
+                )
+        wp.launch(
+            coarse.move_with_nodes,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                t.nodes, t.weights, t.node_inverse_mass, m.inverse_mass, state.is_stuck,
+                self._centre, self._centre_before, self._held, self._reaction, state.positions,
+                self._tension,
+            ],
+        )  # fmt: skip
 
     def _find_near_shapes(self, state: State) -> None:
         m, c = self.model, self.config

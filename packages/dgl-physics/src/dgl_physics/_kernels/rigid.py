@@ -211,6 +211,8 @@ def solve_rigid_contact(
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
+    is_stuck: wp.array(dtype=wp.int32),
+    tension: wp.array(dtype=wp.vec3),
 ):
     """Resolve rigid contact, and update the velocity.
 
@@ -229,6 +231,7 @@ def solve_rigid_contact(
     surface_velocity = wp.vec3(0.0, 0.0, 0.0)
     x = position[i]
     m = materials[garment[i]]
+    stuck = int(0)
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
@@ -258,13 +261,24 @@ def solve_rigid_contact(
                 push = -wp.min(m.adhesion * w * dt * dt, 1.0) * gap
                 support = -push
             x = x + n * push
-            length = wp.length(slip)
+            # Tension that the coarse level found at this particle presses it on or pulls it off, and
+            # along the surface: friction has to hold it, but it moves nothing by itself.
+            pull = tension[i]
+            along = wp.dot(n, pull)
+            if push > 0.0:
+                support = wp.max(support - along, 0.0)
+            wanted = slip + pull - n * along
+            length = wp.length(wanted)
             limit = m.friction * shapes.friction[s] * support
+            reaction = n * push - pull
             if length > limit:
-                slip = slip * (limit / length)
+                slip = slip * wp.min(limit / length, 1.0)
+                reaction = n * push
+            elif push > 0.0:
+                stuck = 1
             x = x - slip
             if shapes.is_measured[s] == 1:
-                j = (slip - n * push) / (w * dt)
+                j = (slip - reaction) / (w * dt)
                 wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
     # From what was corrected rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
@@ -283,6 +297,7 @@ def solve_rigid_contact(
         v = v * (limits.max_speed / speed)
     position[i] = x
     velocity[i] = v
+    is_stuck[i] = stuck
 
 
 @wp.kernel
