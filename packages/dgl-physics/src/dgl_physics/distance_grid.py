@@ -11,7 +11,7 @@ from dgl_physics.errors import MeshError
 
 FINE_NODES = (BLOCK + 1) ** 3
 """Nodes of a fine block."""
-_FINEST, _COARSEST = 5e-4, 2e-3
+_FINEST, _COARSEST = 5e-4, 2.5e-3
 """Bounds of the spacing where memory leaves a choice [m]: errors below them help nobody, and the
 usual rest offset of 4 mm should be two cells."""
 _CELLS_ACROSS = 4

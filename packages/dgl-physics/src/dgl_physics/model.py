@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics import topology
-from dgl_physics._kernels.types import Material, ShapeTable
+from dgl_physics._kernels.types import Grid, Material, ShapeTable
 from dgl_physics.material import ClothMaterial
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
@@ -50,6 +50,8 @@ class Model:
     contact_reach: float
     """Largest distance at which two particles act on each other [m]."""
     shapes: ShapeTable
+    grids: tuple[Grid, ...]
+    """Of the meshes among the shapes; `shapes` points to their arrays."""
     materials: wp.array
     environment: wp.array
     garment_index: wp.array
@@ -189,6 +191,8 @@ class ModelBuilder:
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
 
+        contact_gap = max(m.rest_offset + m.adhesion_radius for m in materials)
+        shapes, grids = build_shape_table(self._shapes, contact_gap, device)
         return Model(
             device=device,
             env_count=self.env_count,
@@ -198,9 +202,8 @@ class ModelBuilder:
             garments=tuple(garments),
             initial_positions=position.reshape(self.env_count, per_env, 3),
             contact_reach=max(m.thickness + m.adhesion_radius for m in materials),
-            shapes=build_shape_table(
-                self._shapes, max(m.rest_offset + m.adhesion_radius for m in materials), device
-            ),
+            shapes=shapes,
+            grids=grids,
             materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
             environment=to_device(np.repeat(np.arange(self.env_count), per_env), wp.int32),
             garment_index=to_device(garment_index, wp.int32),

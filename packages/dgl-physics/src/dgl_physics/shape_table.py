@@ -13,13 +13,19 @@ from dgl_physics.distance_grid import FINE_NODES
 from dgl_physics.shapes import KIND_CODES, Shape
 
 
-def build_shape_table(shapes: Sequence[tuple[int, Shape]], contact_gap: float, device: str) -> ShapeTable:
+def build_shape_table(
+    shapes: Sequence[tuple[int, Shape]], contact_gap: float, device: str
+) -> tuple[ShapeTable, tuple[Grid, ...]]:
     """Build the table of the shapes and the bodies that they are fixed to.
 
     Args:
         shapes: Body and shape.
         contact_gap: Largest distance of a particle from a surface that acts on it [m].
         device: Warp device.
+
+    Returns:
+        The table, and the grids of its meshes, which must be kept as long as the table: it points
+        to their arrays without owning them.
 
     Raises:
         ValueError: If a mesh's grid does not reach that far.
@@ -51,8 +57,9 @@ def build_shape_table(shapes: Sequence[tuple[int, Shape]], contact_gap: float, d
     table.is_moving = to_device([int(b > 0) for b, _ in shapes], wp.int32)
     table.is_measured = to_device([int(s.is_measured) for _, s in shapes], wp.int32)
     table.grid = to_device([number.get(id(s.mesh), -1) for _, s in shapes], wp.int32)
-    table.grids = wp.array([_to_struct(m, device) for m in meshes], dtype=Grid, device=device)
-    return table
+    grids = tuple(_to_struct(mesh, device) for mesh in meshes)
+    table.grids = wp.array(list(grids), dtype=Grid, device=device)
+    return table, grids
 
 
 def _to_struct(mesh: CollisionMesh, device: str) -> Grid:
