@@ -85,7 +85,10 @@ def test_boxes_are_exact_but_for_their_edges(meshes, device):
     mesh = meshes.make_box(half)
     x = scatter(mesh[0], 60_000)
     exact = meshes.box_distance(x, half)
-    x, exact = x[(exact > -3 * MM) & (exact < 16 * MM)], exact[(exact > -3 * MM) & (exact < 16 * MM)]
+    x, exact = (
+        x[(exact > -3 * MM) & (exact < 16 * MM)],
+        exact[(exact > -3 * MM) & (exact < 16 * MM)],
+    )
     shapes = [mesh_shape(mesh), Shape(kind="convex", mesh=CollisionMesh.hull(mesh[0]))]
     inner = (np.abs(x) < half - 6 * MM).sum(axis=1) == 2  # over the middle of a face
     for shape, rounding in zip(shapes, (1e-6, 1e-5), strict=True):
@@ -172,9 +175,10 @@ def test_a_sheet_keeps_to_both_sides():
     """A square without thickness, and without an inside."""
     vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.05
     shape = mesh_shape((vertices, np.array([[0, 1, 2], [0, 2, 3]])), is_sheet=True)
-    x = scatter(vertices * 0.8, 4_000, margin=0) + [0, 0, 1] * np.linspace(-0.015, 0.015, 4_000)[
-        :, None
-    ]
+    x = (
+        scatter(vertices * 0.8, 4_000, margin=0)
+        + [0, 0, 1] * np.linspace(-0.015, 0.015, 4_000)[:, None]
+    )
     normals, distance, _ = measure(shape, x)
     off = np.abs(x[:, 2]) > shape.mesh.grid.spacing
     assert distance[off] == pytest.approx(np.abs(x[off, 2]), abs=1e-5)
@@ -200,14 +204,18 @@ def test_a_mesh_lies_where_its_pose_is(meshes):
 
 
 def test_thin_things_get_fine_grids_and_big_ones_fit_in_memory(meshes):
-    bar = CollisionMesh(**dict(zip(("vertices", "faces"), meshes.make_torus(0.1, 0.003), strict=True)))
+    bar = CollisionMesh(
+        **dict(zip(("vertices", "faces"), meshes.make_torus(0.1, 0.003), strict=True))
+    )
     assert bar.grid.spacing == pytest.approx(0.0015, abs=1e-5)
     vertices, faces = meshes.make_box([0.3, 0.2, 0.9])
     for most in (50_000, 200_000):
         body = CollisionMesh(vertices=vertices, faces=faces, max_nodes=most)
         assert 0.4 * most < body.grid.node_count <= most
     assert body.grid.spacing > 0.0025
-    with pytest.raises(MeshError, match=r"spacing 0.002 m needs \d+ nodes, more than .* \(100000\)"):
+    with pytest.raises(
+        MeshError, match=r"spacing 0.002 m needs \d+ nodes, more than .* \(100000\)"
+    ):
         _ = CollisionMesh(vertices=vertices, faces=faces, spacing=0.002, max_nodes=100_000).grid
 
 
@@ -262,7 +270,9 @@ def test_bad_surfaces(meshes):
     turned[0] = turned[0, ::-1]
     with pytest.raises(MeshError, match="3 of its edges are open"):
         CollisionMesh(vertices=vertices, faces=turned)
-    with pytest.raises(MeshError, match=r"counter-clockwise seen from outside; the volume is -0\.008"):
+    with pytest.raises(
+        MeshError, match=r"counter-clockwise seen from outside; the volume is -0\.008"
+    ):
         CollisionMesh(vertices=vertices, faces=faces[:, ::-1])
     line = np.array([[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
     with pytest.raises(MeshError, match="1 triangles have no area"):
@@ -280,7 +290,9 @@ def test_bad_surfaces(meshes):
 def test_corners_at_the_same_place_are_one(meshes):
     """As files come that give each triangle corners of its own."""
     vertices, faces = meshes.make_box([0.1, 0.1, 0.1])
-    mesh = CollisionMesh(vertices=vertices[faces].reshape(-1, 3), faces=np.arange(36).reshape(-1, 3))
+    mesh = CollisionMesh(
+        vertices=vertices[faces].reshape(-1, 3), faces=np.arange(36).reshape(-1, 3)
+    )
     assert mesh.vertices.shape == (8, 3)
 
 
@@ -304,9 +316,9 @@ def test_shapes_and_their_meshes_must_fit(meshes, sheet):
     torus = CollisionMesh(
         **dict(zip(("vertices", "faces"), meshes.make_torus(0.1, 0.03), strict=True))
     )
-    with pytest.raises(ValueError, match="mesh must be given for kinds convex and mesh; .*'mesh'"):
+    with pytest.raises(ValueError, match=r"mesh must be given for kinds convex and mesh; .*'mesh'"):
         Shape(kind="mesh")
-    with pytest.raises(ValueError, match="mesh must be given for .*'sphere'"):
+    with pytest.raises(ValueError, match=r"mesh must be given for .*'sphere'"):
         Shape(kind="sphere", size=(0.1, 0, 0), mesh=box)
     with pytest.raises(ValueError, match="size of a cylinder must be positive"):
         Shape(kind="cylinder", size=(0.1, 0, 0))
@@ -315,5 +327,7 @@ def test_shapes_and_their_meshes_must_fit(meshes, sheet):
     builder = ModelBuilder()
     builder.add_garment(*sheet(0.05, 0.05, 0.0125), material=ClothMaterial(rest_offset=0.015))
     builder.add_shape(Shape(kind="convex", mesh=box))
-    with pytest.raises(ValueError, match=r"reach of a CollisionMesh must be >= 0\.019 m.* got 0\.016"):
+    with pytest.raises(
+        ValueError, match=r"reach of a CollisionMesh must be >= 0\.019 m.* got 0\.016"
+    ):
         builder.build()

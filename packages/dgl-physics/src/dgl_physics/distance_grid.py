@@ -100,9 +100,7 @@ def build_distance_grid(
     )
 
 
-def _choose_spacing(
-    vertices: np.ndarray, faces: np.ndarray, reach: float, max_nodes: int
-) -> float:
+def _choose_spacing(vertices: np.ndarray, faces: np.ndarray, reach: float, max_nodes: int) -> float:
     """Spacing that the mesh's size asks for, and that will probably fit."""
     extent = np.ptp(vertices, axis=0)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -140,9 +138,7 @@ def _find_fine_blocks(
     width = BLOCK * step
     centre = _sample(mesh, (lower + 0.5 * width)[None], shape, width, is_sheet=is_sheet)[0]
     half_diagonal = 0.5 * np.sqrt(3) * width
-    return np.argwhere(
-        (centre < reach + half_diagonal) & (centre > -_DEPTH * step - half_diagonal)
-    )
+    return np.argwhere((centre < reach + half_diagonal) & (centre > -_DEPTH * step - half_diagonal))
 
 
 def _sample(

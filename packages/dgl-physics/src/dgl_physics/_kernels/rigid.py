@@ -10,6 +10,7 @@ from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
+
 @wp.kernel
 def bound_cloth(
     particles_per_env: wp.int32,
@@ -239,9 +240,7 @@ def solve_rigid_contact(
         p = wp.transform_get_translation(pose)
         q = wp.transform_get_rotation(pose)
         local = wp.quat_rotate_inv(q, x - p)
-        hit = shape_distance(
-            shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local
-        )
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         gap = hit[3] - m.rest_offset
         if gap < m.adhesion_radius:
             n_local = wp.vec3(hit[0], hit[1], hit[2])
@@ -309,7 +308,5 @@ def measure_penetration(
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
         local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), position[i])
-        hit = shape_distance(
-            shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local
-        )
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         wp.atomic_max(deepest, e, -hit[3])
