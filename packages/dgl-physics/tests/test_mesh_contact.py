@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from dgl_physics import ClothMaterial, CollisionMesh, ModelBuilder, Shape
+from dgl_physics import (
+    ClothMaterial,
+    CollisionMesh,
+    ModelBuilder,
+    Shape,
+    SimulationDivergedError,
+)
 
 G = 9.81
 EDGE = 0.0125
@@ -238,3 +244,16 @@ def test_a_bar_that_swings_is_met(run, sheet, meshes, kind):
     r.step()
     assert count_near(r.solver).sum() > 10
     assert np.linalg.norm(r.v, axis=1).max() > 1.0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
+def test_particles_astray_are_noticed_not_looked_up(run, sheet, meshes, bad):
+    builder = ModelBuilder()
+    builder.add_garment(*sheet(0.05, 0.05, EDGE))
+    builder.add_shape(Shape(kind="mesh", mesh=solid(meshes.make_sphere(0.05))))
+    r = run(builder).step()
+    positions = r.state.positions.numpy()
+    positions[3:6, 1] = bad
+    r.state.positions.assign(positions)
+    with pytest.raises(SimulationDivergedError):
+        r.step()

@@ -44,7 +44,7 @@ def build_shape_table(
             pose[:3] += _rotate(pose[3:], shape.mesh.centre)
     poses = poses[:, [0, 1, 2, 4, 5, 6, 3]]  # Warp stores quaternions as xyzw
 
-    def to_device(values: object, dtype: type) -> wp.array:
+    def to_device(values: list | np.ndarray, dtype: type) -> wp.array:
         return wp.array(values, dtype=dtype, device=device)
 
     table = ShapeTable()

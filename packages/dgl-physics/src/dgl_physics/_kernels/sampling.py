@@ -3,6 +3,7 @@
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
 # pyright: reportOperatorIssue=false
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
+# pyright: reportAttributeAccessIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
