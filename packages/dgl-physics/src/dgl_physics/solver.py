@@ -107,6 +107,7 @@ class SolverXPBD:
         shapes = max(model.shape_count, 1)
         self._active = wp.zeros((envs, shapes), dtype=wp.int32, device=device)
         self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._pose_middle = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._swept = wp.zeros((envs, shapes), dtype=wp.vec4, device=device)
         self._pose_before = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._pose_now = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
@@ -291,7 +292,7 @@ class SolverXPBD:
             dim=m.env_count,
             inputs=[
                 0.02 + c.max_speed * c.dt, m.shapes, state.body_start, state.body_end, self._lower,
-                self._upper, self._active, self._active_count, self._swept,
+                self._upper, self._active, self._active_count, self._pose_middle, self._swept,
             ],
         )  # fmt: skip
         self._pose_shapes(state, 0.0)
@@ -300,8 +301,9 @@ class SolverXPBD:
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
-                self._active, self._active_count, self._swept, self._pose_now, m.inverse_mass,
-                state.positions, state.velocities, self._near, self._near_count, self._overflow,
+                self._active, self._active_count, self._pose_middle, self._swept, self._pose_now,
+                state.body_end, m.inverse_mass, state.positions, state.velocities, self._near,
+                self._near_count, self._overflow,
             ],
         )  # fmt: skip
 
