@@ -1,13 +1,13 @@
 """The solver: small XPBD substeps with contact last."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import cloth, guard, rigid, selfcontact
+from dgl_physics._kernels import bending, cloth, guard, rigid, selfcontact, yarns
 from dgl_physics._kernels.types import Limits
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
@@ -89,6 +89,9 @@ class SolverXPBD:
         self._grid.reserve(count)
         self._grid_radius = c.neighbour_margin + model.contact_reach
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._edge_length = wp.zeros_like(model.rest_length)
+        self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
+        self._yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
@@ -190,10 +193,6 @@ class SolverXPBD:
         m, c, state = self.model, self.config, self._state
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
-        colours = m.colour_start
-        if m.device == "cpu":
-            # One thread works off a launch in order, so constraints of all colours may share one.
-            colours = (colours[0], colours[-1])
         for k in part:
             wp.launch(
                 cloth.integrate,
@@ -217,15 +216,22 @@ class SolverXPBD:
                 dim=count,
                 inputs=[self._correction, state.positions],
             )
-            for first, end in pairwise(colours):
+            # What is solved last holds best, so the stiff comes after the soft.
+            # Damping needs lengths of the substep before; a frame knows none from before its own,
+            # so that a state is complete without them. The other substeps take the first one's.
+            rate = c.substeps / (c.substeps - 1) / dt if k > 0 else 0.0
+            self._solve_bending(state, dt, rate)
+            for first, end in self._colours(m.colour_start):
                 wp.launch(
                     cloth.solve_distances,
                     dim=end - first,
                     inputs=[
                         first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
-                        state.positions,
+                        state.positions, rate if m.is_stretch_damped else -1.0, m.garment_index,
+                        m.materials, self._edge_length,
                     ],
                 )  # fmt: skip
+            self._solve_yarns(state, dt, rate)
             self._pose_shapes(state, (k + 1) / c.substeps)
             wp.launch(
                 rigid.solve_rigid_contact,
@@ -235,6 +241,37 @@ class SolverXPBD:
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._carry, state.positions,
                     state.velocities, state.impulse,
+                ],
+            )  # fmt: skip
+
+    def _colours(self, start: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+        """Ranges of constraints that a launch may have.
+
+        On the CPU one thread works off a launch in order, so all colours may share one.
+        """
+        return pairwise((start[0], start[-1]) if self.model.device == "cpu" else start)
+
+    def _solve_bending(self, state: State, dt: float, rate: float) -> None:
+        m = self.model
+        for first, end in self._colours(m.bending.colour_start):
+            wp.launch(
+                bending.solve_bending,
+                dim=end - first,
+                inputs=[
+                    first, dt, rate, m.bending.vertices, m.bending.weights, m.bending.response,
+                    m.inverse_mass, state.positions, self._bend_length,
+                ],
+            )  # fmt: skip
+
+    def _solve_yarns(self, state: State, dt: float, rate: float) -> None:
+        m = self.model
+        for first, end in self._colours(m.yarns.colour_start):
+            wp.launch(
+                yarns.solve_yarns,
+                dim=end - first,
+                inputs=[
+                    first, dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response,
+                    m.inverse_mass, state.positions, self._yarn_length,
                 ],
             )  # fmt: skip
 
