@@ -57,7 +57,6 @@ def test_energy_of_uniform_strain(sheet, stretch, shear, edge, noise, bound):
         ([[e, 0], [0, -e]], 2 * c11 - 2 * c12),
     ):
         measured = 2 * energy_per_area(vertices, faces, stretch, shear, np.array(strain)) / e**2
-        # the border has fewer edges, which the areas make up for only in part
         assert measured == pytest.approx(expected, rel=bound + 0.01)
 
 
@@ -72,7 +71,7 @@ def settle(run, vertices, faces, pinned, gravity, *, turned=0.0, **material):
         pinned=tuple(np.flatnonzero(pinned)),
         material=ClothMaterial(area_density=W, adhesion=0.0, drag=8.0, thickness=0.005, **material),
     )
-    r = run(builder, gravity=gravity, substeps=30).step(100)
+    r = run(builder, gravity=gravity, substeps=96).step(75)
     assert np.abs(r.v).max() < 0.01
     return r.x - vertices
 
@@ -80,32 +79,31 @@ def settle(run, vertices, faces, pinned, gravity, *, turned=0.0, **material):
 @pytest.mark.parametrize(("stretch", "shear"), [(40.0, None), (40.0, 3.0)])
 @pytest.mark.parametrize("turned", [0, 45, 90], ids=["warp", "bias", "weft"])
 def test_uniaxial_tension(run, sheet, stretch, shear, turned):
-    """A strip hung by its end is W g L^2 / 2 E longer along warp, bias and weft: 6 %."""
-    length = 0.3
-    vertices, faces = sheet(0.06, length, 0.01)
+    """A strip hung by its end is w g L^2 / 2 E longer along warp, bias and weft: 6 %."""
+    vertices, faces = sheet(0.12, 0.5, 0.02)
     y = vertices[:, 1] - vertices[:, 1].min()
     drop = settle(
-        run, vertices, faces, y > y.max() - 1e-6, (0, -G, 0),
+        run, vertices, faces, y > y.max() - 1e-6, (0, -G / 4, 0),
         turned=np.radians(turned), stretch_stiffness=stretch, shear_stiffness=shear,
     )  # fmt: skip
     s11, s12, s66 = compliance_tensor(stretch, shear or 0.375 * stretch)
     compliance = (2 * s11 + 2 * s12 + s66) / 4 if turned == 45 else s11
     # between a fifth and the whole length, away from the clamp's lateral hold
-    low, high = (drop[np.abs(y - at) < 0.005, 1].mean() for at in (0.0, 0.8 * y.max()))
-    expected = compliance * W * G * (0.8 * y.max()) ** 2 / 2
+    low, high = (drop[np.abs(y - at) < 0.009, 1].mean() for at in (0.0, 0.8 * y.max()))
+    expected = compliance * W * G / 4 * (0.8 * y.max()) ** 2 / 2
     assert high - low == pytest.approx(expected, rel=0.06)
 
 
-@pytest.mark.parametrize(("stretch", "shear"), [(40.0, None), (200.0, 6.0)])
+@pytest.mark.parametrize(("stretch", "shear"), [(40.0, None), (60.0, 6.0)])
 def test_pure_shear(run, sheet, stretch, shear):
-    """A wide sheet held at its lower edge, pulled sideways: W g H^2 / 2 G at its top, 6 %."""
-    vertices, faces = sheet(0.5, 0.06, 0.01)
+    """A wide sheet held at its lower edge, pulled sideways: w g H^2 / 2 G at its top, 6 %."""
+    vertices, faces = sheet(0.8, 0.1, 0.02)
     y = vertices[:, 1] - vertices[:, 1].min()
     shift = settle(
         run, vertices, faces, y < 1e-6, (G / 10, 0, 0),
         stretch_stiffness=stretch, shear_stiffness=shear,
     )  # fmt: skip
-    middle = (np.abs(vertices[:, 0]) < 0.1) & (y > y.max() - 1e-6)
+    middle = (np.abs(vertices[:, 0]) < 0.2) & (y > y.max() - 1e-6)
     modulus = shear or 0.375 * stretch
     expected = W * G / 10 * y.max() ** 2 / 2 / modulus
     assert shift[middle, 0].mean() == pytest.approx(expected, rel=0.06)
@@ -158,12 +156,31 @@ def test_damping_beyond_the_substep_is_stable(run, sheet):
         stretch_stiffness=4000.0, shear_stiffness=40.0, stretch_damping=1.0
     )):  # fmt: skip
         builder = ModelBuilder(1)
-        builder.add_garment(
-            vertices, faces, rest=vertices[:, :2], pinned=(0, 1), material=material
-        )
+        builder.add_garment(vertices, faces, rest=vertices[:, :2], pinned=(0, 1), material=material)
         r = run(builder)
         r.state.set_particles(
             vertices[None], np.random.default_rng(0).normal(0, 0.5, (1, *vertices.shape))
         )
         r.step(90)
         assert np.sqrt((r.v**2).sum(axis=1).mean()) < 1.5
+
+
+def test_a_restored_state_forgets_what_the_solver_saw(run, sheet):
+    """Lengths kept for damping do not outlive a frame, not even those that are not numbers."""
+    vertices, faces = sheet(0.1, 0.1, 0.0125)
+    material = ClothMaterial(shear_stiffness=40.0, stretch_damping=0.01)
+    builder = ModelBuilder(1)
+    builder.add_garment(
+        bend(vertices), faces, rest=vertices[:, :2], pinned=(0, 1), material=material
+    )
+    used, fresh = run(builder, is_guarded=False), run(builder, is_guarded=False)
+    start = used.state.get_positions()
+    used.step(3)
+    used.state.positions.assign(np.full_like(start[0], np.nan))
+    used.step()
+    used.state.set_particles(start)
+    np.testing.assert_array_equal(used.step(3).x, fresh.step(3).x)
+
+
+def bend(vertices):
+    return np.column_stack([vertices[:, :2], 0.02 * np.sin(40 * vertices[:, 0])])

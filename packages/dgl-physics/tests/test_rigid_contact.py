@@ -88,7 +88,8 @@ def test_adhesion_holds_what_its_spring_can_carry(run, sheet, device):
 def test_adhesion_is_a_spring(run, sheet):
     """At rest the gap is weight / k."""
     k = 2.0 * weight_of_particle() / 0.004
-    fallen = hold_under_ceiling(run, sheet, adhesion=k)
+    # limp, as the lighter particles of the border would carry their neighbours otherwise
+    fallen = hold_under_ceiling(run, sheet, adhesion=k, bending_stiffness=0.0)
     gap = 0.002 + np.median(fallen)
     assert gap == pytest.approx(weight_of_particle() / k, rel=0.05)
 

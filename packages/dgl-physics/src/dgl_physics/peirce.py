@@ -118,7 +118,7 @@ def measure_bending_length(
     height = 2.0 * expected / (rows + 0.5)
     edge = height / np.sqrt(0.75)
     vertices, faces = _make_strip(rows + 2, max(round(width / edge), 1), edge, height)
-    held = tuple(np.flatnonzero(vertices[:, 1] < 2.5 * height))
+    held = np.flatnonzero(vertices[:, 1] < 2.5 * height)
     vertices[:, 1] -= 1.5 * height
     builder = ModelBuilder()
     builder.add_garment(
@@ -126,9 +126,7 @@ def measure_bending_length(
         faces,
         rest=vertices[:, :2],
         pinned=held,
-        material=replace(
-            material, adhesion=0.0, drag=3.0, thickness=min(material.thickness, edge)
-        ),
+        material=replace(material, adhesion=0.0, drag=3.0, thickness=min(material.thickness, edge)),
     )
     model = builder.build()
     state, solver = model.make_state(), SolverXPBD(model, config)

@@ -62,7 +62,7 @@ def solve_bending(
     length = wp.length(bend)
     compliance = response[k][0] / (dt * dt)
     s = length / compute_denominator(compliance, w)
-    s += compute_damping(length - length_before[k], rate * response[k][1], compliance, w)
+    s += compute_damping(length_before[k], length, rate * response[k][1], compliance, w)
     length_before[k] = length
     bend = bend * (-s / wp.max(length, 1.0e-12))
     position[a] = xa + bend * fa

@@ -68,7 +68,7 @@ def solve_distances(
         s = (rest_length[c] - length) / (w + soft)
         if damping_rate >= 0.0:
             steps = damping_rate * materials[garment[i]].stretch_damping
-            s -= compute_damping(length - length_before[c], steps, soft, w)
+            s -= compute_damping(length_before[c], length, steps, soft, w)
             length_before[c] = length
         s = s / length
         position[i] = position[i] + d * (s * wi)

@@ -49,7 +49,7 @@ def solve_yarns(
     w = wa * ga * ga + wb * g[0] * g[0] + wc * g[1] * g[1]
     yarn = (xb - xa) * g[0] + (xc - xa) * g[1]
     weft = wp.length(yarn)
-    s = (weft - 1.0) / (compliance + w) + compute_damping(weft - before[0], steps, compliance, w)
+    s = (weft - 1.0) / (compliance + w) + compute_damping(before[0], weft, steps, compliance, w)
     yarn = yarn * (-s / wp.max(weft, 1.0e-6))
     xa += yarn * (wa * ga)
     xb += yarn * (wb * g[0])
@@ -59,7 +59,7 @@ def solve_yarns(
     w = wa * ga * ga + wb * g[2] * g[2] + wc * g[3] * g[3]
     yarn = (xb - xa) * g[2] + (xc - xa) * g[3]
     warp = wp.length(yarn)
-    s = (warp - 1.0) / (compliance + w) + compute_damping(warp - before[1], steps, compliance, w)
+    s = (warp - 1.0) / (compliance + w) + compute_damping(before[1], warp, steps, compliance, w)
     yarn = yarn * (-s / wp.max(warp, 1.0e-6))
     position[a] = xa + yarn * (wa * ga)
     position[b] = xb + yarn * (wb * g[2])
