@@ -103,7 +103,7 @@ def test_pins_hold_exactly(sheet, run, builder):
     assert r.x[:, 2].min() < 0.95
 
 
-def hang(run, sheet, *, substeps, is_row=False, frames=240, **material):
+def hang(run, sheet, *, substeps, is_row=False, frames=240, sweeps=3, **material):
     vertices, faces = sheet(0.6, 0.7, 0.0125)
     vertices = np.column_stack([vertices[:, 0], vertices[:, 2], vertices[:, 1]])
     vertices[:, 1] = 1e-3 * np.sin(20 * vertices[:, 0])  # not a perfect plane
@@ -111,45 +111,23 @@ def hang(run, sheet, *, substeps, is_row=False, frames=240, **material):
     builder = ModelBuilder(1)
     pins = tuple(top) if is_row else (top[0], top[-1])
     builder.add_garment(vertices, faces, pinned=pins, material=ClothMaterial(drag=2.0, **material))
-    r = run(builder, substeps=substeps).step(frames)
+    r = run(builder, substeps=substeps, coarse_sweeps=sweeps).step(frames)
     return np.abs(r.strain())
 
 
 def test_strain_of_a_hanging_panel_falls_with_substeps(sheet, run):
-    """The residual strain goes with the square of the substep: a quarter, at most 0.4."""
-    coarse, fine = (hang(run, sheet, substeps=n, is_row=True, frames=150).mean() for n in (20, 40))
+    """Without the coarse level it goes with the square of the substep: a quarter, at most 0.4."""
+    options = {"is_row": True, "frames": 150}
+    coarse, fine = (hang(run, sheet, substeps=n, sweeps=0, **options).mean() for n in (20, 40))
     assert fine < 0.4 * coarse
     assert fine < 0.01
+    assert hang(run, sheet, substeps=12, **options).mean() < 0.3 * coarse
 
 
 def test_a_panel_hung_by_two_corners_hardly_stretches(sheet, run):
     strain = hang(run, sheet, substeps=SolverConfig().substeps)
     assert strain.mean() <= 0.01
     assert np.percentile(strain, 99.9) <= 0.04
-
-
-def test_elastic_strain_follows_the_stiffness(run, builder):
-    """Where the solver converges, stretch is Hooke's: weight over the stiffness of two edges."""
-    side, k = 0.1, 20.0
-    vertices = np.array([[0, 0, 0], [side, 0, 0], [side / 2, 0, -side * np.sqrt(0.75)]])
-    material = ClothMaterial(stretch_stiffness=k, drag=5.0, area_density=10.0)
-    builder.add_garment(vertices, np.array([[0, 1, 2]]), pinned=(0, 1), material=material)
-    r = run(builder, substeps=20).step(600)
-    force = r.mass[2] * G / 2 / np.sqrt(0.75)  # along each of the two edges, for small angles
-    assert np.abs(r.v).max() < 1e-3
-    assert r.strain().max() == pytest.approx(force / k / side, rel=0.1)
-
-
-def test_bending_stiffness_holds_a_cantilever(sheet, run):
-    drop = []
-    for stiffness in (0.0, 0.3, 30.0):
-        builder = ModelBuilder(1)
-        vertices, faces = sheet(0.1, 0.05, 0.0125)
-        pinned = tuple(np.flatnonzero(vertices[:, 0] < -0.03))
-        material = ClothMaterial(bend_stiffness=stiffness, drag=5.0)
-        builder.add_garment(vertices, faces, pinned=pinned, material=material)
-        drop.append(-run(builder).step(180).x[:, 2].min())
-    assert drop[0] > drop[1] > drop[2]
 
 
 def test_gravity_scale_acts_on_its_environment(sheet, run):

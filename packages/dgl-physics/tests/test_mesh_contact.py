@@ -41,8 +41,8 @@ def test_cloth_rests_as_on_a_box(run, sheet, meshes, device, kind):
         builder.add_garment(*sheet(0.16, 0.1, EDGE, height=0.012), material=ClothMaterial(drag=3.0))
         builder.add_shape(make_slab(meshes, k, half))
         ends.append(run(builder, device=device).step(120).x)
-    on_top = (np.abs(ends[0][:, 0]) < 0.045) & (np.abs(ends[0][:, 1]) < 0.09)
-    assert on_top.sum() > 40
+    on_top = (np.abs(ends[0][:, 0]) < 0.03) & (np.abs(ends[0][:, 1]) < 0.09)
+    assert on_top.sum() > 30
     for x in ends:
         assert x[on_top, 2] == pytest.approx(REST, abs=2e-5)
     difference = np.linalg.norm(ends[0] - ends[1], axis=1)
@@ -111,7 +111,9 @@ def test_nothing_tunnels_at_the_speed_of_hands(run, sheet, meshes, device, kind)
     vertices = vertices[:, [0, 2, 1]]
     top = np.flatnonzero(vertices[:, 2] > vertices[:, 2].max() - 1e-6)
     builder = ModelBuilder()
-    builder.add_garment(vertices, faces, pinned=tuple(top))
+    # little friction: a sheet that is pinned and sticks to the bar would have to stretch by a tenth
+    material = ClothMaterial(friction=0.3)
+    builder.add_garment(vertices, faces, pinned=tuple(top), material=material)
     hand = builder.add_body("hand")
     if kind == "wedge":
         front = 0.02

@@ -79,7 +79,8 @@ def test_materials_are_checked_on_both_sides_of_zero(field):
         ClothMaterial(**{field: -0.1})
     with pytest.raises(ValueError, match=rf"{field} must be >=? 0; got nan"):
         ClothMaterial(**{field: float("nan")})
-    if field in ("area_density", "stretch_stiffness", "rest_offset", "thickness"):
+    positive = "area_density stretch_stiffness shear_stiffness rest_offset thickness"
+    if field in positive.split():
         with pytest.raises(ValueError, match=rf"{field} must be > 0; got 0"):
             ClothMaterial(**{field: 0.0})
     else:

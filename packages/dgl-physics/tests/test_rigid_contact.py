@@ -88,7 +88,8 @@ def test_adhesion_holds_what_its_spring_can_carry(run, sheet, device):
 def test_adhesion_is_a_spring(run, sheet):
     """At rest the gap is weight / k."""
     k = 2.0 * weight_of_particle() / 0.004
-    fallen = hold_under_ceiling(run, sheet, adhesion=k)
+    # limp, as the lighter particles of the border would carry their neighbours otherwise
+    fallen = hold_under_ceiling(run, sheet, adhesion=k, bending_stiffness=0.0)
     gap = 0.002 + np.median(fallen)
     assert gap == pytest.approx(weight_of_particle() / k, rel=0.05)
 
@@ -129,7 +130,8 @@ def test_a_fast_capsule_does_not_tunnel(run, sheet, builder, device, radius):
     vertices, faces = sheet(0.3, 0.3, EDGE)
     vertices = vertices[:, [0, 2, 1]]
     top = np.flatnonzero(vertices[:, 2] > vertices[:, 2].max() - 1e-6)
-    builder.add_garment(vertices, faces, pinned=tuple(top))
+    # little friction: a sheet that is pinned and sticks to the finger would have to stretch
+    builder.add_garment(vertices, faces, pinned=tuple(top), material=ClothMaterial(friction=0.3))
     finger = builder.add_body("finger")
     lying = np.array([0, 0, 0, np.sqrt(0.5), 0, np.sqrt(0.5), 0])  # along x
     builder.add_shape(Shape(kind="capsule", size=(radius, 0.2, 0), pose=lying), body=finger)

@@ -5,6 +5,8 @@ from dgl_physics.errors import ContactOverflowError as ContactOverflowError
 from dgl_physics.errors import MeshError as MeshError
 from dgl_physics.errors import PhysicsError as PhysicsError
 from dgl_physics.errors import SimulationDivergedError as SimulationDivergedError
+from dgl_physics.fabrics import FABRICS as FABRICS
+from dgl_physics.fabrics import get_fabric as get_fabric
 from dgl_physics.material import ClothMaterial as ClothMaterial
 from dgl_physics.model import Model as Model
 from dgl_physics.model import ModelBuilder as ModelBuilder
@@ -14,6 +16,7 @@ from dgl_physics.solver import SolverXPBD as SolverXPBD
 from dgl_physics.state import State as State
 
 __all__ = [
+    "FABRICS",
     "ClothMaterial",
     "CollisionMesh",
     "ContactOverflowError",
@@ -26,4 +29,5 @@ __all__ = [
     "SolverConfig",
     "SolverXPBD",
     "State",
+    "get_fabric",
 ]

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics import topology
+from dgl_physics.membrane import MembraneModuli, compute_tensile_modulus
 
 PARTICLES_PER_NODE = 16
 """Particles of the mesh for each node of the coarse level."""
@@ -18,6 +19,13 @@ SMALLEST_PANEL = 48
 """Panels of fewer particles get no coarse level: their constraints converge alone."""
 DETOUR = 1.25
 """A limit is left out where the way through the cloth is longer than the straight one by this."""
+
+
+SOFTEST = 200.0
+"""Directions in which the cloth is softer than this [N/m] are left to its own constraints, which
+converge there."""
+FREE_TENSION = 2.0
+"""Limits leave the strain that belongs to this tension [N/m] to the cloth's own constraints."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +53,16 @@ class CoarseLevel:
     masses: np.ndarray
 
 
-def build_coarse_level(rest: np.ndarray, faces: np.ndarray, masses: np.ndarray) -> CoarseLevel:
+def build_coarse_level(
+    rest: np.ndarray, faces: np.ndarray, masses: np.ndarray, moduli: MembraneModuli
+) -> CoarseLevel:
     """Build the coarse level of a garment.
 
     Args:
         rest: Rest positions [m], shape (V, 3). Panels may lie on each other in it.
         faces: Vertex indices, shape (F, 3).
         masses: Masses of the particles [kg], shape (V,).
+        moduli: Of the membrane.
     """
     hinges = topology.compute_hinges(faces)
     hinges = hinges[topology.is_flat_hinge(rest, hinges)]
@@ -75,7 +86,14 @@ def build_coarse_level(rest: np.ndarray, faces: np.ndarray, masses: np.ndarray) 
     membership[:] = 0.0
     particle, slot = np.nonzero(nodes >= 0)
     membership[particle, nodes[particle, slot]] = weights[particle, slot]
-    pairs, lengths = _limit_pairs(rest, faces, masses, membership, np.array(node_panel), panel_vertices)
+    centres, pairs, lengths = _limit_pairs(
+        rest, faces, masses, membership, np.array(node_panel), panel_vertices
+    )
+    across = centres[pairs[:, 1]] - centres[pairs[:, 0]]
+    modulus = compute_tensile_modulus(moduli, np.arctan2(across[:, 1], across[:, 0]))
+    is_stiff = modulus >= SOFTEST
+    pairs = pairs[is_stiff]
+    lengths = (lengths * (1 + FREE_TENSION / modulus))[is_stiff].astype(np.float32)
     return CoarseLevel(nodes, weights, pairs, lengths, len(node_panel), masses)
 
 
@@ -131,11 +149,9 @@ def _limit_pairs(
     membership: np.ndarray,
     node_panel: np.ndarray,
     panel_vertices: list[np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find which nodes limit each other's distance: neighbours and their neighbours."""
     count = membership.shape[1]
-    if count < 2:
-        return np.zeros((0, 2), dtype=np.int32), np.zeros(0, dtype=np.float32)
     weight = membership * masses[:, None]
     weight = weight / np.maximum(weight.sum(axis=0), 1e-12)
     centre = weight.T @ rest
@@ -169,7 +185,7 @@ def _limit_pairs(
     is_far = ~(ends[:, None] == near[None]).all(axis=2).any(axis=1)
     keep = is_far & (shortest <= DETOUR * straight)
     pairs = np.concatenate([near, ends[keep]]).astype(np.int32)
-    return pairs, np.concatenate([length, straight[keep]]).astype(np.float32)
+    return centre, pairs, np.concatenate([length, straight[keep]])
 
 
 def _measure_unfolded(

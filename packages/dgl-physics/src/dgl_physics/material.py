@@ -2,10 +2,16 @@
 
 from dataclasses import dataclass, fields
 
+from dgl_physics.membrane import ISOTROPIC_SHEAR
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClothMaterial:
-    """Parameters of one garment.
+    """Parameters of one garment; `dgl_physics.fabrics` has those of measured fabrics.
+
+    The defaults are a cotton jersey in weight and bending, see there. In its plane the default is
+    stiffer and has no softer shear, so that cloth keeps its size when robots pull at it, and
+    needs no yarns, which cost time.
 
     The four contact parameters that make a dexterous grasp possible (friction, adhesion and
     the two particle scales) follow the DexGarmentLab paper, section on garment simulation.
@@ -15,10 +21,22 @@ class ClothMaterial:
     """Mass per layer area [kg/m^2]; > 0. Knitted cotton is about 0.15 to 0.3."""
 
     stretch_stiffness: float = 1000.0
-    """Stiffness of an edge of the mesh [N/m]; > 0."""
+    """Young's modulus of the membrane along warp and weft, force per width [N/m]; > 0."""
 
-    bend_stiffness: float = 0.3
-    """Stiffness of the spring across two neighbouring triangles [N/m]; >= 0."""
+    shear_stiffness: float | None = None
+    """Shear modulus of the membrane [N/m]; > 0, at most 3/8 of `stretch_stiffness`, which is
+    isotropic and what None stands for. It needs a garment with flat rest coordinates, whose axes
+    are weft (x) and warp (y); a garment with three-dimensional rest coordinates is isotropic."""
+
+    bending_stiffness: float = 5.0e-6
+    """Flexural rigidity per width [N m]; >= 0."""
+
+    stretch_damping: float = 0.0
+    """Relaxation time of stretch and shear, viscosity over modulus [s]; >= 0. It acts only as far
+    as the substep resolves the stiffness; beyond that the solver itself damps."""
+
+    bending_damping: float = 0.01
+    """Relaxation time of bending, viscosity over rigidity [s]; >= 0."""
 
     drag: float = 0.5
     """Rate at which velocity decays in air [1/s]; >= 0."""
@@ -45,9 +63,19 @@ class ClothMaterial:
     """Distance at which two particles of different places of the cloth rest [m]; > 0."""
 
     def __post_init__(self) -> None:
-        positive = ("area_density", "stretch_stiffness", "rest_offset", "thickness")
+        positive = (
+            "area_density", "stretch_stiffness", "shear_stiffness", "rest_offset", "thickness",
+        )  # fmt: skip
         for field in fields(self):
             value = getattr(self, field.name)
+            if field.name == "shear_stiffness" and value is None:
+                continue
             if not value >= 0 or (field.name in positive and value == 0):
                 bound = "> 0" if field.name in positive else ">= 0"
                 raise ValueError(f"{field.name} must be {bound}; got {value}")
+        limit = ISOTROPIC_SHEAR * self.stretch_stiffness
+        if self.shear_stiffness is not None and self.shear_stiffness > limit:
+            raise ValueError(
+                f"shear_stiffness must be at most 3/8 of stretch_stiffness, {limit:g}; "
+                f"got {self.shear_stiffness}"
+            )

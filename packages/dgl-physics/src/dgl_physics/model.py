@@ -9,11 +9,14 @@ import warp as wp
 
 from dgl_physics import topology
 from dgl_physics._kernels.types import Grid, Material, ShapeTable
+from dgl_physics.bending import make_bending
 from dgl_physics.coarse import CoarseLevel, CoarseTable, build_coarse_level, join_coarse_levels
 from dgl_physics.material import ClothMaterial
+from dgl_physics.membrane import compute_edge_stiffness, compute_moduli, make_yarns
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
 from dgl_physics.state import State
+from dgl_physics.stencils import Stencils, upload_stencils
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +65,11 @@ class Model:
     compliance: wp.array
     colour_start: tuple[int, ...]
     """First constraint of each colour, and the end of the last."""
+    bending: Stencils
+    """Hinges; see `dgl_physics.bending`."""
+    yarns: Stencils
+    """Triangles with yarns; see `dgl_physics.membrane`."""
+    is_stretch_damped: bool
     adjacency_start: wp.array
     adjacency: wp.array
     coarse: CoarseTable
@@ -103,7 +111,8 @@ class ModelBuilder:
             material: Fabric and contact parameters.
             rest: Unstrained positions [m], shape (V, 2) or (V, 3); `vertices` when not given.
                 Two layers that share their flat coordinates have no strain from the gap between
-                them.
+                them. With two columns they are also the frame of the fabric: weft along the
+                first, warp along the second.
             pinned: Vertices that do not move.
             env: Environment; all when None.
 
@@ -118,8 +127,6 @@ class ModelBuilder:
             raise ValueError(
                 f"rest must have shape ({len(vertices)}, 2) or (..., 3); got {rest.shape}"
             )
-        if rest.shape[1] == 2:
-            rest = np.column_stack([rest, np.zeros(len(rest))])
         entry = _make_constraints(
             vertices, faces.astype(np.int32), rest, material or ClothMaterial()
         )
@@ -159,6 +166,7 @@ class ModelBuilder:
         garment_index = np.zeros(count, dtype=np.int32)
         garments: list[Garment] = []
         blocks: list[tuple[np.ndarray, ...]] = []
+        bending, yarns = [], []
         edge_blocks: list[np.ndarray] = []
         materials: list[ClothMaterial] = []
         levels: list[tuple[int, CoarseLevel]] = []
@@ -170,7 +178,9 @@ class ModelBuilder:
                 position[base : base + n] = g["vertices"]
                 inverse_mass[base : base + n] = g["inverse_mass"]
                 garment_index[base : base + n] = len(garments)
-                blocks.append((g["pairs"] + base, g["rest_length"], g["compliance"], g["colour"]))
+                blocks.append((g["edges"] + base, g["rest_length"], g["compliance"], g["colour"]))
+                bending.append((g["bending"], g["bending_colour"], base))
+                yarns.append((g["yarns"], g["yarn_colour"], base))
                 edge_blocks.append(g["edges"] + base)
                 levels.append((base, g["coarse"]))
                 materials.append(g["material"])
@@ -181,7 +191,7 @@ class ModelBuilder:
                         vertex_count=n,
                         faces=g["faces"],
                         edges=g["edges"],
-                        rest_lengths=g["rest_length"][: len(g["edges"])],
+                        rest_lengths=g["rest_length"],
                     )
                 )
                 first += n
@@ -216,6 +226,9 @@ class ModelBuilder:
             rest_length=to_device(rest_length[order], wp.float32),
             compliance=to_device(compliance[order], wp.float32),
             colour_start=tuple(int(s) for s in starts),
+            bending=upload_stencils(bending, device),
+            yarns=upload_stencils(yarns, device),
+            is_stretch_damped=any(m.stretch_damping > 0 for m in materials),
             adjacency_start=to_device(adjacency_start, wp.int32),
             adjacency=to_device(adjacency, wp.int32),
             coarse=join_coarse_levels(levels, count, device),
@@ -225,28 +238,30 @@ class ModelBuilder:
 def _make_constraints(
     vertices: np.ndarray, faces: np.ndarray, rest: np.ndarray, material: ClothMaterial
 ) -> dict:
+    moduli = compute_moduli(
+        material.stretch_stiffness, material.shear_stiffness if rest.shape[1] == 2 else None
+    )
+    yarns = make_yarns(rest[:, :2], faces, moduli.yarn, damping_time=material.stretch_damping)
+    if rest.shape[1] == 2:
+        rest = np.column_stack([rest, np.zeros(len(rest))])
     edges = topology.compute_edges(faces)
-    hinges = topology.compute_hinges(faces)
-    hinges = hinges[topology.is_flat_hinge(rest, hinges)]
-    wings = hinges[:, 2:] if material.bend_stiffness > 0 else np.zeros((0, 2), dtype=np.int32)
-    pairs = np.concatenate([edges, wings])
-    rest_length = np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1)
-    stiffness = np.repeat(
-        [material.stretch_stiffness, material.bend_stiffness], [len(edges), len(wings)]
+    bending = make_bending(
+        rest, faces, material.bending_stiffness, damping_time=material.bending_damping
     )
     areas = topology.compute_vertex_areas(rest, faces)
-    colours = topology.colour_pairs(pairs, len(vertices))
     return {
         "vertices": vertices.astype(np.float32),
         "faces": faces,
         "edges": edges,
-        "pairs": pairs,
-        "rest_length": rest_length.astype(np.float32),
-        "compliance": (1.0 / np.where(stiffness > 0, stiffness, np.inf)).astype(np.float32),
-        # bending first within a substep: what is solved last holds best, and that is stretch
-        "colour": colours.max() - colours,
+        "rest_length": np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1),
+        "compliance": 1.0 / compute_edge_stiffness(rest, faces, edges, moduli.net),
+        "colour": topology.colour_pairs(edges, len(vertices)),
+        "bending": bending,
+        "bending_colour": bending.colour(len(vertices)),
+        "yarns": yarns,
+        "yarn_colour": yarns.colour(len(vertices)),
         "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
-        "coarse": build_coarse_level(rest, faces, areas * material.area_density),
+        "coarse": build_coarse_level(rest, faces, areas * material.area_density, moduli),
         "material": material,
     }
 
@@ -261,4 +276,5 @@ def _to_struct(m: ClothMaterial) -> Material:
     s.rest_offset = m.rest_offset
     s.thickness = m.thickness
     s.drag = m.drag
+    s.stretch_damping = m.stretch_damping
     return s

@@ -1,17 +1,20 @@
 """The solver: small XPBD substeps with contact last."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import cloth, coarse, guard, rigid, selfcontact
+from dgl_physics._kernels import bending, cloth, coarse, guard, rigid, selfcontact, yarns
 from dgl_physics._kernels.types import Limits
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
 from dgl_physics.state import State
+
+COARSE_ACCELERATION = 200.0
+"""Most acceleration that the coarse level gives to a particle [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +94,9 @@ class SolverXPBD:
         self._grid.reserve(count)
         self._grid_radius = c.neighbour_margin + model.contact_reach
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._edge_length = wp.zeros_like(model.rest_length)
+        self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
+        self._yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
         nodes = max(model.coarse.node_count, 1)
@@ -200,10 +206,6 @@ class SolverXPBD:
         m, c, state = self.model, self.config, self._state
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
-        colours = m.colour_start
-        if m.device == "cpu":
-            # One thread works off a launch in order, so constraints of all colours may share one.
-            colours = (colours[0], colours[-1])
         for k in part:
             wp.launch(
                 cloth.integrate,
@@ -227,17 +229,24 @@ class SolverXPBD:
                 dim=count,
                 inputs=[self._correction, state.positions],
             )
-            for first, end in pairwise(colours):
+            # What is solved last holds best, so the stiff comes after the soft.
+            # Damping needs lengths of the substep before; a frame knows none from before its own,
+            # so that a state is complete without them. The other substeps take the first one's.
+            rate = c.substeps / (c.substeps - 1) / dt if k > 0 else 0.0
+            self._solve_bending(state, dt, rate)
+            for first, end in self._colours(m.colour_start):
                 wp.launch(
                     cloth.solve_distances,
                     dim=end - first,
                     inputs=[
                         first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
-                        state.positions,
+                        state.positions, rate if m.is_stretch_damped else -1.0, m.garment_index,
+                        m.materials, self._edge_length,
                     ],
                 )  # fmt: skip
+            self._solve_yarns(state, dt, rate)
             if m.coarse.node_count and c.coarse_sweeps:
-                self._solve_coarse_level(state)
+                self._solve_coarse_level(state, dt)
             self._pose_shapes(state, (k + 1) / c.substeps)
             wp.launch(
                 rigid.solve_rigid_contact,
@@ -250,7 +259,7 @@ class SolverXPBD:
                 ],
             )  # fmt: skip
 
-    def _solve_coarse_level(self, state: State) -> None:
+    def _solve_coarse_level(self, state: State, dt: float) -> None:
         m, t = self.model, self.model.coarse
         wp.launch(
             coarse.gather_nodes,
@@ -261,9 +270,8 @@ class SolverXPBD:
                 self._held, self._reaction,
             ],
         )  # fmt: skip
-        colours = (t.colour_start[0], t.colour_start[-1]) if m.device == "cpu" else t.colour_start
         for _ in range(self.config.coarse_sweeps):
-            for first, end in pairwise(colours):
+            for first, end in self._colours(t.colour_start):
                 wp.launch(
                     coarse.solve_limits,
                     dim=end - first,
@@ -273,11 +281,42 @@ class SolverXPBD:
             coarse.move_with_nodes,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                t.nodes, t.weights, t.node_inverse_mass, m.inverse_mass, state.is_stuck,
+                COARSE_ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass, m.inverse_mass, state.is_stuck,
                 self._centre, self._centre_before, self._held, self._reaction, state.positions,
                 self._tension,
             ],
         )  # fmt: skip
+
+    def _colours(self, start: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+        """Ranges of constraints that a launch may have.
+
+        On the CPU one thread works off a launch in order, so all colours may share one.
+        """
+        return pairwise((start[0], start[-1]) if self.model.device == "cpu" else start)
+
+    def _solve_bending(self, state: State, dt: float, rate: float) -> None:
+        m = self.model
+        for first, end in self._colours(m.bending.colour_start):
+            wp.launch(
+                bending.solve_bending,
+                dim=end - first,
+                inputs=[
+                    first, dt, rate, m.bending.vertices, m.bending.weights, m.bending.response,
+                    m.inverse_mass, state.positions, self._bend_length,
+                ],
+            )  # fmt: skip
+
+    def _solve_yarns(self, state: State, dt: float, rate: float) -> None:
+        m = self.model
+        for first, end in self._colours(m.yarns.colour_start):
+            wp.launch(
+                yarns.solve_yarns,
+                dim=end - first,
+                inputs=[
+                    first, dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response,
+                    m.inverse_mass, state.positions, self._yarn_length,
+                ],
+            )  # fmt: skip
 
     def _find_near_shapes(self, state: State) -> None:
         m, c = self.model, self.config

@@ -4,6 +4,7 @@
 # pyright: reportOperatorIssue=false
 import warp as wp
 
+from dgl_physics._kernels.damping import compute_damping
 from dgl_physics._kernels.types import Material
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
@@ -43,11 +44,16 @@ def solve_distances(
     compliance: wp.array(dtype=wp.float32),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    damping_rate: wp.float32,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    length_before: wp.array(dtype=wp.float32),
 ):
     """Project the distance constraints of one colour (Macklin et al. 2016, XPBD, eq. 18).
 
     One iteration per substep, so the multiplier starts at zero and need not be stored
-    (Macklin et al. 2019, Small Steps).
+    (Macklin et al. 2019, Small Steps). A negative `damping_rate` is for no damping at all, and
+    `length_before` is left alone then.
     """
     c = first + wp.tid()
     i = pairs[c][0]
@@ -58,6 +64,12 @@ def solve_distances(
     length = wp.length(d)
     w = wi + wj
     if w > 0.0 and length > 1.0e-9:
-        s = (rest_length[c] - length) / (length * (w + compliance[c] * inverse_dt2))
+        soft = compliance[c] * inverse_dt2
+        s = (rest_length[c] - length) / (w + soft)
+        if damping_rate >= 0.0:
+            steps = damping_rate * materials[garment[i]].stretch_damping
+            s -= compute_damping(length_before[c], length, steps, soft, w)
+            length_before[c] = length
+        s = s / length
         position[i] = position[i] + d * (s * wi)
         position[j] = position[j] - d * (s * wj)

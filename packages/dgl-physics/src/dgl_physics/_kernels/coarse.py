@@ -78,6 +78,7 @@ def solve_limits(
 
 @wp.kernel
 def move_with_nodes(
+    farthest: wp.float32,
     nodes: wp.array(dtype=wp.vec4i),
     weights: wp.array(dtype=wp.vec4),
     node_inverse_mass: wp.array(dtype=wp.float32),
@@ -112,4 +113,8 @@ def move_with_nodes(
         c = nodes[i][k]
         if c >= 0:
             moved += weights[i][k] * (centre[c] - centre_before[c])
+    # Where cloth is overstretched for good, limits that cannot be kept must not throw particles.
+    length = wp.length(moved)
+    if length > farthest:
+        moved = moved * (farthest / length)
     position[i] = position[i] + moved

@@ -6,7 +6,7 @@ import warp as wp
 
 @wp.struct
 class Material:
-    """Contact parameters of one garment; see `dgl_physics.material.ClothMaterial`."""
+    """Parameters of one garment that kernels look up; see `dgl_physics.material.ClothMaterial`."""
 
     friction: wp.float32
     adhesion: wp.float32
@@ -16,6 +16,7 @@ class Material:
     rest_offset: wp.float32
     thickness: wp.float32
     drag: wp.float32
+    stretch_damping: wp.float32
 
 
 @wp.struct

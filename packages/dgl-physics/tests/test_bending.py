@@ -1,0 +1,231 @@
+"""Bending: energy, invariance, momentum, and Peirce's test."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import warp as wp
+
+from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig, topology
+from dgl_physics._kernels.bending import solve_bending
+from dgl_physics.bending import compute_bending_length, make_bending
+from dgl_physics.fabrics import FABRICS
+from dgl_physics.peirce import compute_chord_angle, measure_bending_length
+
+B = 2.0e-5  # N m
+
+
+def jitter(vertices, edge, seed=0):
+    """Move the vertices within the plane by up to a fifth of an edge, for an uneven mesh."""
+    noise = np.random.default_rng(seed).uniform(-0.2, 0.2, (len(vertices), 2)) * edge
+    return vertices + np.column_stack([noise, np.zeros(len(vertices))])
+
+
+def energy(block, x):
+    """Energy of bending [J]."""
+    c = np.einsum("hj,hja->ha", block.weights, x[block.vertices])
+    return 0.5 * ((c**2).sum(axis=1) / block.compliance).sum()
+
+
+def hinge_area(block, vertices):
+    """A third of the triangles of all hinges [m^2], which is where bending costs energy."""
+    e0, e1, w0, w1 = vertices[block.vertices].swapaxes(0, 1)
+    return sum(np.linalg.norm(np.cross(e1 - e0, w - e0), axis=1).sum() / 6 for w in (w0, w1))
+
+
+def bent(vertices, angle, curvature):
+    """Roll a flat sheet to a cylinder around a direction in its plane, without stretch."""
+    n = np.array([np.cos(angle), np.sin(angle)])
+    s = vertices[:, :2] @ n
+    x = vertices.copy()
+    x[:, :2] += np.outer(np.sin(curvature * s) / curvature - s, n)
+    x[:, 2] = (1 - np.cos(curvature * s)) / curvature
+    return x
+
+
+@pytest.mark.parametrize("angle", np.radians([0, 20, 45, 77, 90]))
+@pytest.mark.parametrize("edge", [0.0125, 0.006])
+def test_a_cylinder_costs_what_the_rigidity_says(sheet, edge, angle):
+    """B k^2 / 2 per area, in all directions and for all sizes of triangles: 2 %."""
+    vertices, faces = sheet(0.3, 0.3, edge)
+    block = make_bending(vertices, faces, B)
+    k = 5.0  # a radius of 0.2 m
+    expected = 0.5 * B * k**2 * hinge_area(block, vertices)
+    assert energy(block, bent(vertices, angle, k)) == pytest.approx(expected, rel=0.02)
+
+
+def test_an_uneven_mesh_is_as_stiff(sheet):
+    """Triangles moved by a fifth of an edge: within 6 % in each direction, 1 % in the mean."""
+    vertices, faces = sheet(0.3, 0.3, 0.0125)
+    vertices = jitter(vertices, 0.0125)
+    block = make_bending(vertices, faces, B)
+    k = 2.0
+    expected = 0.5 * B * k**2 * hinge_area(block, vertices)
+    measured = [energy(block, bent(vertices, a, k)) for a in np.linspace(0, np.pi, 12, False)]
+    assert np.mean(measured) == pytest.approx(expected, rel=0.01)
+    assert measured == pytest.approx([expected] * 12, rel=0.06)
+
+
+def test_the_constraints_know_nothing_of_rigid_motion(sheet):
+    """The weights sum to zero, and so do the weighted rest positions: no force, no moment."""
+    vertices, faces = sheet(0.1, 0.1, 0.0125)
+    vertices = jitter(vertices, 0.0125)
+    block = make_bending(vertices, faces, B)
+    np.testing.assert_allclose(block.weights.sum(axis=1), 0, atol=1e-12)
+    rotation = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    moved = vertices @ rotation.T + [1, 2, 3]
+    c = np.einsum("hj,hja->ha", block.weights, moved[block.vertices])
+    np.testing.assert_allclose(c, 0, atol=1e-12)
+
+
+def test_a_seam_that_is_folded_at_rest_turns_freely(sheet):
+    """Two panels with the same flat coordinates joined at one side have no hinges there."""
+    vertices, faces = sheet(0.05, 0.05, 0.0125)
+    count = len(vertices)
+    seam = vertices[:, 1] < vertices[:, 1].min() + 1e-9
+    other = np.where(seam, np.arange(count), count + np.cumsum(~seam) - 1)
+    rest = np.concatenate([vertices, vertices[~seam]])
+    both = np.concatenate([faces, other[faces][:, ::-1]])
+    hinges = make_bending(rest, both, B).vertices
+    on_seam = seam[np.minimum(hinges[:, :2], count - 1)].all(axis=1)
+    on_seam &= (hinges[:, :2] < count).all(axis=1)
+    assert not on_seam.any()
+    assert len(hinges) == 2 * len(topology.compute_hinges(faces))
+
+
+def test_nothing_bends_without_hinges_or_stiffness(sheet, builder, run):
+    triangle = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=float)
+    assert len(make_bending(triangle, np.array([[0, 1, 2]]), B).vertices) == 0
+    builder.add_garment(*sheet(0.1, 0.1, 0.0125), material=ClothMaterial(bending_stiffness=0.0))
+    r = run(builder)
+    assert r.model.bending.count == 0
+    r.step()
+
+
+def test_a_pass_keeps_both_momenta(sheet, device):
+    """Of the hinges of each colour alone, on a crumpled sheet that moves, damping included."""
+    vertices, faces = sheet(0.1, 0.1, 0.0125)
+    rng = np.random.default_rng(3)
+    builder = ModelBuilder(1)
+    builder.add_garment(vertices, faces, material=ClothMaterial(bending_stiffness=1e-3))
+    model = builder.build(device)
+    x = vertices + rng.normal(0, 0.004, vertices.shape)
+    mass = 1.0 / model.inverse_mass.numpy().astype(float)[:, None]
+    block = model.bending
+    before = rng.uniform(0, 0.01, block.count).astype(np.float32)
+    for first, end in pairwise(block.colour_start):
+        position = wp.array(x, dtype=wp.vec3, device=device)
+        wp.launch(
+            solve_bending,
+            dim=end - first,
+            inputs=[
+                first, 1 / 720, 720.0, block.vertices, block.weights, block.response,
+                model.inverse_mass, position, wp.array(before, dtype=wp.float32, device=device),
+            ],
+            device=device,
+        )  # fmt: skip
+        moved = mass * (position.numpy() - x.astype(np.float32))
+        turned = np.cross(x, moved)
+        assert np.abs(moved).sum() > 0
+        assert np.abs(moved.sum(axis=0)).max() < 1e-4 * np.abs(moved).sum()
+        assert np.abs(turned.sum(axis=0)).max() < 1e-4 * np.abs(turned).sum()
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+def test_a_flapping_sheet_keeps_its_momentum(run, sheet, device, damping):
+    """0.5 s of a bent, turning, stiff sheet: linear to 1e-4, angular to 1.5 %, as without bending."""
+    vertices, faces = sheet(0.2, 0.1, 0.0125)
+    x = bent(vertices, 0.3, 10.0)
+    builder = ModelBuilder(1)
+    material = ClothMaterial(
+        adhesion=0.0, drag=0.0, bending_stiffness=1e-4, bending_damping=damping,
+        stretch_damping=damping,
+    )  # fmt: skip
+    builder.add_garment(x, faces, rest=vertices[:, :2], material=material)
+    r = run(builder, device=device, gravity=(0, 0, 0))
+    r.state.set_particles(x[None], np.add(np.cross([1.0, -2.0, 3.0], x), [0.3, -0.2, 0.1])[None])
+    m = r.mass[:, None]
+    linear, angular = (m * r.v).sum(axis=0), (m * np.cross(r.x, r.v)).sum(axis=0)
+    r.step(30)
+    assert np.linalg.norm((m * r.v).sum(axis=0) - linear) < 1e-4 * np.linalg.norm(linear)
+    after = (m * np.cross(r.x, r.v)).sum(axis=0)
+    assert np.linalg.norm(after - angular) < 0.015 * np.linalg.norm(angular)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_stiff_sheet_is_stable(run, sheet, damping):
+    """A hundred times denim's rigidity on edges of 8 mm, far beyond what a substep resolves."""
+    vertices, faces = sheet(0.1, 0.1, 0.008)
+    builder = ModelBuilder(1)
+    material = ClothMaterial(bending_stiffness=2e-3, bending_damping=damping, drag=0.0)
+    builder.add_garment(vertices, faces, pinned=(0, 1, 2), material=material)
+    r = run(builder)
+    r.state.set_particles(
+        vertices[None], np.random.default_rng(0).normal(0, 0.5, (1, *vertices.shape))
+    )
+    for _ in range(4):
+        r.step(30)
+        assert np.sqrt((r.v**2).sum(axis=1).mean()) < 1.5  # it falls by 0.1 m and swings
+
+
+def swing(run, sheet, damping):
+    """Amplitudes of the first mode of a strip that is clamped at one end, without gravity."""
+    vertices, faces = sheet(0.075, 0.025, 0.0125)
+    s = np.maximum(vertices[:, 0] - vertices[:, 0].min() - 0.026, 0.0)
+    builder = ModelBuilder(1)
+    material = ClothMaterial(bending_damping=damping, adhesion=0.0, drag=0.0)
+    pinned = tuple(np.flatnonzero(s == 0.0))
+    builder.add_garment(vertices, faces, pinned=pinned, material=material)
+    r = run(builder, gravity=(0, 0, 0), substeps=48)
+    r.state.set_particles(vertices[None], np.outer(20.0 * s**2, [0, 0, 1])[None])
+    z = np.array([r.step().x[np.argmax(s), 2] for _ in range(200)])
+    turns = np.flatnonzero((np.abs(z[1:-1]) >= np.abs(z[:-2])) & (np.abs(z[1:-1]) > np.abs(z[2:])))
+    return turns, np.abs(z[turns + 1])
+
+
+def test_damping_has_its_relaxation_time(run, sheet):
+    """The mode decays by exp(-t w^2 tau / 2) more than undamped: within 25 %."""
+    tau = 0.03
+    turns, free = swing(run, sheet, 0.0)
+    damped_turns, damped = swing(run, sheet, tau)
+    omega = np.pi * 60 / np.diff(turns).mean()
+    free_rate = -np.polyfit(turns / 60, np.log(free), 1)[0]
+    rate = -np.polyfit(damped_turns / 60, np.log(damped), 1)[0]
+    assert rate - free_rate == pytest.approx(omega**2 * tau / 2, rel=0.25)
+
+
+def test_the_elastica_is_peirces():
+    """41.5 degrees at twice the bending length; small deflections are L^3 / 8 c^3."""
+    assert np.degrees(compute_chord_angle(2.0)) == pytest.approx(41.5, abs=0.05)
+    assert compute_chord_angle(0.2) == pytest.approx(0.2**3 / 8, rel=1e-3)
+    assert compute_bending_length(9.81e-6, 1.0) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("name", FABRICS)
+def test_peirce(name):
+    """The bending length of each fabric at the default substeps, 4 rows in the overhang: 5 %."""
+    result = measure_bending_length(FABRICS[name])
+    assert result.error == pytest.approx(0.0, abs=0.05)
+
+
+def test_peirce_hardly_depends_on_the_mesh():
+    """Default material, 12 substeps: 5 % with 3 to 6 rows; 6 rows are edges of 5 mm."""
+    errors = [measure_bending_length(ClothMaterial(), rows=n).error for n in (3, 4, 6)]
+    assert errors == pytest.approx([0.0] * 3, abs=0.05)
+
+
+def test_peirce_converges_with_substeps():
+    """10 rows, edges of 3 mm, are beyond 12 substeps, and not beyond 48."""
+    config = SolverConfig(substeps=48)
+    coarse, fine = (
+        measure_bending_length(ClothMaterial(), rows=10, config=c) for c in (None, config)
+    )
+    assert abs(fine.error) < 0.03
+    assert abs(coarse.error) > 2 * abs(fine.error)
+
+
+def test_damping_moves_no_equilibrium():
+    errors = [
+        measure_bending_length(ClothMaterial(bending_damping=tau)).error for tau in (0.0, 0.1)
+    ]
+    assert errors[0] == pytest.approx(errors[1], abs=2e-3)
