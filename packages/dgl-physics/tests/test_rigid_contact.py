@@ -137,7 +137,7 @@ def test_a_fast_capsule_does_not_tunnel(run, sheet, builder, device, radius):
     builder.add_shape(Shape(kind="capsule", size=(radius, 0.2, 0), pose=lying), body=finger)
     r = run(builder, device=device)
     depth = 0.0
-    for k in range(13):
+    for k in range(11):
         y, z = -0.1 + k / 60, 0.0
         r.move([[0, y, z, 1, 0, 0, 0]], is_jump=k == 0)
         r.step()
