@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass, fields
 
+from dgl_physics.contact_material import ContactMaterial
+
 
 @dataclass(frozen=True, kw_only=True)
-class ClothMaterial:
+class ClothMaterial(ContactMaterial):
     """Parameters of one garment.
 
     The four contact parameters that make a dexterous grasp possible (friction, adhesion and

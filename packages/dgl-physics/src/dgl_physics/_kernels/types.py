@@ -6,7 +6,7 @@ import warp as wp
 
 @wp.struct
 class Material:
-    """Contact parameters of one garment; see `dgl_physics.material.ClothMaterial`."""
+    """Contact parameters of one garment; see `dgl_physics.ContactMaterial`."""
 
     friction: wp.float32
     adhesion: wp.float32
@@ -16,6 +16,8 @@ class Material:
     rest_offset: wp.float32
     thickness: wp.float32
     drag: wp.float32
+    is_solid: wp.int32
+    """Whether rigid contact is resolved with elasticity, in `_kernels.solid_contact`."""
 
 
 @wp.struct
