@@ -1,5 +1,8 @@
 """Sheets, a run of frames, and the devices to run on."""
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
 import warp as wp
@@ -92,3 +95,14 @@ def builder():
 @pytest.fixture
 def run():
     return Run
+
+
+@pytest.fixture(scope="session")
+def meshes():
+    """The module of closed surfaces beside this file."""
+    spec = importlib.util.spec_from_file_location("meshes", Path(__file__).parent / "meshes.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

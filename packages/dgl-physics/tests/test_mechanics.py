@@ -122,9 +122,6 @@ def test_strain_of_a_hanging_panel_falls_with_substeps(sheet, run):
     assert fine < 0.01
 
 
-@pytest.mark.xfail(
-    reason="12 substeps of one iteration do not converge: see Limitations in docs/physics.md"
-)
 def test_a_panel_hung_by_two_corners_hardly_stretches(sheet, run):
     strain = hang(run, sheet, substeps=SolverConfig().substeps)
     assert strain.mean() <= 0.01

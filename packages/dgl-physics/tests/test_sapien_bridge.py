@@ -1,18 +1,21 @@
 """The coupling to SAPIEN: shapes arrive where they are, forces come back."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 sapien = pytest.importorskip("sapien")
 from sapien import physx  # noqa: E402
 
-from dgl_physics import ClothMaterial, SolverConfig  # noqa: E402
+from dgl_physics import ClothMaterial, MeshError, SolverConfig, sapien_bridge  # noqa: E402
 from dgl_physics.sapien_bridge import (  # noqa: E402
     SapienCloth,
     UnsupportedShapeError,
-    compute_vertex_normals,
+    convert_shape,
     find_colliders,
 )
+from dgl_physics.topology import compute_vertex_normals  # noqa: E402
 
 REST = ClothMaterial().rest_offset
 TRIANGLE = np.array([[-2, -1, 0], [2, -1, 0], [0, 2, 0]]) * 1e-3
@@ -172,13 +175,120 @@ def test_forces_can_be_restored(drop):
         cloth.set_forces(forces[0])
 
 
-def test_an_unsupported_shape_names_its_body():
+def test_a_cylinder_lies_along_its_x_axis():
     scene = make_scene()
-    cylinder = physx.PhysxCollisionShapeCylinder(0.05, 0.1, make_material())
-    add_static(scene, cylinder, ([0, 0, 0], [1, 0, 0, 0]))
+    cylinder = physx.PhysxCollisionShapeCylinder(0.05, 0.2, make_material())
+    add_static(scene, cylinder, ([0.1, 0.2, 0.15], YAW))
+    points = [(np.array([0.1, 0.2, 0]) + rotate(YAW, [s, 0, 0]))[:2] for s in (-0.19, 0.0, 0.19)]
+    assert land(scene, points) == pytest.approx(0.15 + 0.05 + REST, abs=1e-3)
+    beyond = (np.array([0.1, 0.2, 0]) + rotate(YAW, [0.215, 0, 0]))[:2]
+    assert land(scene, [beyond])[0] < 0.0  # its ends are flat, a capsule's are not
+
+
+@pytest.mark.parametrize(
+    ("kind", "scale"),  # PhysX has no mirrored hulls
+    [("convex", [1, 2, 0.5]), ("mesh", [1, 2, 0.5]), ("mesh", [-1, 2, 0.5])],
+)
+def test_meshes_have_their_scale(meshes, kind, scale):
+    """A wedge: high at its +x end, low at the other; a mirror turns that round."""
+    vertices, faces = meshes.make_box([0.1, 0.05, 0.1])
+    vertices[(vertices[:, 0] < 0) & (vertices[:, 2] > 0), 2] = 0.0
+    scene, material = make_scene(), make_material()
+    arrays = vertices.astype(np.float32), faces.astype(np.uint32)
+    if kind == "convex":
+        shape = physx.PhysxCollisionShapeConvexMesh(arrays[0], np.array(scale), material)
+    else:
+        shape = physx.PhysxCollisionShapeTriangleMesh(*arrays, np.array(scale), material)
+    collider = convert_shape(shape)
+    assert collider.kind == kind
+    extent = np.ptp(collider.mesh.vertices, axis=0)
+    assert extent == pytest.approx([0.2, 0.2, 0.1], abs=1e-5)
+    add_static(scene, shape, ([0, 0, 0.2], [1, 0, 0, 0]))
+    high = 0.095 * scale[0]
+    height = land(scene, [(high, 0.09)])
+    assert height == pytest.approx(0.25 + REST, abs=6e-3)  # it may slip down a little
+
+
+def test_a_mesh_with_a_hole_is_no_hull(meshes):
+    """What is let fall over the middle of a ring falls through it, over its bar it stays."""
+    scene = make_scene()
+    vertices, faces = meshes.make_torus(0.06, 0.02, rings=64)
+    shape = physx.PhysxCollisionShapeTriangleMesh(
+        vertices.astype(np.float32), faces.astype(np.uint32), np.ones(3), make_material()
+    )
+    add_static(scene, shape, ([0, 0, 0.2], [1, 0, 0, 0]))
+    heights = land(scene, [(0.0, 0.0), (0.06, 0.0)])
+    assert heights[0] < 0.0
+    assert heights[1] == pytest.approx(0.22 + REST, abs=2e-3)
+
+
+def test_an_open_mesh_is_a_sheet(meshes):
+    """The lid of a box alone: cloth stays above, and what starts below falls."""
+    scene = make_scene()
+    vertices, faces = meshes.make_box([0.1, 0.1, 0.05])
+    lid = faces[(vertices[faces][:, :, 2] > 0).all(axis=1)]
+    shape = physx.PhysxCollisionShapeTriangleMesh(
+        vertices.astype(np.float32), lid.astype(np.uint32), np.ones(3), make_material()
+    )
+    assert convert_shape(shape).mesh.is_sheet
+    add_static(scene, shape, ([0, 0, 0.2], [1, 0, 0, 0]))
+    assert land(scene, [(0.02, 0.03)]) == pytest.approx(0.25 + REST, abs=1e-4)
+
+
+def test_a_moving_mesh_is_followed(meshes):
+    """A kinematic body of a triangle mesh carries what lies on it."""
+    scene = make_scene()
+    vertices, faces = meshes.make_box([0.1, 0.1, 0.01])
+    component = physx.PhysxRigidDynamicComponent()
+    component.attach(
+        physx.PhysxCollisionShapeTriangleMesh(
+            vertices.astype(np.float32), faces.astype(np.uint32), np.ones(3), make_material()
+        )
+    )
+    component.kinematic = True
+    entity = sapien.Entity()
+    entity.add_component(component)
+    entity.set_pose(sapien.Pose([0, 0, 0.1]))
+    scene.add_entity(entity)
+    cloth = SapienCloth([scene])
+    cloth.add_garment(np.add(TRIANGLE, [0, 0, 0.11 + REST]), FACE)
+    cloth.build()
+    for k in range(60):
+        entity.set_pose(sapien.Pose([0.1 * k / 60, 0, 0.1 + 0.1 * k / 60]))
+        cloth.step()
+    x = cloth.state.get_positions()[0].mean(axis=0)
+    assert x == pytest.approx([0.1 * 59 / 60, 0, 0.1 + 0.1 * 59 / 60 + 0.01 + REST], abs=2e-3)
+
+
+def test_equal_meshes_share_a_grid(meshes):
+    points = meshes.make_box([0.03, 0.03, 0.03])[0].astype(np.float32)
+    first, second = (
+        convert_shape(physx.PhysxCollisionShapeConvexMesh(points, np.ones(3), make_material()))
+        for _ in range(2)
+    )
+    assert first.mesh is second.mesh
+
+
+def test_an_unsupported_shape_names_its_body():
+    """SAPIEN has no other kinds today; what it may get is refused."""
+    cone = SimpleNamespace(local_pose=sapien.Pose(), physical_material=make_material())
+    body = SimpleNamespace(name="thing", collision_shapes=[cone])
     with pytest.raises(
-        UnsupportedShapeError, match=r"body 'thing': cloth collides with .* got .*Cylinder"
+        UnsupportedShapeError, match=r"body 'thing': cloth collides with .* got SimpleNamespace"
     ):
+        SapienCloth([make_scene()], colliders=[[body]])
+
+
+def test_a_mesh_that_cannot_be_collided_with_names_its_body(monkeypatch):
+    def refuse(*_, **__):
+        raise MeshError("no")
+
+    scene = make_scene()
+    add_static(
+        scene, physx.PhysxCollisionShapeSphere(0.1, make_material()), ([0] * 3, [1, 0, 0, 0])
+    )
+    monkeypatch.setattr(sapien_bridge, "convert_shape", refuse)
+    with pytest.raises(MeshError, match="body 'thing': no"):
         SapienCloth([scene])
 
 

@@ -43,7 +43,7 @@ def test_two_runs_are_the_same(run, sheet, device):
 @pytest.mark.parametrize("make", [drape_builder, heap_builder])
 def test_a_restored_state_continues_bitwise(run, sheet, device, make):
     r = run(make(sheet, (0.2,)), device=device).step(30)
-    snapshot = r.state.get_positions(), r.state.get_velocities()
+    snapshot = r.state.get_positions(), r.state.get_velocities(), r.state.get_is_stuck()
     expected = r.step(30).x
     r.state.set_particles(*snapshot)
     np.testing.assert_array_equal(r.step(30).x, expected)
@@ -54,7 +54,9 @@ def test_another_solver_continues_bitwise(run, sheet, device, make):
     """The solver itself remembers nothing that matters."""
     r = run(make(sheet, (0.2,)), device=device).step(30)
     other = run(make(sheet, (0.2,)), device=device)
-    other.state.set_particles(r.state.get_positions(), r.state.get_velocities())
+    other.state.set_particles(
+        r.state.get_positions(), r.state.get_velocities(), r.state.get_is_stuck()
+    )
     np.testing.assert_array_equal(other.step(30).x, r.step(30).x)
 
 

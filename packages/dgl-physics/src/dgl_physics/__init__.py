@@ -1,5 +1,6 @@
 """Batched cloth simulation on NVIDIA Warp, coupled to SAPIEN."""
 
+from dgl_physics.collision_mesh import CollisionMesh as CollisionMesh
 from dgl_physics.contact_material import ContactMaterial as ContactMaterial
 from dgl_physics.errors import ContactOverflowError as ContactOverflowError
 from dgl_physics.errors import MeshError as MeshError
@@ -18,6 +19,7 @@ from dgl_physics.state import State as State
 
 __all__ = [
     "ClothMaterial",
+    "CollisionMesh",
     "ContactMaterial",
     "ContactOverflowError",
     "Garment",

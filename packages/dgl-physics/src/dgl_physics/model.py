@@ -8,12 +8,14 @@ import numpy as np
 import warp as wp
 
 from dgl_physics import topology
-from dgl_physics._kernels.types import Material, ShapeTable
+from dgl_physics._kernels.types import Grid, Material, ShapeTable
+from dgl_physics.coarse import CoarseLevel, CoarseTable, build_coarse_level, join_coarse_levels
 from dgl_physics.contact_material import ContactMaterial
 from dgl_physics.elastic import Solids, build_solids
 from dgl_physics.lattice import Skin
 from dgl_physics.material import ClothMaterial
-from dgl_physics.shapes import KIND_CODES, Shape
+from dgl_physics.shape_table import build_shape_table
+from dgl_physics.shapes import Shape
 from dgl_physics.solid_entry import make_solid_entry, make_tet_entry
 from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.state import State
@@ -70,6 +72,8 @@ class Model:
     contact_reach: float
     """Largest distance at which two particles act on each other [m]."""
     shapes: ShapeTable
+    grids: tuple[Grid, ...]
+    """Of the meshes among the shapes; `shapes` points to their arrays."""
     materials: wp.array
     environment: wp.array
     garment_index: wp.array
@@ -84,6 +88,7 @@ class Model:
     is_touching: wp.array
     """Whether a particle touches particles; those inside of solids do not."""
     solids: Solids | None
+    coarse: CoarseTable
 
     def make_state(self) -> State:
         """Make a state at the initial positions, at rest, with all bodies at the origin."""
@@ -252,6 +257,7 @@ class ModelBuilder:
         materials: list[ContactMaterial] = []
         is_touching = np.ones(count, dtype=np.int32)
         solids = []
+        levels: list[tuple[int, CoarseLevel]] = []
         for e, entries in enumerate(self._garments):
             first = 0
             for g in entries:
@@ -265,6 +271,7 @@ class ModelBuilder:
                 if "solid" in g:
                     solids.append((base, g["solid"]))
                     is_touching[base : base + n] = g["is_touching"]
+                levels.append((base, g["coarse"]))
                 materials.append(g["material"])
                 garments.append(
                     Garment(
@@ -288,6 +295,8 @@ class ModelBuilder:
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
 
+        contact_gap = max(m.rest_offset + m.adhesion_radius for m in materials)
+        shapes, grids = build_shape_table(self._shapes, contact_gap, device)
         return Model(
             device=device,
             env_count=self.env_count,
@@ -297,7 +306,8 @@ class ModelBuilder:
             garments=tuple(garments),
             initial_positions=position.reshape(self.env_count, per_env, 3),
             contact_reach=max(m.thickness + m.adhesion_radius for m in materials),
-            shapes=self._build_shapes(device),
+            shapes=shapes,
+            grids=grids,
             materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
             environment=to_device(np.repeat(np.arange(self.env_count), per_env), wp.int32),
             garment_index=to_device(garment_index, wp.int32),
@@ -310,25 +320,8 @@ class ModelBuilder:
             adjacency=to_device(adjacency, wp.int32),
             is_touching=to_device(is_touching, wp.int32),
             solids=build_solids(solids, device),
+            coarse=join_coarse_levels(levels, count, device),
         )
-
-    def _build_shapes(self, device: str) -> ShapeTable:
-        table = ShapeTable()
-        shapes = [s for _, s in self._shapes]
-        poses = np.array([s.pose for s in shapes], dtype=np.float32).reshape(-1, 7)
-        poses = poses[:, [0, 1, 2, 4, 5, 6, 3]]  # Warp stores quaternions as xyzw
-        radius = np.array([s.bounding_radius() for s in shapes], dtype=np.float32)
-        table.kind = wp.array([KIND_CODES[s.kind] for s in shapes], dtype=wp.int32, device=device)
-        table.size = wp.array([s.size for s in shapes], dtype=wp.vec3, device=device)
-        table.pose = wp.array(poses, dtype=wp.transform, device=device)
-        table.body = wp.array([b for b, _ in self._shapes], dtype=wp.int32, device=device)
-        table.friction = wp.array([s.friction for s in shapes], dtype=wp.float32, device=device)
-        table.radius = wp.array(radius, dtype=wp.float32, device=device)
-        moving = [int(b > 0) for b, _ in self._shapes]
-        measured = [int(s.is_measured) for s in shapes]
-        table.is_moving = wp.array(moving, dtype=wp.int32, device=device)
-        table.is_measured = wp.array(measured, dtype=wp.int32, device=device)
-        return table
 
 
 def _make_constraints(
@@ -355,6 +348,7 @@ def _make_constraints(
         # bending first within a substep: what is solved last holds best, and that is stretch
         "colour": colours.max() - colours,
         "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
+        "coarse": build_coarse_level(rest, faces, areas * material.area_density),
         "material": material,
     }
 

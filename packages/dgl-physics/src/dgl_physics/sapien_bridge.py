@@ -8,20 +8,23 @@ the next frame.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import sapien
 from sapien import physx, render
 
-from dgl_physics.errors import PhysicsError
+from dgl_physics.collision_mesh import CollisionMesh, is_closed
+from dgl_physics.errors import MeshError, PhysicsError
 from dgl_physics.material import ClothMaterial
 from dgl_physics.model import Model, ModelBuilder
 from dgl_physics.shapes import Shape
 from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.solver import SolverConfig, SolverXPBD
 from dgl_physics.state import State
+from dgl_physics.topology import compute_vertex_normals
 
-# SAPIEN's capsules and planes are along x, ours along z.
+# SAPIEN's capsules, cylinders and planes are along x, ours along z.
 _X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
 
 
@@ -44,17 +47,20 @@ def convert_shape(
 ) -> Shape:
     """Convert a SAPIEN collision shape to a cloth collider in the frame of its component.
 
+    Triangle meshes that are not closed have no inside, as in PhysX: cloth stays at its side.
+
     Args:
-        shape: Plane, sphere, capsule or box.
+        shape: Plane, sphere, capsule, box, cylinder, convex mesh or triangle mesh.
         friction: Factor on the garment's friction; the shape's static friction when None.
         is_measured: Whether contact impulses are added up.
 
     Raises:
         UnsupportedShapeError: For any other kind.
+        MeshError: If a mesh cannot be collided with.
     """
     if friction is None:
         friction = float(shape.physical_material.static_friction)
-    pose, size = shape.local_pose, (0.0, 0.0, 0.0)
+    pose, size, mesh = shape.local_pose, (0.0, 0.0, 0.0), None
     if isinstance(shape, physx.PhysxCollisionShapeSphere):
         kind, size = "sphere", (float(shape.radius), 0.0, 0.0)
     elif isinstance(shape, physx.PhysxCollisionShapeBox):
@@ -65,11 +71,47 @@ def convert_shape(
         pose = pose * _X_FROM_Z
     elif isinstance(shape, physx.PhysxCollisionShapePlane):
         kind, pose = "plane", pose * _X_FROM_Z
+    elif isinstance(shape, physx.PhysxCollisionShapeCylinder):
+        kind, size = "cylinder", (float(shape.radius), float(shape.half_length), 0.0)
+        pose = pose * _X_FROM_Z
+    elif isinstance(shape, physx.PhysxCollisionShapeConvexMesh):
+        kind, mesh = "convex", _convert_mesh(shape, is_convex=True)
+    elif isinstance(shape, physx.PhysxCollisionShapeTriangleMesh):
+        kind, mesh = "mesh", _convert_mesh(shape, is_convex=False)
     else:
         raise UnsupportedShapeError(
-            f"cloth collides with planes, spheres, capsules and boxes; got {type(shape).__name__}"
+            "cloth collides with planes, spheres, capsules, boxes, cylinders, convex and triangle "
+            f"meshes; got {type(shape).__name__}"
         )
-    return Shape(kind=kind, size=size, pose=_flat(pose), friction=friction, is_measured=is_measured)
+    return Shape(
+        kind=kind, size=size, mesh=mesh, pose=_flat(pose), friction=friction,
+        is_measured=is_measured,
+    )  # fmt: skip
+
+
+def _convert_mesh(
+    shape: physx.PhysxCollisionShapeConvexMesh | physx.PhysxCollisionShapeTriangleMesh,
+    *,
+    is_convex: bool,
+) -> CollisionMesh:
+    scale = np.asarray(shape.scale, dtype=np.float32)
+    vertices = np.asarray(shape.vertices, dtype=np.float32) * scale
+    faces = np.asarray(shape.triangles, dtype=np.int32)
+    if np.prod(scale) < 0:
+        faces = faces[:, ::-1]  # a mirror turns the surface inside out
+    return _make_mesh(vertices.tobytes(), faces.tobytes(), is_convex)
+
+
+@lru_cache(maxsize=32)
+def _make_mesh(vertices: bytes, faces: bytes, is_convex: bool) -> CollisionMesh:  # noqa: FBT001
+    """Make a mesh of arrays' bytes; remembered, as grids of the same bodies are wanted again."""
+    points = np.frombuffer(vertices, dtype=np.float32).reshape(-1, 3)
+    if is_convex:
+        return CollisionMesh.hull(points)
+    triangles = np.frombuffer(faces, dtype=np.int32).reshape(-1, 3)
+    return CollisionMesh(
+        vertices=points, faces=triangles, is_sheet=not is_closed(points, triangles)
+    )
 
 
 class SapienCloth:
@@ -121,8 +163,8 @@ class SapienCloth:
             for shape in component.collision_shapes:
                 try:
                     collider = convert_shape(shape, friction=factor, is_measured=can_move)
-                except UnsupportedShapeError as err:
-                    raise UnsupportedShapeError(f"body {component.name!r}: {err}") from err
+                except (UnsupportedShapeError, MeshError) as err:
+                    raise type(err)(f"body {component.name!r}: {err}") from err
                 # what cannot move belongs to the world: its pose is folded into the shape
                 if not can_move:
                     pose = component.entity_pose * _pose(collider.pose)
@@ -343,21 +385,6 @@ def _make_cloth_material(
             srgb=True,
         )
     return material
-
-
-def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute area-weighted unit normals of a mesh's vertices, shape (V, 3), float32."""
-    a, b, c = (positions[faces[:, k]] for k in range(3))
-    weighted = np.cross(b - a, c - a)
-    normals = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(weighted[:, k], 3), minlength=len(positions))
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return (normals / np.maximum(length, 1e-12)).astype(np.float32)
 
 
 def _pose(flat: np.ndarray) -> sapien.Pose:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dgl_physics import tetrahedra
+from dgl_physics import coarse, tetrahedra
 from dgl_physics.elastic import SolidMesh
 from dgl_physics.lattice import Skin, fill_closed_surface
 from dgl_physics.solid_material import SolidMaterial
@@ -87,7 +87,15 @@ def make_tet_entry(
         "material": material,
         "solid": mesh,
         "skin": skin,
+        "coarse": _make_no_coarse_level(mesh.vertex_mass),
     }
+
+
+def _make_no_coarse_level(masses: np.ndarray) -> coarse.CoarseLevel:
+    """Solids converge without: the coarse level limits the stretch of cloth."""
+    nodes = np.full((len(masses), coarse.WEIGHTS), -1, dtype=np.int32)
+    no_pairs = np.zeros((0, 2), dtype=np.int32)
+    return coarse.CoarseLevel(nodes, 0.0 * nodes, no_pairs, np.zeros(0), 0, masses)
 
 
 def _find_close_pairs(rest: np.ndarray, edges: np.ndarray, reach: float) -> np.ndarray:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import cloth, guard, rigid, selfcontact
+from dgl_physics._kernels import cloth, coarse, guard, rigid, selfcontact
 from dgl_physics._kernels.types import Limits
 from dgl_physics.elastic_step import ElasticStep, NearShapes
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
@@ -23,6 +23,8 @@ class SolverConfig:
     """Length of a frame [s]; > 0."""
     substeps: int = 12
     """Substeps of a frame, each of one iteration; >= 1."""
+    coarse_sweeps: int = 3
+    """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
     neighbour_searches: int = 1
     """Times in a frame at which particle contacts are searched for; 1..substeps. Environments
     whose particles have moved by less than a third of the margin keep what was found."""
@@ -92,6 +94,13 @@ class SolverXPBD:
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
+        nodes = max(model.coarse.node_count, 1)
+        self._centre = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._centre_before = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._mobility = wp.zeros(nodes, dtype=wp.float32, device=device)
+        self._held = wp.zeros(nodes, dtype=wp.float32, device=device)
+        self._reaction = wp.zeros(nodes, dtype=wp.vec3, device=device)
+        self._tension = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
@@ -99,6 +108,7 @@ class SolverXPBD:
         shapes = max(model.shape_count, 1)
         self._active = wp.zeros((envs, shapes), dtype=wp.int32, device=device)
         self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._pose_middle = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._swept = wp.zeros((envs, shapes), dtype=wp.vec4, device=device)
         self._pose_before = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._pose_now = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
@@ -236,6 +246,8 @@ class SolverXPBD:
                         state.positions,
                     ],
                 )  # fmt: skip
+            if m.coarse.node_count and c.coarse_sweeps:
+                self._solve_coarse_level(state)
             self._pose_shapes(state, (k + 1) / c.substeps)
             if self._elastic is not None:
                 self._elastic.launch(wp.vec3(*c.gravity), state, self._limits, self._near_shapes)
@@ -246,9 +258,38 @@ class SolverXPBD:
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._carry, state.positions,
-                    state.velocities, state.impulse,
+                    state.velocities, state.impulse, state.is_stuck, self._tension,
                 ],
             )  # fmt: skip
+
+    def _solve_coarse_level(self, state: State) -> None:
+        m, t = self.model, self.model.coarse
+        wp.launch(
+            coarse.gather_nodes,
+            dim=t.node_count,
+            inputs=[
+                t.node_start, t.node_particle, t.node_weight, t.node_inverse_mass, m.inverse_mass,
+                state.is_stuck, state.positions, self._centre, self._centre_before, self._mobility,
+                self._held, self._reaction,
+            ],
+        )  # fmt: skip
+        colours = (t.colour_start[0], t.colour_start[-1]) if m.device == "cpu" else t.colour_start
+        for _ in range(self.config.coarse_sweeps):
+            for first, end in pairwise(colours):
+                wp.launch(
+                    coarse.solve_limits,
+                    dim=end - first,
+                    inputs=[first, t.pairs, t.limit, self._mobility, self._centre, self._reaction],
+                )
+        wp.launch(
+            coarse.move_with_nodes,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                t.nodes, t.weights, t.node_inverse_mass, m.inverse_mass, state.is_stuck,
+                self._centre, self._centre_before, self._held, self._reaction, state.positions,
+                self._tension,
+            ],
+        )  # fmt: skip
 
     def _find_near_shapes(self, state: State) -> None:
         m, c = self.model, self.config
@@ -263,7 +304,7 @@ class SolverXPBD:
             dim=m.env_count,
             inputs=[
                 0.02 + c.max_speed * c.dt, m.shapes, state.body_start, state.body_end, self._lower,
-                self._upper, self._active, self._active_count, self._swept,
+                self._upper, self._active, self._active_count, self._pose_middle, self._swept,
             ],
         )  # fmt: skip
         self._pose_shapes(state, 0.0)
@@ -272,8 +313,9 @@ class SolverXPBD:
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
-                self._active, self._active_count, self._swept, self._pose_now, m.inverse_mass,
-                state.positions, state.velocities, self._near, self._near_count, self._overflow,
+                self._active, self._active_count, self._pose_middle, self._swept, self._pose_now,
+                state.body_end, m.inverse_mass, state.positions, state.velocities, self._near,
+                self._near_count, self._overflow,
             ],
         )  # fmt: skip
 

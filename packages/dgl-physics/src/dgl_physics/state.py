@@ -17,6 +17,8 @@ class State:
     Attributes:
         positions: Particle positions [m], shape (B * V,), vec3, world frame.
         velocities: Particle velocities [m/s], shape (B * V,), vec3.
+        is_stuck: Whether a particle stuck to a rigid surface at the end of the last substep,
+            shape (B * V,), int32; the next substep takes it as held.
         gravity_scale: Factor on gravity, shape (B,).
         body_start: Body poses at the start of the coming frame, shape (B, N), transform (xyzw).
         body_end: Body poses at its end.
@@ -32,6 +34,7 @@ class State:
             model.initial_positions.reshape(-1, 3), dtype=wp.vec3, device=device
         )
         self.velocities = wp.zeros_like(self.positions)
+        self.is_stuck = wp.zeros(len(self.positions), dtype=wp.int32, device=device)
         self.gravity_scale = wp.ones(model.env_count, dtype=wp.float32, device=device)
         identity = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (*shape, 1))
         self.body_start = wp.array(identity, dtype=wp.transform, device=device)
@@ -52,37 +55,47 @@ class State:
         m = self.model
         return self.velocities.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
 
+    def get_is_stuck(self) -> np.ndarray:
+        """Return which particles stick to rigid surfaces, shape (B, V), bool."""
+        m = self.model
+        return self.is_stuck.numpy().reshape(m.env_count, m.particles_per_env) != 0
+
     def set_particles(
         self,
         positions: np.ndarray,
         velocities: np.ndarray | None = None,
+        is_stuck: np.ndarray | None = None,
         *,
         envs: np.ndarray | None = None,
     ) -> None:
-        """Set the particles of some environments, at rest when no velocities are given.
+        """Set the particles of some environments, at rest and free when nothing else is given.
 
         Args:
             positions: [m], shape (len(envs), V, 3).
             velocities: [m/s], the same shape.
+            is_stuck: Of `get_is_stuck`, shape (len(envs), V), bool.
             envs: Indices of environments; all when None. The others are not touched.
         """
         m = self.model
         envs = np.arange(m.env_count) if envs is None else np.asarray(envs, dtype=np.int64)
         expected = (len(envs), m.particles_per_env, 3)
         velocities = np.zeros(expected, np.float32) if velocities is None else velocities
-        both = (
-            ("positions", positions, self.positions),
-            ("velocities", velocities, self.velocities),
+        is_stuck = np.zeros(expected[:2], bool) if is_stuck is None else is_stuck
+        parts = (
+            ("positions", positions, self.positions, expected),
+            ("velocities", velocities, self.velocities, expected),
+            ("is_stuck", is_stuck, self.is_stuck, expected[:2]),
         )
-        for name, new, _ in both:
-            if np.shape(new) != expected:
-                raise ValueError(f"{name} must have shape {expected}; got {np.shape(new)}")
+        for name, new, _, shape in parts:
+            if np.shape(new) != shape:
+                raise ValueError(f"{name} must have shape {shape}; got {np.shape(new)}")
             if not np.isfinite(new).all():
                 raise ValueError(f"{name} must be finite")
-        for _, new, old in both:
-            values = old.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
-            values[envs] = new
-            old.assign(values.reshape(-1, 3).astype(np.float32))
+        for _, new, old, shape in parts:
+            values = old.numpy()
+            by_env = values.reshape(m.env_count, *shape[1:]).copy()
+            by_env[envs] = new
+            old.assign(by_env.reshape(values.shape))
 
     def set_gravity_scale(self, scale: np.ndarray | float) -> None:
         """Set the factor on gravity of each environment, shape (B,) or one number."""

@@ -90,6 +90,51 @@ def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     return np.sum(arm0 * arm1, axis=1) < 0
 
 
+def label_panels(faces: np.ndarray, open_hinges: np.ndarray) -> np.ndarray:
+    """Label the panels of a mesh: triangles that are joined by hinges that are open at rest.
+
+    Args:
+        faces: Vertex indices, shape (F, 3).
+        open_hinges: (edge 0, edge 1, wing 0, wing 1) of hinges within panels, shape (H, 4).
+
+    Returns:
+        Panel of each triangle, shape (F,), int64, from 0 in the order of their first triangle.
+    """
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    keys = np.sort(directed, axis=1)
+    width = int(faces.max()) + 1
+    keys = keys[:, 0].astype(np.int64) * width + keys[:, 1]
+    wanted = np.sort(open_hinges[:, :2], axis=1).astype(np.int64)
+    is_open = np.isin(keys, wanted[:, 0] * width + wanted[:, 1])
+    order = np.argsort(keys, kind="stable")
+    order = order[is_open[order]]
+    pairs = (order % len(faces)).reshape(-1, 2)  # the two triangles of each open hinge
+    label = np.arange(len(faces))
+    while True:
+        lowest = label.copy()
+        np.minimum.at(lowest, pairs[:, 0], label[pairs[:, 1]])
+        np.minimum.at(lowest, pairs[:, 1], label[pairs[:, 0]])
+        lowest = lowest[lowest]
+        if (lowest == label).all():
+            return np.unique(label, return_inverse=True)[1].ravel()
+        label = lowest
+
+
+def compute_vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Compute area-weighted unit normals of a mesh's vertices, shape (V, 3), float32."""
+    a, b, c = (positions[faces[:, k]] for k in range(3))
+    weighted = np.cross(b - a, c - a)
+    normals = np.stack(
+        [
+            np.bincount(faces.ravel(), np.repeat(weighted[:, k], 3), minlength=len(positions))
+            for k in range(3)
+        ],
+        axis=1,
+    )
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return (normals / np.maximum(length, 1e-12)).astype(np.float32)
+
+
 def compute_vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Compute a third of the area of the triangles around each vertex [m^2], shape (V,)."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))

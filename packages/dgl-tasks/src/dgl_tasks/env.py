@@ -247,6 +247,7 @@ class GarmentEnv(BaseEnv):
         state["garment"] = {
             "positions": torch.from_numpy(self.cloth.state.get_positions()).flatten(1),
             "velocities": torch.from_numpy(self.cloth.state.get_velocities()).flatten(1),
+            "is_stuck": torch.from_numpy(self.cloth.state.get_is_stuck()).float(),
             "forces": torch.from_numpy(self.cloth.get_forces().copy()).flatten(1),
         }
         return state
@@ -265,6 +266,7 @@ class GarmentEnv(BaseEnv):
         self.cloth.state.set_particles(
             garment["positions"].cpu().numpy().reshape(shape),
             garment["velocities"].cpu().numpy().reshape(shape),
+            garment["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
         )
         self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
         self.cloth.sync_bodies(is_jump=True)

@@ -5,40 +5,10 @@
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
 import warp as wp
 
+from dgl_physics._kernels.distance import PLANE, SPHERE, bound_distance, shape_distance
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
-
-PLANE = wp.constant(0)
-SPHERE = wp.constant(1)
-CAPSULE = wp.constant(2)
-
-
-@wp.func
-def shape_distance(kind: wp.int32, size: wp.vec3, p: wp.vec3):
-    """Signed distance and outward normal of a primitive at a point of its frame."""
-    if kind == PLANE:
-        return wp.vec4(0.0, 0.0, 1.0, p[2])
-    if kind == SPHERE or kind == CAPSULE:
-        axis = wp.vec3(0.0, 0.0, wp.clamp(p[2], -size[1], size[1]))
-        d = p - axis
-        r = wp.length(d)
-        n = wp.vec3(1.0, 0.0, 0.0)
-        if r > 1.0e-9:
-            n = d / r
-        return wp.vec4(n[0], n[1], n[2], r - size[0])
-    q = wp.vec3(wp.abs(p[0]) - size[0], wp.abs(p[1]) - size[1], wp.abs(p[2]) - size[2])
-    if q[0] > 0.0 or q[1] > 0.0 or q[2] > 0.0:
-        o = wp.vec3(wp.max(q[0], 0.0), wp.max(q[1], 0.0), wp.max(q[2], 0.0))
-        r = wp.length(o)
-        return wp.vec4(
-            wp.sign(p[0]) * o[0] / r, wp.sign(p[1]) * o[1] / r, wp.sign(p[2]) * o[2] / r, r
-        )
-    if q[0] >= q[1] and q[0] >= q[2]:
-        return wp.vec4(wp.sign(p[0]), 0.0, 0.0, q[0])
-    if q[1] >= q[2]:
-        return wp.vec4(0.0, wp.sign(p[1]), 0.0, q[1])
-    return wp.vec4(0.0, 0.0, wp.sign(p[2]), q[2])
 
 
 @wp.kernel
@@ -65,6 +35,17 @@ def reset_bounds(lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3))
     upper[e] = wp.vec3(-1.0e6, -1.0e6, -1.0e6)
 
 
+@wp.func
+def interpolate_pose(start: wp.transform, end: wp.transform, fraction: wp.float32):
+    """Pose on the straight way between two."""
+    p = wp.lerp(wp.transform_get_translation(start), wp.transform_get_translation(end), fraction)
+    q0 = wp.transform_get_rotation(start)
+    q1 = wp.transform_get_rotation(end)
+    if wp.dot(q0, q1) < 0.0:
+        q1 = -q1
+    return wp.transform(p, wp.normalize(q0 * (1.0 - fraction) + q1 * fraction))
+
+
 @wp.kernel
 def select_shapes(
     margin: wp.float32,
@@ -75,11 +56,14 @@ def select_shapes(
     upper: wp.array(dtype=wp.vec3),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
+    middle: wp.array2d(dtype=wp.transform),
     swept: wp.array2d(dtype=wp.vec4),
 ):
     """List the shapes whose swept sphere meets the cloth's box, one thread an environment.
 
-    `swept` gets the centre and radius of a sphere that holds the shape during the whole frame.
+    `middle` gets the pose of the shape in the middle of the frame, and `swept` the centre and
+    radius of a sphere that holds it during the whole frame: its own, and as much more as no point
+    of it moves from there.
 
     Planes come last, so that the ground has the last word in a contact.
     """
@@ -91,17 +75,29 @@ def select_shapes(
     for s in range(total):
         if shapes.kind[s] != PLANE:
             b = shapes.body[s]
-            start = wp.transform_get_translation(body_start[e, b] * shapes.pose[s])
-            end = wp.transform_get_translation(body_end[e, b] * shapes.pose[s])
-            r = shapes.radius[s] + margin
+            start = body_start[e, b]
+            end = body_end[e, b]
+            body = interpolate_pose(start, end, 0.5)
+            pose = body * shapes.pose[s]
+            # The cosine of half of the frame's turn. From the middle of the frame to either end
+            # the body turns by that half, and a point moves by lever times the chord of it.
+            cosine = wp.abs(
+                wp.dot(wp.transform_get_rotation(start), wp.transform_get_rotation(end))
+            )
+            lever = wp.length(wp.transform_get_translation(shapes.pose[s])) + shapes.radius[s]
+            moved = 0.5 * wp.length(
+                wp.transform_get_translation(end) - wp.transform_get_translation(start)
+            ) + lever * wp.sqrt(wp.max(2.0 * (1.0 - cosine), 0.0))
+            centre = wp.transform_get_translation(pose)
+            r = shapes.radius[s] + moved + margin
             inside = int(1)
             for k in range(3):
-                if wp.min(start[k], end[k]) - r > high[k] or wp.max(start[k], end[k]) + r < low[k]:
+                if centre[k] - r > high[k] or centre[k] + r < low[k]:
                     inside = 0
             if inside == 1:
-                middle = 0.5 * (start + end)
-                radius = shapes.radius[s] + 0.5 * wp.length(end - start)
-                swept[e, count] = wp.vec4(middle[0], middle[1], middle[2], radius)
+                middle[e, count] = pose
+                radius = shapes.radius[s] + moved
+                swept[e, count] = wp.vec4(centre[0], centre[1], centre[2], radius)
                 active[e, count] = s
                 count += 1
     for s in range(total):
@@ -130,13 +126,7 @@ def pose_shapes(
     b = shapes.body[s]
     start = body_start[e, b]
     end = body_end[e, b]
-    p = wp.lerp(wp.transform_get_translation(start), wp.transform_get_translation(end), fraction)
-    q0 = wp.transform_get_rotation(start)
-    q1 = wp.transform_get_rotation(end)
-    if wp.dot(q0, q1) < 0.0:
-        q1 = -q1
-    q = wp.normalize(q0 * (1.0 - fraction) + q1 * fraction)
-    pose = wp.transform(p, q) * shapes.pose[s]
+    pose = interpolate_pose(start, end, fraction) * shapes.pose[s]
     if fraction == 0.0:
         pose_before[e, k] = pose
     else:
@@ -154,8 +144,10 @@ def find_near_shapes(
     materials: wp.array(dtype=Material),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
+    middle: wp.array2d(dtype=wp.transform),
     swept: wp.array2d(dtype=wp.vec4),
     pose_start: wp.array2d(dtype=wp.transform),
+    body_end: wp.array2d(dtype=wp.transform),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
@@ -165,7 +157,8 @@ def find_near_shapes(
 ):
     """List the active shapes that each particle may touch within the coming frame.
 
-    A moving shape is near when its swept sphere is, a plane when its surface is.
+    A plane is near when its surface is at the start or at the end; another shape when its sphere
+    and then its surface are, where it is in the middle of the frame, within what it moves.
     """
     i = wp.tid()
     count = int(0)
@@ -179,10 +172,21 @@ def find_near_shapes(
             s = active[e, k]
             gap = float(0.0)
             if shapes.kind[s] == PLANE:
-                gap = wp.transform_point(wp.transform_inverse(pose_start[e, k]), x)[2]
+                end = body_end[e, shapes.body[s]] * shapes.pose[s]
+                gap = wp.min(
+                    wp.transform_point(wp.transform_inverse(pose_start[e, k]), x)[2],
+                    wp.transform_point(wp.transform_inverse(end), x)[2],
+                )
             else:
                 ball = swept[e, k]
-                gap = wp.length(x - wp.vec3(ball[0], ball[1], ball[2])) - ball[3]
+                arm = x - wp.vec3(ball[0], ball[1], ball[2])
+                gap = wp.length(arm) - ball[3]
+                if gap < reach and shapes.kind[s] != SPHERE:
+                    local = wp.quat_rotate_inv(wp.transform_get_rotation(middle[e, k]), arm)
+                    gap = bound_distance(
+                        shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local
+                    )
+                    gap = gap - (ball[3] - shapes.radius[s])
             if gap < reach:
                 if count < limits.near_capacity:
                     near[i * limits.near_capacity + count] = k
@@ -211,6 +215,8 @@ def solve_rigid_contact(
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
+    is_stuck: wp.array(dtype=wp.int32),
+    tension: wp.array(dtype=wp.vec3),
 ):
     """Resolve rigid contact, and update the velocity.
 
@@ -229,6 +235,7 @@ def solve_rigid_contact(
     surface_velocity = wp.vec3(0.0, 0.0, 0.0)
     x = position[i]
     m = materials[garment[i]]
+    stuck = int(0)
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
@@ -236,7 +243,7 @@ def solve_rigid_contact(
         p = wp.transform_get_translation(pose)
         q = wp.transform_get_rotation(pose)
         local = wp.quat_rotate_inv(q, x - p)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], local)
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         gap = hit[3] - m.rest_offset
         if gap < m.adhesion_radius and m.is_solid == 0:
             n_local = wp.vec3(hit[0], hit[1], hit[2])
@@ -258,13 +265,24 @@ def solve_rigid_contact(
                 push = -wp.min(m.adhesion * w * dt * dt, 1.0) * gap
                 support = -push
             x = x + n * push
-            length = wp.length(slip)
+            # Tension that the coarse level found at this particle presses it on or pulls it off, and
+            # along the surface: friction has to hold it, but it moves nothing by itself.
+            pull = tension[i]
+            along = wp.dot(n, pull)
+            if push > 0.0:
+                support = wp.max(support - along, 0.0)
+            wanted = slip + pull - n * along
+            length = wp.length(wanted)
             limit = m.friction * shapes.friction[s] * support
+            reaction = n * push - pull
             if length > limit:
-                slip = slip * (limit / length)
+                slip = slip * wp.min(limit / length, 1.0)
+                reaction = n * push
+            elif push > 0.0:
+                stuck = 1
             x = x - slip
             if shapes.is_measured[s] == 1:
-                j = (slip - n * push) / (w * dt)
+                j = (slip - reaction) / (w * dt)
                 wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
     # From what was corrected rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
@@ -283,6 +301,7 @@ def solve_rigid_contact(
         v = v * (limits.max_speed / speed)
     position[i] = x
     velocity[i] = v
+    is_stuck[i] = stuck
 
 
 @wp.kernel
@@ -304,4 +323,5 @@ def measure_penetration(
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
         local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), position[i])
-        wp.atomic_max(deepest, e, -shape_distance(shapes.kind[s], shapes.size[s], local)[3])
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
+        wp.atomic_max(deepest, e, -hit[3])

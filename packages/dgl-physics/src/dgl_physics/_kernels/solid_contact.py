@@ -9,7 +9,7 @@ solid are solved together, with the inverse of the step's matrix as their compli
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.rigid import shape_distance
+from dgl_physics._kernels.distance import shape_distance
 from dgl_physics._kernels.solid import Bodies
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
@@ -66,7 +66,7 @@ def add_adhesion(
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
         local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), x)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], local)
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         gap = hit[3] - m.rest_offset
         if gap > 0.0 and gap < m.adhesion_radius:
             n = wp.transform_vector(pose_now[e, k], wp.vec3(hit[0], hit[1], hit[2]))
@@ -112,7 +112,7 @@ def find_touches(
         s = active[e, k]
         pose = pose_now[e, k]
         local = wp.transform_point(wp.transform_inverse(pose), x)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], local)
+        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         gap = hit[3] - m.rest_offset
         if gap < least:
             least = gap

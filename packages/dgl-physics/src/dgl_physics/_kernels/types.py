@@ -32,6 +32,18 @@ class Limits:
 
 
 @wp.struct
+class Grid:
+    """Signed distances of one mesh; see `dgl_physics.distance_grid`."""
+
+    lower: wp.vec3
+    spacing: wp.float32
+    blocks: wp.vec3i
+    reach: wp.float32
+    first_fine: wp.array(dtype=wp.int32)
+    value: wp.array(dtype=wp.float32)
+
+
+@wp.struct
 class ShapeTable:
     """Rigid shapes of one environment; the same in all environments."""
 
@@ -43,3 +55,5 @@ class ShapeTable:
     radius: wp.array(dtype=wp.float32)
     is_moving: wp.array(dtype=wp.int32)
     is_measured: wp.array(dtype=wp.int32)
+    grid: wp.array(dtype=wp.int32)
+    grids: wp.array(dtype=Grid)

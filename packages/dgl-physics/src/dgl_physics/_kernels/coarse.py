@@ -1,0 +1,115 @@
+"""The coarse level: patches of cloth whose centres have a largest distance."""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportOperatorIssue=false
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "fast_math": True})
+
+
+@wp.kernel
+def gather_nodes(
+    node_start: wp.array(dtype=wp.int32),
+    node_particle: wp.array(dtype=wp.int32),
+    node_weight: wp.array(dtype=wp.float32),
+    node_inverse_mass: wp.array(dtype=wp.float32),
+    inverse_mass: wp.array(dtype=wp.float32),
+    is_stuck: wp.array(dtype=wp.int32),
+    position: wp.array(dtype=wp.vec3),
+    centre: wp.array(dtype=wp.vec3),
+    centre_before: wp.array(dtype=wp.vec3),
+    mobility: wp.array(dtype=wp.float32),
+    held: wp.array(dtype=wp.float32),
+    reaction: wp.array(dtype=wp.vec3),
+):
+    """Compute the nodes' centres of mass; a node with a particle that is held does not move.
+
+    `held` gets the share of the held particles in the centre.
+    """
+    c = wp.tid()
+    first = node_start[c]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    w = node_inverse_mass[c]
+    share = float(0.0)
+    for k in range(first, node_start[c + 1]):
+        i = node_particle[k]
+        total += node_weight[k] * position[i]
+        if is_stuck[i] != 0 or inverse_mass[i] == 0.0:
+            w = 0.0
+            share += node_weight[k]
+    held[c] = share
+    reaction[c] = wp.vec3(0.0, 0.0, 0.0)
+    centre[c] = total
+    centre_before[c] = total
+    mobility[c] = w
+
+
+@wp.kernel
+def solve_limits(
+    first: wp.int32,
+    pairs: wp.array(dtype=wp.vec2i),
+    limit: wp.array(dtype=wp.float32),
+    mobility: wp.array(dtype=wp.float32),
+    centre: wp.array(dtype=wp.vec3),
+    reaction: wp.array(dtype=wp.vec3),
+):
+    """Bring nodes that are too far from each other to their largest distance.
+
+    What pulls at a node that is held goes to `reaction`, mass times displacement [kg m].
+    """
+    c = first + wp.tid()
+    i = pairs[c][0]
+    j = pairs[c][1]
+    wi = mobility[i]
+    wj = mobility[j]
+    w = wi + wj
+    if w > 0.0:
+        d = centre[i] - centre[j]
+        length = wp.length(d)
+        if length > limit[c]:
+            pull = d * ((limit[c] - length) / (length * w))
+            centre[i] = centre[i] + pull * wi
+            centre[j] = centre[j] - pull * wj
+            if wi == 0.0:
+                reaction[i] = reaction[i] + pull
+            if wj == 0.0:
+                reaction[j] = reaction[j] - pull
+
+
+@wp.kernel
+def move_with_nodes(
+    nodes: wp.array(dtype=wp.vec4i),
+    weights: wp.array(dtype=wp.vec4),
+    node_inverse_mass: wp.array(dtype=wp.float32),
+    inverse_mass: wp.array(dtype=wp.float32),
+    is_stuck: wp.array(dtype=wp.int32),
+    centre: wp.array(dtype=wp.vec3),
+    centre_before: wp.array(dtype=wp.vec3),
+    held: wp.array(dtype=wp.float32),
+    reaction: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    tension: wp.array(dtype=wp.vec3),
+):
+    """Move the particles by what the nodes that they belong to have moved.
+
+    Particles that are held stay; what pulls at them goes to `tension`, as the displacement that
+    it would have given to them alone.
+    """
+    i = wp.tid()
+    tension[i] = wp.vec3(0.0, 0.0, 0.0)
+    if inverse_mass[i] == 0.0:
+        return
+    moved = wp.vec3(0.0, 0.0, 0.0)
+    if is_stuck[i] != 0:
+        for k in range(4):
+            c = nodes[i][k]
+            if c >= 0:
+                # of the node's mass held, this particle has weight / inverse mass; times the latter
+                moved += reaction[c] * (weights[i][k] * node_inverse_mass[c] / held[c])
+        tension[i] = moved
+        return
+    for k in range(4):
+        c = nodes[i][k]
+        if c >= 0:
+            moved += weights[i][k] * (centre[c] - centre_before[c])
+    position[i] = position[i] + moved
