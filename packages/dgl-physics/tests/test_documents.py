@@ -45,9 +45,9 @@ def test_the_readme_lists_every_parameter_with_its_default():
     text = (PACKAGE / "README.md").read_text(encoding="utf-8")
     import dataclasses
 
-    from dgl_physics import SolverConfig
+    from dgl_physics import SolidMaterial, SolverConfig
 
-    for kind in (ClothMaterial, SolverConfig):
+    for kind in (ClothMaterial, SolidMaterial, SolverConfig):
         for field in dataclasses.fields(kind):
             row = re.search(rf"^\| `{field.name}` \| ([^|]+) \|", text, re.MULTILINE)
             assert row, f"{field.name} is missing"

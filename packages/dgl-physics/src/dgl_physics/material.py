@@ -1,12 +1,14 @@
 """Fabric and contact parameters of a garment."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import ClassVar
 
+from dgl_physics.contact_material import ContactMaterial
 from dgl_physics.membrane import ISOTROPIC_SHEAR
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClothMaterial:
+class ClothMaterial(ContactMaterial):
     """Parameters of one garment; `dgl_physics.fabrics` has those of measured fabrics.
 
     The defaults are a cotton jersey in weight and bending, see there. In its plane the default is
@@ -38,41 +40,12 @@ class ClothMaterial:
     bending_damping: float = 0.01
     """Relaxation time of bending, viscosity over rigidity [s]; >= 0."""
 
-    drag: float = 0.5
-    """Rate at which velocity decays in air [1/s]; >= 0."""
-
-    friction: float = 1.0
-    """Coulomb coefficient against a rigid surface of friction 1; >= 0."""
-
-    adhesion: float = 0.05
-    """Stiffness of the spring that holds a particle near a rigid surface [N/m]; >= 0."""
-
-    adhesion_radius: float = 0.004
-    """Gap to a surface within which adhesion acts [m]; >= 0."""
-
-    particle_friction_scale: float = 0.5
-    """Friction between particles, relative to `friction`; >= 0."""
-
-    particle_adhesion_scale: float = 0.5
-    """Adhesion between particles, relative to `adhesion`; >= 0."""
-
-    rest_offset: float = 0.004
-    """Distance at which a particle rests on a rigid surface [m]; > 0."""
-
-    thickness: float = 0.008
-    """Distance at which two particles of different places of the cloth rest [m]; > 0."""
+    _POSITIVE: ClassVar[tuple[str, ...]] = (
+        "area_density", "stretch_stiffness", "shear_stiffness", "rest_offset", "thickness",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        positive = (
-            "area_density", "stretch_stiffness", "shear_stiffness", "rest_offset", "thickness",
-        )  # fmt: skip
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "shear_stiffness" and value is None:
-                continue
-            if not value >= 0 or (field.name in positive and value == 0):
-                bound = "> 0" if field.name in positive else ">= 0"
-                raise ValueError(f"{field.name} must be {bound}; got {value}")
+        super().__post_init__()
         limit = ISOTROPIC_SHEAR * self.stretch_stiffness
         if self.shear_stiffness is not None and self.shear_stiffness > limit:
             raise ValueError(

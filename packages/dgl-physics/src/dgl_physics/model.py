@@ -11,10 +11,15 @@ from dgl_physics import topology
 from dgl_physics._kernels.types import Grid, Material, ShapeTable
 from dgl_physics.bending import make_bending
 from dgl_physics.coarse import CoarseLevel, CoarseTable, build_coarse_level, join_coarse_levels
+from dgl_physics.contact_material import ContactMaterial
+from dgl_physics.elastic import Solids, build_solids
+from dgl_physics.lattice import Skin
 from dgl_physics.material import ClothMaterial
 from dgl_physics.membrane import compute_edge_stiffness, compute_moduli, make_yarns
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
+from dgl_physics.solid_entry import make_solid_entry, make_tet_entry
+from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.state import State
 from dgl_physics.stencils import Stencils, upload_stencils
 
@@ -28,11 +33,27 @@ class Garment:
     """Index of its first particle within the environment."""
     vertex_count: int
     faces: np.ndarray
-    """Vertex indices of the garment, shape (F, 3), int32."""
+    """Vertex indices of the garment's surface, shape (F, 3), int32."""
     edges: np.ndarray
     """Shape (E, 2), int32."""
     rest_lengths: np.ndarray
     """Rest length of each edge [m], shape (E,)."""
+    skin: Skin | None = None
+    """The surface that a filled solid was made of."""
+
+    def get_surface(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what can be drawn of it.
+
+        Args:
+            positions: Of its environment's particles [m], shape (V, 3).
+
+        Returns:
+            Vertices [m], shape (S, 3), and triangles, shape (F, 3).
+        """
+        own = positions[self.first : self.first + self.vertex_count]
+        if self.skin is None:
+            return own, self.faces
+        return self.skin.compute_vertices(own), self.skin.faces
 
 
 @dataclass(frozen=True)
@@ -72,6 +93,9 @@ class Model:
     is_stretch_damped: bool
     adjacency_start: wp.array
     adjacency: wp.array
+    is_touching: wp.array
+    """Whether a particle touches particles; those inside of solids do not."""
+    solids: Solids | None
     coarse: CoarseTable
 
     def make_state(self) -> State:
@@ -131,6 +155,76 @@ class ModelBuilder:
             vertices, faces.astype(np.int32), rest, material or ClothMaterial()
         )
         entry["inverse_mass"][list(pinned)] = 0.0
+        self._place(entry, env)
+
+    def add_solid(
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        *,
+        material: SolidMaterial | None = None,
+        thickness: float | None = None,
+        resolution: int = 16,
+        pinned: np.ndarray | tuple[int, ...] = (),
+        env: int | None = None,
+    ) -> None:
+        """Add an elastic solid, given by its surface, to one environment or the same to all.
+
+        An open surface (a hat, a glove) becomes a wall of one layer of tetrahedra behind it: the
+        particles are its vertices, and then their copies on the inside. A closed surface is
+        filled with a lattice, whose particles carry it; `Garment.get_surface` gives what to draw.
+
+        Args:
+            vertices: Unstrained positions [m], shape (V, 3).
+            faces: Vertex indices, counter-clockwise seen from outside, shape (F, 3).
+            material: Elastic and contact parameters.
+            thickness: Thickness of the wall of an open surface [m]; None for a closed one.
+            resolution: Cubes of the lattice along the longest side of a closed surface.
+            pinned: Vertices of an open surface that do not move, through the whole wall.
+            env: Environment; all when None.
+
+        Raises:
+            MeshError: If the mesh cannot be simulated.
+        """
+        entry = make_solid_entry(
+            vertices,
+            faces,
+            material=material or SolidMaterial(),
+            thickness=thickness,
+            resolution=resolution,
+            pinned=tuple(pinned),
+        )
+        self._place(entry, env)
+
+    def add_tetrahedra(
+        self,
+        vertices: np.ndarray,
+        tets: np.ndarray,
+        *,
+        material: SolidMaterial | None = None,
+        rest: np.ndarray | None = None,
+        pinned: np.ndarray | tuple[int, ...] = (),
+        env: int | None = None,
+    ) -> None:
+        """Add an elastic solid, given by tetrahedra, to one environment or the same to all.
+
+        Args:
+            vertices: Initial positions [m], shape (V, 3).
+            tets: Vertex indices, shape (T, 4).
+            material: Elastic and contact parameters.
+            rest: Unstrained positions [m], shape (V, 3), in which every tetrahedron has a
+                positive volume; `vertices` when not given.
+            pinned: Vertices that do not move.
+            env: Environment; all when None.
+
+        Raises:
+            MeshError: If the mesh cannot be simulated.
+        """
+        material = material or SolidMaterial()
+        entry = make_tet_entry(vertices, tets, material=material, rest=rest, pinned=tuple(pinned))
+        self._place(entry, env)
+
+    def _place(self, entry: dict, env: int | None) -> None:
         if env is not None and not 0 <= env < self.env_count:
             raise ValueError(f"env must be in 0..{self.env_count - 1}; got {env}")
         for e in range(self.env_count) if env is None else [env]:
@@ -168,7 +262,9 @@ class ModelBuilder:
         blocks: list[tuple[np.ndarray, ...]] = []
         bending, yarns = [], []
         edge_blocks: list[np.ndarray] = []
-        materials: list[ClothMaterial] = []
+        materials: list[ContactMaterial] = []
+        is_touching = np.ones(count, dtype=np.int32)
+        solids = []
         levels: list[tuple[int, CoarseLevel]] = []
         for e, entries in enumerate(self._garments):
             first = 0
@@ -178,10 +274,15 @@ class ModelBuilder:
                 position[base : base + n] = g["vertices"]
                 inverse_mass[base : base + n] = g["inverse_mass"]
                 garment_index[base : base + n] = len(garments)
-                blocks.append((g["edges"] + base, g["rest_length"], g["compliance"], g["colour"]))
-                bending.append((g["bending"], g["bending_colour"], base))
-                yarns.append((g["yarns"], g["yarn_colour"], base))
-                edge_blocks.append(g["edges"] + base)
+                springs = g.get("springs", g["edges"])
+                blocks.append((springs + base, g["rest_length"], g["compliance"], g["colour"]))
+                edge_blocks.append(g.get("joined", g["edges"]) + base)
+                if "solid" in g:
+                    solids.append((base, g["solid"]))
+                    is_touching[base : base + n] = g["is_touching"]
+                else:
+                    bending.append((g["bending"], g["bending_colour"], base))
+                    yarns.append((g["yarns"], g["yarn_colour"], base))
                 levels.append((base, g["coarse"]))
                 materials.append(g["material"])
                 garments.append(
@@ -191,7 +292,8 @@ class ModelBuilder:
                         vertex_count=n,
                         faces=g["faces"],
                         edges=g["edges"],
-                        rest_lengths=g["rest_length"],
+                        rest_lengths=g.get("edge_lengths", g["rest_length"]),
+                        skin=g.get("skin"),
                     )
                 )
                 first += n
@@ -199,7 +301,7 @@ class ModelBuilder:
             np.concatenate(b) for b in zip(*blocks, strict=True)
         )
         order = np.argsort(colour, kind="stable")
-        starts = np.searchsorted(colour[order], np.arange(colour.max() + 2))
+        starts = np.searchsorted(colour[order], np.arange(colour.max(initial=-1) + 2))
         adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)
 
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
@@ -228,9 +330,13 @@ class ModelBuilder:
             colour_start=tuple(int(s) for s in starts),
             bending=upload_stencils(bending, device),
             yarns=upload_stencils(yarns, device),
-            is_stretch_damped=any(m.stretch_damping > 0 for m in materials),
+            is_stretch_damped=any(
+                isinstance(m, ClothMaterial) and m.stretch_damping > 0 for m in materials
+            ),
             adjacency_start=to_device(adjacency_start, wp.int32),
             adjacency=to_device(adjacency, wp.int32),
+            is_touching=to_device(is_touching, wp.int32),
+            solids=build_solids(solids, device),
             coarse=join_coarse_levels(levels, count, device),
         )
 
@@ -266,7 +372,7 @@ def _make_constraints(
     }
 
 
-def _to_struct(m: ClothMaterial) -> Material:
+def _to_struct(m: ContactMaterial) -> Material:
     s = Material()
     s.friction = m.friction
     s.adhesion = m.adhesion
@@ -276,5 +382,7 @@ def _to_struct(m: ClothMaterial) -> Material:
     s.rest_offset = m.rest_offset
     s.thickness = m.thickness
     s.drag = m.drag
-    s.stretch_damping = m.stretch_damping
+    if isinstance(m, ClothMaterial):
+        s.stretch_damping = m.stretch_damping
+    s.is_solid = int(isinstance(m, SolidMaterial))
     return s

@@ -19,6 +19,7 @@ from dgl_physics.errors import MeshError, PhysicsError
 from dgl_physics.material import ClothMaterial
 from dgl_physics.model import Model, ModelBuilder
 from dgl_physics.shapes import Shape
+from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.solver import SolverConfig, SolverXPBD
 from dgl_physics.state import State
 from dgl_physics.topology import compute_vertex_normals
@@ -183,6 +184,26 @@ class SapienCloth:
     ) -> None:
         """Add a garment; the arguments are those of `ModelBuilder.add_garment`."""
         self._builder.add_garment(vertices, faces, material=material, rest=rest, env=env)
+
+    def add_solid(
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        *,
+        material: SolidMaterial | None = None,
+        thickness: float | None = None,
+        resolution: int = 16,
+        env: int | None = None,
+    ) -> None:
+        """Add an elastic solid; the arguments are those of `ModelBuilder.add_solid`."""
+        self._builder.add_solid(
+            vertices,
+            faces,
+            material=material,
+            thickness=thickness,
+            resolution=resolution,
+            env=env,
+        )
 
     def build(self) -> None:
         """Build model, state and solver from what was added."""

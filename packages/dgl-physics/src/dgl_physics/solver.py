@@ -9,6 +9,7 @@ import warp as wp
 
 from dgl_physics._kernels import bending, cloth, coarse, guard, rigid, selfcontact, yarns
 from dgl_physics._kernels.types import Limits
+from dgl_physics.elastic_step import ElasticStep, NearShapes
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
 from dgl_physics.state import State
@@ -117,12 +118,21 @@ class SolverXPBD:
         self._swept = wp.zeros((envs, shapes), dtype=wp.vec4, device=device)
         self._pose_before = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
         self._pose_now = wp.zeros((envs, shapes), dtype=wp.transform, device=device)
+        self._near_shapes = NearShapes(
+            active=self._active,
+            pose_before=self._pose_before,
+            pose_now=self._pose_now,
+            near=self._near,
+            near_count=self._near_count,
+            previous=self._previous,
+        )
         self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
         self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
         self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
         self._displacement = wp.zeros(envs, dtype=wp.float32, device=device)
+        self._elastic = model.solids and ElasticStep(model.solids, c.dt / c.substeps, device)
         self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
 
@@ -248,6 +258,8 @@ class SolverXPBD:
             if m.coarse.node_count and c.coarse_sweeps:
                 self._solve_coarse_level(state, dt)
             self._pose_shapes(state, (k + 1) / c.substeps)
+            if self._elastic is not None:
+                self._elastic.launch(wp.vec3(*c.gravity), state, self._limits, self._near_shapes)
             wp.launch(
                 rigid.solve_rigid_contact,
                 dim=count,
@@ -364,7 +376,8 @@ class SolverXPBD:
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
-                m.adjacency_start, m.adjacency, self._displacement, state.positions,
+                m.adjacency_start, m.adjacency, m.is_touching, self._displacement,
+                state.positions,
                 self._searched_at, self._neighbours, self._neighbour_count, self._overflow,
             ],
         )  # fmt: skip

@@ -245,7 +245,7 @@ def solve_rigid_contact(
         local = wp.quat_rotate_inv(q, x - p)
         hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
         gap = hit[3] - m.rest_offset
-        if gap < m.adhesion_radius:
+        if gap < m.adhesion_radius and m.is_solid == 0:
             n_local = wp.vec3(hit[0], hit[1], hit[2])
             n = wp.quat_rotate(q, n_local)
             surface = x - n * hit[3]

@@ -21,6 +21,7 @@ def find_neighbours(
     materials: wp.array(dtype=Material),
     adjacency_start: wp.array(dtype=wp.int32),
     adjacency: wp.array(dtype=wp.int32),
+    is_touching: wp.array(dtype=wp.int32),
     displacement: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
@@ -45,11 +46,12 @@ def find_neighbours(
     first = adjacency_start[i]
     last = adjacency_start[i + 1]
     count = int(0)
-    if last > first:  # padding has no edges
+    if last > first and is_touching[i] == 1:  # padding has no edges
         query = wp.hash_grid_query(grid, x, radius, env)
         j = int(0)
         while wp.hash_grid_query_next(query, j):
-            if j != i and wp.length_sq(position[j] - x) < radius * radius:
+            is_near = wp.length_sq(position[j] - x) < radius * radius
+            if j != i and is_near and is_touching[j] == 1:
                 is_joined = int(0)
                 for k in range(first, last):
                     if adjacency[k] == j:

@@ -6,7 +6,7 @@ import warp as wp
 
 @wp.struct
 class Material:
-    """Parameters of one garment that kernels look up; see `dgl_physics.material.ClothMaterial`."""
+    """Parameters of one garment that kernels look up; see `dgl_physics.ContactMaterial`."""
 
     friction: wp.float32
     adhesion: wp.float32
@@ -17,6 +17,8 @@ class Material:
     thickness: wp.float32
     drag: wp.float32
     stretch_damping: wp.float32
+    is_solid: wp.int32
+    """Whether rigid contact is resolved with elasticity, in `_kernels.solid_contact`."""
 
 
 @wp.struct
