@@ -71,7 +71,7 @@ def test_crumpled_meshes_match_brute_force(sheet, device):
 def test_a_layer_pushed_through_another_is_found_and_beside_it_not(sheet):
     vertices, faces = sheet(0.1, 0.1, 0.0125)
     both = np.concatenate([faces, faces + len(vertices)])
-    apart = np.concatenate([vertices, vertices + [0.003, 0.002, 0.008]])
+    apart = np.concatenate([vertices, np.add(vertices, [0.003, 0.002, 0.008])])
     assert len(find_intersections(apart, both)) == 0
     tilted = vertices @ np.array([[0.9, 0, 0.436], [0, 1, 0], [-0.436, 0, 0.9]])
     assert len(find_intersections(np.concatenate([vertices, tilted]), both)) > 5

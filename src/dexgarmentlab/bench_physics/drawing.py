@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rendering import project, render, value_limit
+from dexgarmentlab.bench_physics.rendering import (
+    compute_value_limit,
+    measure_extent,
+    project,
+    render,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +51,7 @@ STYLE: dict[str, Any] = {
     "savefig.facecolor": "white",
 }
 _PANEL_WIDTH, _PANEL_HEIGHT, _DPI = 4.1, 3.1, 110  # inches, and pixels to an inch
+_ASPECT = 4 / 3  # width of a picture to its height
 
 
 def save_figure(figure: Figure, folder: Path) -> Path:
@@ -65,11 +71,19 @@ def save_figure(figure: Figure, folder: Path) -> Path:
 
     with mpl.rc_context(STYLE):
         count = len(figure.panels)
-        columns = min(count, 4)
+        columns = count if count <= 3 else -(-count // (-(-count // 4)))
         rows = -(-count // columns)
+        pictures = [panel for panel in figure.panels if isinstance(panel, Picture)]
+        share = 0.72 if len(pictures) == count > 3 else 1.0
         canvas = Canvas(
-            figsize=(_PANEL_WIDTH * columns, _PANEL_HEIGHT * rows), dpi=_DPI, layout="constrained"
+            figsize=(share * _PANEL_WIDTH * columns, share * _PANEL_HEIGHT * rows),
+            dpi=_DPI,
+            layout="constrained",
         )
+        size = np.zeros(2)
+        for picture in pictures:
+            low, high = measure_extent(picture)
+            size = np.maximum(size, high - low)
         agg = FigureCanvasAgg(canvas)
         axes = canvas.subplots(rows, columns, squeeze=False).ravel()
         for ax in axes[count:]:
@@ -81,7 +95,7 @@ def save_figure(figure: Figure, folder: Path) -> Path:
             elif isinstance(panel, Bars):
                 _draw_bars(ax, panel)
             else:
-                _draw_picture(ax, panel)
+                _draw_picture(ax, panel, size)
         agg.draw()
         pixels = np.asarray(agg.buffer_rgba())[:, :, :3]
     path = folder / f"{figure.name}.{FORMAT}"
@@ -126,15 +140,18 @@ def _draw_curve(ax: "Axes", curve: Curve) -> None:
 
 def _draw_limits(ax: "Axes", limits: Sequence[Limit]) -> None:
     for limit in limits:
+        colour = QUIET if limit.is_quiet else BAR
+        dashes = {"color": colour, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 1.5}
+        text = {"color": colour, "fontsize": 7.5, "textcoords": "offset points"}
         if limit.is_vertical:
-            ax.axvline(limit.value, color=BAR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
-            place = {"x": limit.value, "y": 0.97, "ha": "left", "va": "top", "rotation": 90}
-            transform = ax.get_xaxis_transform()
+            ax.axvline(limit.value, **dashes)
+            at, coordinates = (limit.value, 0.98), ax.get_xaxis_transform()
+            text |= {"xytext": (2, 0), "ha": "left", "va": "top", "rotation": 90}
         else:
-            ax.axhline(limit.value, color=BAR, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
-            place = {"x": 0.985, "y": limit.value, "ha": "right", "va": "bottom"}
-            transform = ax.get_yaxis_transform()
-        ax.text(s=limit.label, color=BAR, fontsize=7.5, transform=transform, **place)
+            ax.axhline(limit.value, **dashes)
+            at, coordinates = (0.985, limit.value), ax.get_yaxis_transform()
+            text |= {"xytext": (0, 2), "ha": "right", "va": "bottom"}
+        ax.annotate(limit.label, at, xycoords=coordinates, **text)
 
 
 def _draw_bars(ax: "Axes", bars: Bars) -> None:
@@ -163,31 +180,31 @@ def _draw_bars(ax: "Axes", bars: Bars) -> None:
     ax.set_xlabel(bars.value_label)
 
 
-def _draw_picture(ax: "Axes", picture: Picture) -> None:
+def _draw_picture(ax: "Axes", picture: Picture, size: np.ndarray) -> None:
+    """Draw a picture whose width and height [m] hold `size`, which all of a figure share."""
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
-    from matplotlib.collections import PolyCollection
     from matplotlib.colors import Normalize
 
     colour_map = mpl.colormaps["YlOrRd"]
-    polygons = render(picture, colour_map)
-    ax.add_collection(
-        PolyCollection(
-            list(polygons.corners),
-            facecolors=polygons.colours,  # pyright: ignore[reportArgumentType]
-            edgecolors=polygons.colours,  # pyright: ignore[reportArgumentType]
-            linewidths=0.25,
-        )
-    )
+    low, high = measure_extent(picture)
+    centre = (low + high) / 2
+    half_width = 0.54 * max(float(size[0]), float(size[1]) * _ASPECT)
+    half = (half_width, half_width / _ASPECT)
+    image = render(picture, centre=centre, half=half, width=640, colour_map=colour_map)
+    extent = (
+        centre[0] - half[0], centre[0] + half[0], centre[1] - half[1], centre[1] + half[1],
+    )  # fmt: skip
+    ax.imshow(image, extent=extent, interpolation="antialiased", interpolation_stage="rgba")
     if picture.marks is not None and len(picture.marks):
         at = project(picture.marks, azimuth=picture.azimuth, elevation=picture.elevation)
         ax.plot(at[:, 0], at[:, 1], "o", mfc="none", mec=BAR, mew=1.2, ms=9)
-    ax.autoscale_view()
-    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlim(extent[0], extent[1])
+    ax.set_ylim(extent[2], extent[3])
     ax.set_axis_off()
     _draw_scale(ax)
     if picture.values is not None:
-        scale = ScalarMappable(Normalize(0, value_limit(picture)), colour_map)
+        scale = ScalarMappable(Normalize(0, compute_value_limit(picture)), colour_map)
         bar = ax.get_figure().colorbar(scale, ax=ax, fraction=0.04, pad=0.02, shrink=0.8)  # pyright: ignore[reportOptionalMemberAccess]
         bar.set_label(picture.value_label, color=QUIET)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]

@@ -32,6 +32,8 @@ class Limit:
     value: float
     label: str = "bar"
     is_vertical: bool = False
+    is_quiet: bool = False
+    """It only says where something is, and asks nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)

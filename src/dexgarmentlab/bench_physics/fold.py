@@ -249,7 +249,7 @@ def measure_fold_speed(bench: Bench) -> Result:
         "environment, which contains it (another run). Vertical lines: the hands of a stage begin to close.",
         panels=(
             Chart(
-                title=f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} × real time",
+                title=f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} x real time",
                 x_label="simulated time [s]",
                 y_label="time of a frame [ms]",
                 curves=(
@@ -257,9 +257,14 @@ def measure_fold_speed(bench: Bench) -> Result:
                     Curve(x=t, y=_smooth(cloth), label="cloth"),
                 ),
                 limits=(
-                    Limit(value=FRAME_BUDGET, label="bar: 1.5 × real time"),
+                    Limit(value=FRAME_BUDGET, label="bar: 1.5 x real time"),
                     *(
-                        Limit(value=f / 60, label=name.replace("_", " "), is_vertical=True)
+                        Limit(
+                            value=f / 60,
+                            label=name.replace("_", " "),
+                            is_vertical=True,
+                            is_quiet=True,
+                        )
                         for name, (f, _) in record.stages.items()
                     ),
                 ),

@@ -207,7 +207,7 @@ def _leave(points: Mapping[Any, np.ndarray], q: Mapping[Any, np.ndarray]) -> lis
     back = {
         s: p - 0.12 * matrix_from_quaternion(q[s])[:, 0] + [0, 0, 0.03] for s, p in points.items()
     }
-    return [back, {s: p + [0, 0, 0.1] for s, p in back.items()}]
+    return [back, {s: np.add(p, [0, 0, 0.1]) for s, p in back.items()}]
 
 
 def _get_friction(body: Any, task: Any) -> float:

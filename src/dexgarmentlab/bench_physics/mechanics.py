@@ -7,7 +7,7 @@ from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit
 from dexgarmentlab.bench_physics.rows import Row
 from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import make_sheet
-from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverConfig
+from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 
 __all__ = ["measure_free_fall", "measure_incline", "measure_momentum"]
 
@@ -96,7 +96,7 @@ def measure_incline(bench: Bench) -> Result:
     t = np.arange(121) / 60
     figure = Figure(
         name="incline",
-        caption="A patch of 10 cm on slopes. Left: its acceleration against g (sin θ − μ cos θ), which is zero "
+        caption="A patch of 10 cm on slopes. Left: its acceleration against g (sin θ - μ cos θ), which is zero "
         "where friction holds. Right: how far it has slid; below μ it does not creep.",
         panels=(
             Chart(

@@ -128,7 +128,7 @@ def _draw(
     t, rest = np.arange(1, len(swing[0]) + 1) / 60, np.array(settle)
     yield Figure(
         name="panel",
-        caption="Two layers of 0.6 m × 0.7 m, sewn along their sides, hang by two particles. Left: at rest, each face "
+        caption="Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: at rest, each face "
         "coloured by the largest strain at its corners. Middle: how many edges are strained by how much. Right: the "
         "strain while it falls into its corners and swings, and while it comes to rest with more drag.",
         panels=(
@@ -155,7 +155,7 @@ def _draw(
                 ),
                 limits=(
                     Limit(value=4.0, label="bar at 1/1000", is_vertical=True),
-                    Limit(value=1e-3, label="99.9th percentile"),
+                    Limit(value=1e-3, label="99.9th percentile", is_quiet=True),
                 ),
                 is_log_x=True,
                 is_log_y=True,

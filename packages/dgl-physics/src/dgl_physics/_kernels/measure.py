@@ -39,9 +39,7 @@ def is_corner(i: wp.int32, face: wp.vec3i):
 
 
 @wp.func
-def is_neighbour(
-    j: wp.int32, start: wp.int32, end: wp.int32, adjacency: wp.array(dtype=wp.int32)
-):
+def is_neighbour(j: wp.int32, start: wp.int32, end: wp.int32, adjacency: wp.array(dtype=wp.int32)):
     for k in range(start, end):
         if adjacency[k] == j:
             return True
