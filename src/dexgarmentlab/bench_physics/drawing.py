@@ -69,7 +69,7 @@ def save_figure(figure: Figure, folder: Path) -> Path:
     from matplotlib.figure import Figure as Canvas
     from PIL import Image
 
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(STYLE):  # pyright: ignore[reportArgumentType]
         count = len(figure.panels)
         columns = count if count <= 3 else -(-count // (-(-count // 4)))
         rows = -(-count // columns)

@@ -272,10 +272,10 @@ def _meet_box() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / 60)
     actor = scene.create_actor_builder()
-    actor.add_box_collision(half_size=[0.06, 0.06, 0.03], density=100.0)
+    actor.add_box_collision(half_size=(0.06, 0.06, 0.03), density=100.0)
     box = actor.build(name="box")
     body = box.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
-    assert body is not None
+    assert isinstance(body, sapien.physx.PhysxRigidDynamicComponent)
     body.disable_gravity = True
     body.linear_damping = body.angular_damping = 0.0
     vertices, faces = make_sheet(0.2, 0.2, EDGE)
