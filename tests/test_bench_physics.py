@@ -12,6 +12,7 @@ from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limi
 from dexgarmentlab.bench_physics.panel import Panel
 from dexgarmentlab.bench_physics.rendering import measure_extent, render
 from dexgarmentlab.bench_physics.sheets import join, make_capsule, make_panel, make_sheet
+from dgl_physics import SimulationDivergedError
 from dgl_physics.measure import find_intersections
 from dgl_physics.topology import check_mesh, compute_edges
 
@@ -149,6 +150,21 @@ def test_theory_holds_where_it_is_met_today(name):
     assert all(
         np.isfinite(np.asarray(c.y)).all() for f in result.figures for c in f.panels[0].curves
     )
+
+
+def test_a_simulation_that_fails_is_a_row_and_the_next_follows():
+    def fail(bench):
+        raise SimulationDivergedError(7, [0])
+
+    rows = (Row(name="fine", value=1.0, unit=""),)
+    experiments = [
+        Experiment("bad", "Bad", "", fail),
+        Experiment("good", "Good", "", lambda bench: Result(rows=rows)),
+    ]
+    results = [result for _, result, _ in bench_physics.run(experiments, Bench())]
+    assert results[0].rows[0].ok is False
+    assert "diverged at frame 7" in results[0].rows[0].note
+    assert results[1].rows == rows
 
 
 def test_newton_that_is_not_there_is_said_with_the_fix(monkeypatch):

@@ -5,10 +5,13 @@ A new one is one function of a `Bench` and one line here.
 
 import difflib
 import importlib
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 
 from dexgarmentlab.bench_physics.experiment import Bench, Experiment, Result
+from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics import PhysicsError
 
 __all__ = ["EXPERIMENTS", "run", "select"]
 
@@ -127,8 +130,22 @@ def select(names: Sequence[str] = ()) -> tuple[Experiment, ...]:
 def run(
     experiments: Sequence[Experiment], bench: Bench
 ) -> Iterator[tuple[Experiment, Result, float]]:
-    """Measure one after the other; yields each with its result and the time that it took [s]."""
+    """Measure one after the other; yields each with its result and the time that it took [s].
+
+    A simulation that fails is a finding: the experiment's only row then says how, and the next follows.
+    """
     for experiment in experiments:
         started = time.perf_counter()
-        result = experiment.measure(bench)
+        try:
+            result = experiment.measure(bench)
+        except _get_findings() as err:
+            note = f"{type(err).__name__}: {err}"
+            name = f"{experiment.title}, measured to its end"
+            result = Result(rows=(Row(name=name, value=None, unit="", bar=">= 1", note=note),))
         yield experiment, result, time.perf_counter() - started
+
+
+def _get_findings() -> tuple[type[Exception], ...]:
+    """Errors of the simulation and, where they are in use, of the tasks; asked when one was raised."""
+    tasks = sys.modules.get("dgl_tasks.errors")
+    return (PhysicsError,) if tasks is None else (PhysicsError, tasks.TaskError)
