@@ -109,6 +109,10 @@ def _draw_chart(ax: "Axes", chart: Chart) -> None:
         _draw_curve(ax, curve)
     if chart.is_log_x:
         ax.set_xscale("log")
+        values = np.unique(np.concatenate([np.asarray(curve.x) for curve in chart.curves]))
+        if len(values) < 12 and (values == np.round(values)).all():  # counts
+            ax.set_xticks(values, [f"{value:g}" for value in values])
+            ax.set_xticks([], minor=True)
     if chart.is_log_y:
         ax.set_yscale("log")
     if chart.y_range is not None:

@@ -1,7 +1,6 @@
 """A pinch between two fingers: what holds, what falls, and what one finger lifts."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -23,6 +22,8 @@ SQUEEZE = 0.001
 """How far the fingers close beyond touching [m]."""
 LIFT, LIFT_SPEED = 0.5, 0.6
 HOLD_FRAMES = 600
+FALLEN = 0.1
+"""Cloth that slips so far during the lift has fallen [m]."""
 DROPPED = 2.0
 """Cloth that is wholly so far below the fingers has fallen, and is not followed further [m]."""
 SHAKE, SHAKE_RATE = 0.01, 2.0
@@ -135,14 +136,14 @@ def measure_pinch(bench: Bench) -> Result:
     creep = 1e3 * float(held.slip.max())
     note = f"{held.grams:.1f} g on {held.slip.shape[1]} particles, two capsules, default material"
     fate = ""
-    if held.lifted_slip > 0.1:
+    if held.lifted_slip > FALLEN:
         fate = "it fell during the lift; "
     elif held.top < LIFT - 0.2:
         fate = f"it fell, {len(held.slip) / 60:.1f} s after the lift; "
     rows = (
         Row(
             name="pinch, creep in 10 s of shaking",
-            value=None if held.lifted_slip > 0.1 else creep,
+            value=None if held.lifted_slip > FALLEN else creep,
             unit="mm",
             bar="<= 2",
             note=f"{note}; {fate}largest, ±{1e3 * SHAKE:g} mm at {SHAKE_RATE:g} Hz",
@@ -171,38 +172,35 @@ def measure_pinch(bench: Bench) -> Result:
             bar="<= 3",
         ),
     )
-    solids = [
-        make_capsule(np.subtract(f, [HALF_LENGTH, 0, 0]), np.add(f, [HALF_LENGTH, 0, 0]), RADIUS)
-        for f in held.fingers
-    ]
-    largest = partial(np.max, axis=1)
+    runs = {"default material": held, "friction 25": original, "no friction": slippery}
     curves = [
         Curve(
             x=np.arange(1, len(p.slip) + 1) / 60,
-            y=np.maximum(1e3 * largest(p.slip), 1e-4),
+            y=np.maximum(1e3 * p.slip.max(axis=1), 1e-4),
             label=label,
-            tone=k,
+            tone=tone,
         )
-        for k, (label, p) in enumerate(
-            [("default material", held), ("friction 25", original), ("no friction", slippery)]
-        )
+        for tone, (label, p) in enumerate(runs.items())
+        if p.lifted_slip <= FALLEN
     ]
     panels: list = []
-    if held.top > LIFT - 0.1:
-        panels.append(
-            Picture(
-                title="after 10 s",
-                vertices=held.vertices,
-                faces=held.faces,
-                azimuth=-35,
-                elevation=15,
-                solids=solids,
+    for label, p in runs.items():
+        if p.top > LIFT - 0.1 and not panels:
+            tips = [np.array([HALF_LENGTH * s, 0, 0]) for s in (-1, 1)]
+            panels.append(
+                Picture(
+                    title=f"held for 10 s, {label}",
+                    vertices=p.vertices,
+                    faces=p.faces,
+                    azimuth=-35,
+                    elevation=15,
+                    solids=[make_capsule(f + tips[0], f + tips[1], RADIUS) for f in p.fingers],
+                )
             )
-        )
     panels.append(
         Chart(
-            title="it falls during the lift"
-            if held.lifted_slip > 0.1
+            title="default material falls during the lift"
+            if held.lifted_slip > FALLEN
             else f"creep {creep:.2g} mm in 10 s of shaking",
             x_label="time since the lift [s]",
             y_label="largest slip [mm]",
