@@ -45,9 +45,10 @@ def measure_self_contact(bench: Bench) -> Result:
         rng = np.random.default_rng([bench.seed, run])
         garment_id = ids[int(rng.integers(len(ids)))]
         outcomes.append((_drop if run % 2 == 0 else _lay_down)(garment_id, material, rng))
-    caught = sum(o.crossings > 0 for o in outcomes)
-    crossings = np.array([o.crossings for o in outcomes])
-    closest = 100 * np.array([o.closest for o in outcomes]) / material.thickness
+    ended = [o for o in outcomes if not o.error] or outcomes
+    caught = sum(o.crossings > 0 for o in ended)
+    crossings = np.array([o.crossings for o in ended])
+    closest = 100 * np.array([o.closest for o in ended]) / material.thickness
     failed = [o.error for o in outcomes if o.error]
     start = load_garment(ids[0])
     before = len(find_intersections(start.vertices, start.faces))
@@ -81,7 +82,7 @@ def measure_self_contact(bench: Bench) -> Result:
             note="; ".join(sorted(set(failed))),
         ),
     )
-    return Result(rows=rows, figures=(_draw(outcomes, crossings, closest),))
+    return Result(rows=rows, figures=(_draw(ended, crossings, closest),))
 
 
 def _draw(outcomes: list[Outcome], crossings: np.ndarray, closest: np.ndarray) -> Figure:
