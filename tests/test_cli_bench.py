@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from dexgarmentlab import _bench_physics
-from dexgarmentlab._bench_physics import Row
+from dexgarmentlab import bench_physics
+from dexgarmentlab.bench_physics import Experiment, Result, Row
 from dexgarmentlab.cli import main
 
 
@@ -18,66 +18,80 @@ def made_up(monkeypatch):
         Row(name="slow", value=10.1, unit="ms", bar="<= 10"),
         Row(name="many", value=123456.0, unit="1/s", bar=">= 100"),
         Row(name="broken", value=None, unit="mm", bar="<= 2"),
+        Row(name="absent", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
         Row(name="plain", value=0.5, unit="%"),
     ]
-    efforts = []
+    benches = []
 
-    def measure(*, effort):
-        efforts.append(effort)
-        yield from rows
+    def measure(bench):
+        benches.append(bench)
+        return Result(rows=rows)
 
-    monkeypatch.setattr(_bench_physics, "measure", measure)
-    return efforts
+    experiment = Experiment("made_up", "Made up", "", measure)
+    monkeypatch.setattr(bench_physics, "select", lambda names: (experiment,))
+    return benches
 
 
 def test_rows_as_json(made_up, capsys):
     assert main(["bench", "physics", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
-    assert [list(row) for row in rows] == [["name", "value", "unit", "bar", "ok"]] * 5
-    assert [row["ok"] for row in rows] == [True, False, True, False, None]
-    assert rows[1] == {"name": "slow", "value": 10.1, "unit": "ms", "bar": "<= 10", "ok": False}
+    captured = capsys.readouterr()
+    rows = json.loads(captured.out)
+    assert [list(row) for row in rows] == [["name", "value", "unit", "bar", "ok", "note"]] * 6
+    assert [row["ok"] for row in rows] == [True, False, True, False, None, None]
+    assert rows[1] == {
+        "name": "slow", "value": 10.1, "unit": "ms", "bar": "<= 10", "ok": False, "note": None
+    }  # fmt: skip
     assert rows[3]["value"] is None
-    assert rows[4]["bar"] is None
+    assert rows[5]["bar"] is None
+    assert "made_up: 2 of 4 bars met" in captured.err  # progress, beside the result
 
 
 def test_rows_as_a_table(made_up, capsys):
     assert main(["bench", "physics"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[0] == ["name", "value", "unit", "bar", "ok"]
+    assert lines[0] == ["name", "value", "unit", "bar", "ok", "note"]
     assert lines[1] == ["fast", "5", "ms", "<=", "10", "yes"]
     assert lines[3] == ["many", "123,456", "1/s", ">=", "100", "yes"]
     assert lines[4] == ["broken", "failed", "mm", "<=", "2", "no"]
-    assert lines[5] == ["plain", "0.5", "%"]
+    assert lines[5] == ["absent", "skipped", "mm", "<=", "2", "no", "CUDA"]
+    assert lines[6] == ["plain", "0.5", "%"]
 
 
-def test_quick_times_fewer_frames(made_up, capsys):
-    for arguments in ([], ["--quick"]):
-        main(["bench", "physics", *arguments])
+def test_effort_and_seed_reach_the_experiments(made_up, capsys):
+    main(["bench", "physics", "--effort", "0.25", "--seed", "7"])
     capsys.readouterr()
-    assert made_up == [1.0, 0.1]
+    assert [(b.effort, b.seed) for b in made_up] == [(0.25, 7)]
 
 
-def test_an_unknown_subject_is_refused(capsys):
-    assert main(["bench", "weather"]) == 2
-    assert "physics" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["weather"], "physics"),
+        (["physics", "--only", "free_fal"], "did you mean free_fall?"),
+        (["physics", "--only", "free_fall", "--effort", "0"], "effort must be > 0"),
+    ],
+)
+def test_what_does_not_exist_is_refused(arguments, message, capsys):
+    assert main(["bench", *arguments]) == 2
+    assert message in capsys.readouterr().err
 
 
-def test_the_physics_is_measured():
+def test_an_experiment_is_measured_and_reported(tmp_path):
     """For real, in a new process, as Warp greets in a new process only; nothing but JSON comes out."""
-    command = [
-        sys.executable,
-        "-c",
-        "import sys; from dexgarmentlab.cli import main; sys.exit(main())",
-    ]
+    program = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"
+    options = ["--only", "free_fall", "--report", str(tmp_path), "--json"]
     done = subprocess.run(
-        [*command, "bench", "physics", "--quick", "--json"],
+        [sys.executable, "-c", program, "bench", "physics", *options],
         capture_output=True,
         text=True,
         check=True,
     )
-    rows = json.loads(done.stdout)
-    assert len(rows) == _bench_physics.count_rows()
-    assert len({row["name"] for row in rows}) == len(rows)
-    assert all(row["value"] is None or row["value"] >= 0 for row in rows)
-    speed = next(row for row in rows if row["unit"] == "ms")
-    assert 0.01 < speed["value"] < 1000
+    [row] = json.loads(done.stdout)
+    assert row["ok"] is True
+    assert 0.05 < row["value"] < 0.5
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "free_fall.png",
+        "index.html",
+        "rows.json",
+    ]
+    assert "dgl bench physics --only free_fall" in (tmp_path / "index.html").read_text()

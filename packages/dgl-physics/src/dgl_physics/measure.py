@@ -1,0 +1,137 @@
+"""Measures of a state of cloth: strain, layers that pass through each other, closest particles.
+
+All are functions of arrays, for tests, benchmarks and datasets alike; import them from here.
+"""
+
+# Warp's arrays of vectors and structures are more than their annotations say.
+# pyright: reportArgumentType=false
+import numpy as np
+import warp as wp
+
+from dgl_physics._kernels import measure as kernels
+from dgl_physics.topology import compute_adjacency, compute_edges
+
+__all__ = ["compute_strain", "find_intersections", "measure_gaps"]
+
+
+def compute_strain(
+    positions: np.ndarray, edges: np.ndarray, rest_lengths: np.ndarray
+) -> np.ndarray:
+    """Compute the relative change of length of each edge.
+
+    Args:
+        positions: [m], shape (V, 3).
+        edges: Vertex indices, shape (E, 2); `Garment.edges` of a model.
+        rest_lengths: [m], shape (E,); `Garment.rest_lengths`.
+
+    Returns:
+        Shape (E,): positive where stretched, negative where compressed.
+    """
+    positions = _check_positions(positions)
+    ends = positions[np.asarray(edges)].astype(np.float64)  # (E, 2, 3)
+    return np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / np.asarray(rest_lengths) - 1.0
+
+
+def find_intersections(
+    positions: np.ndarray, faces: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """Find where a mesh passes through itself: edges that pierce triangles of other places.
+
+    Candidates come from a hierarchy of boxes; each is decided by the signs of five tetrahedra's
+    volumes in double precision, so there is no tolerance. A surface is free of intersections
+    exactly if no edge pierces a triangle (two triangles that cross have an edge of one in the
+    other), so a count of 0 says that no layer is caught in another.
+
+    Args:
+        positions: [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3). Several garments may be joined into one mesh.
+        device: Warp device.
+
+    Returns:
+        Rows (vertex, vertex, face), the edge's ends in ascending order and the triangle that it
+        pierces, shape (N, 3), int32, sorted. An edge and a triangle that share a vertex are
+        neighbours and do not count.
+
+    Limitations:
+        What only touches, with a volume of exactly zero, is no intersection. Layers that have
+        passed through each other completely leave none: they show only while something that is
+        joined to both sides (a seam, a fold) is still in between.
+    """
+    positions = _check_positions(positions)
+    faces = _check_faces(faces, len(positions))
+    edges = compute_edges(faces)
+    with wp.ScopedDevice(device):
+        points = wp.array(positions, dtype=wp.vec3)
+        mesh = wp.Mesh(points=points, indices=wp.array(faces.ravel(), dtype=wp.int32))
+        edge_array, face_array = wp.array(edges, dtype=wp.vec2i), wp.array(faces, dtype=wp.vec3i)
+        capacity = 4 * len(edges)
+        while True:
+            count = wp.zeros(1, dtype=wp.int32)
+            found = wp.zeros(capacity, dtype=wp.vec3i)
+            wp.launch(
+                kernels.find_crossings,
+                dim=len(edges),
+                inputs=[mesh.id, edge_array, face_array, points, capacity, count, found],
+            )
+            n = int(count.numpy()[0])
+            if n <= capacity:
+                break
+            capacity = n
+        rows = found.numpy()[:n]
+    return rows[np.lexsort(rows.T[::-1])].astype(np.int32)
+
+
+def measure_gaps(
+    positions: np.ndarray, faces: np.ndarray, *, reach: float, device: str = "cpu"
+) -> np.ndarray:
+    """Measure how near each particle is to one that it shares no edge with.
+
+    Args:
+        positions: [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3).
+        reach: Distance up to which is looked [m]; > 0. Second neighbours of flat cloth are 1.7
+            edges apart, so a reach below that finds contacts and folds only.
+        device: Warp device.
+
+    Returns:
+        Distance between particles' centres [m], shape (V,), infinite where nothing is in reach.
+    """
+    if not reach > 0:
+        raise ValueError(f"reach must be > 0; got {reach}")
+    positions = _check_positions(positions)
+    faces = _check_faces(faces, len(positions))
+    start, adjacency = compute_adjacency(compute_edges(faces), len(positions))
+    with wp.ScopedDevice(device):
+        points = wp.array(positions, dtype=wp.vec3)
+        grid = wp.HashGrid(64, 64, 64)
+        grid.build(points, reach)
+        gaps = wp.zeros(len(positions), dtype=wp.float32)
+        wp.launch(
+            kernels.measure_gaps,
+            dim=len(positions),
+            inputs=[
+                grid.id, reach, wp.array(start, dtype=wp.int32),
+                wp.array(adjacency, dtype=wp.int32), points, gaps,
+            ],
+        )  # fmt: skip
+        return gaps.numpy()
+
+
+def _check_positions(positions: np.ndarray) -> np.ndarray:
+    positions = np.ascontiguousarray(positions, dtype=np.float32)
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise ValueError(f"positions must have shape (V, 3); got {positions.shape}")
+    if not np.isfinite(positions).all():
+        raise ValueError("positions must be finite; got NaN or infinity")
+    return positions
+
+
+def _check_faces(faces: np.ndarray, vertex_count: int) -> np.ndarray:
+    faces = np.ascontiguousarray(faces, dtype=np.int32)
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise ValueError(f"faces must have shape (F, 3) with F > 0; got {faces.shape}")
+    if faces.min() < 0 or faces.max() >= vertex_count:
+        raise ValueError(
+            f"faces must index 0..{vertex_count - 1}; got {faces.min()}..{faces.max()}"
+        )
+    return faces

@@ -1,0 +1,109 @@
+"""What a figure shows, as data: experiments make these, `drawing` draws them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+__all__ = ["Bars", "Chart", "Curve", "Figure", "Limit", "Panel", "Picture", "Solid"]
+
+CurveKind = Literal["theory", "measured", "line", "faint"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """One curve of a chart."""
+
+    x: Sequence[float] | np.ndarray
+    y: Sequence[float] | np.ndarray
+    label: str = ""
+    kind: CurveKind = "line"
+    """"theory" is dashed and quiet, "measured" are points, "line" is a measurement over time and "faint" one of
+    many of which none matters by itself."""
+    tone: int = 0
+    """Colour, counted from 0; what has the same colour belongs together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """A bar: the number that a value is compared with."""
+
+    value: float
+    label: str = "bar"
+    is_vertical: bool = False
+    is_quiet: bool = False
+    """It only says where something is, and asks nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chart:
+    """Curves over a common axis."""
+
+    title: str
+    x_label: str
+    y_label: str
+    curves: Sequence[Curve]
+    limits: Sequence[Limit] = ()
+    is_log_x: bool = False
+    is_log_y: bool = False
+    y_range: tuple[float, float] | None = None
+    x_range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bars:
+    """Named values side by side."""
+
+    title: str
+    labels: Sequence[str]
+    values: Sequence[float]
+    value_label: str
+    limits: Sequence[Limit] = ()
+    is_log: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solid:
+    """A rigid body in a picture."""
+
+    vertices: np.ndarray
+    """[m], shape (V, 3), world frame."""
+    faces: np.ndarray
+    """Shape (F, 3), seen from outside counter-clockwise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """Cloth as it lies or hangs, seen from far away."""
+
+    title: str
+    vertices: np.ndarray
+    """[m], shape (V, 3), world frame."""
+    faces: np.ndarray
+    """Shape (F, 3)."""
+    azimuth: float = -60.0
+    """Direction from which it is seen [deg], from +x towards +y."""
+    elevation: float = 30.0
+    """Height from which it is seen [deg]; 90 is from above."""
+    values: np.ndarray | None = None
+    """A number for each face, shape (F,), shown as colour; the cloth's own colour when None."""
+    value_label: str = ""
+    value_limit: float | None = None
+    """Largest value of the colour scale; the values' 99.9th percentile when None."""
+    solids: Sequence[Solid] = ()
+    marks: np.ndarray | None = None
+    """Places [m], shape (N, 3), marked by rings."""
+
+
+Panel = Chart | Bars | Picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """Panels side by side, saved as one file."""
+
+    name: str
+    """Name of the file without its ending."""
+    caption: str
+    panels: Sequence[Panel] = field(default_factory=tuple)

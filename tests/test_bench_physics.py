@@ -1,0 +1,181 @@
+"""The physics bench's own logic: rows, registry, pictures, reports, and its quick experiments for real."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dexgarmentlab import bench_physics
+from dexgarmentlab.bench_physics import Bench, Experiment, Result, Row
+from dexgarmentlab.bench_physics.drawing import save_figure
+from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dexgarmentlab.bench_physics.panel import Panel
+from dexgarmentlab.bench_physics.rendering import measure_extent, render
+from dexgarmentlab.bench_physics.sheets import join, make_capsule, make_panel, make_sheet
+from dgl_physics import SimulationDivergedError
+from dgl_physics.measure import find_intersections
+from dgl_physics.topology import check_mesh, compute_edges
+
+
+def test_a_row_is_judged_on_both_sides_of_its_bar():
+    for bar, values in (("<= 10", (10.0, 10.1)), (">= 10", (10.0, 9.9))):
+        assert [Row(name="", value=v, unit="", bar=bar).ok for v in values] == [True, False]
+    assert Row(name="", value=None, unit="", bar="<= 1e-4").ok is False  # it failed
+    assert Row(name="", value=1.0, unit="").ok is None
+
+
+def test_a_skipped_row_says_why_and_is_neither_met_nor_missed():
+    row = Row(name="", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True)
+    assert row.ok is None
+    assert row.to_dict()["note"] == "no CUDA"
+    with pytest.raises(ValueError, match="must have no value and a note"):
+        Row(name="", value=None, unit="mm", is_skipped=True)
+
+
+@pytest.mark.parametrize("bar", ["< 2", "about 2", "<= two"])
+def test_a_bar_that_cannot_be_compared_is_refused(bar):
+    with pytest.raises(ValueError, match=r"bar must|could not convert"):
+        Row(name="", value=1.0, unit="", bar=bar)
+
+
+def test_experiments_are_chosen_by_name_and_keep_their_order():
+    assert [e.name for e in bench_physics.select(("panel", "free_fall"))] == ["free_fall", "panel"]
+    assert len(bench_physics.select()) == len(bench_physics.EXPERIMENTS)
+    with pytest.raises(ValueError, match=r"unknown experiment 'panels'; did you mean panel\?"):
+        bench_physics.select(("panels",))
+
+
+def test_the_effort_scales_repetitions():
+    assert [Bench(effort=e).scale(50, least=2) for e in (1.0, 0.5, 0.001)] == [50, 25, 2]
+    with pytest.raises(ValueError, match="effort must be > 0; got 0"):
+        Bench(effort=0)
+
+
+def test_the_panel_is_one_sewn_surface():
+    panel = Panel()
+    check_mesh(panel.vertices, panel.faces)
+    assert len(panel.vertices) >= 3500
+    width, _, height = np.ptp(panel.vertices, axis=0)
+    assert (width, height) == pytest.approx((0.6, 0.7), abs=0.013)
+    assert np.ptp(panel.vertices[list(panel.pinned)][:, 0]) == pytest.approx(0.6, abs=0.02)
+    # flat rest lengths are those of even triangles, so nothing is strained where layers meet
+    _, faces, rest = make_panel(0.1, 0.1, 0.0125, gap=0.008)
+    ends = rest[compute_edges(faces)]
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) == pytest.approx(0.0125)
+    assert len(find_intersections(panel.vertices, panel.faces)) == 0
+
+
+def test_nearer_triangles_cover_those_behind():
+    near, faces = make_sheet(0.1, 0.1, 0.0125)
+    far = near - [0, 0, 0.01]
+    values = np.repeat([1.0, 0.0], len(faces))
+    vertices, both = join([(near, faces), (far, faces)])
+    for elevation, expected in ((90.0, 1.0), (-90.0, 0.0)):
+        picture = Picture(
+            title="", vertices=vertices, faces=both, elevation=elevation, values=values, value_limit=1.0
+        )  # fmt: skip
+        low, high = measure_extent(picture)
+        image = render(
+            picture,
+            centre=(low + high) / 2,
+            half=(0.06, 0.06),
+            width=60,
+            colour_map=lambda v: np.column_stack([v, 1 - v, v * 0, v * 0 + 1]),
+        )
+        seen = image[30, 30]
+        assert (seen[0] > seen[1]) == bool(expected)
+        assert seen[3] == 1.0
+        assert image[0, 0, 3] == 0.0
+
+
+def _figure():
+    vertices, faces = make_sheet(0.1, 0.1, 0.0125)
+    return Figure(
+        name="all_kinds",
+        caption="Every <kind> of panel.",
+        panels=(
+            Picture(
+                title="sheet",
+                vertices=vertices,
+                faces=faces,
+                values=np.linspace(0, 1, len(faces)),
+                value_label="[%]",
+                solids=[make_capsule(np.zeros(3), np.array([0.0, 0, 0.05]), 0.01)],
+                marks=vertices[:2],
+            ),
+            Chart(
+                title="curves",
+                x_label="x",
+                y_label="y",
+                curves=[
+                    Curve(x=[1, 2], y=[1, 3], kind=kind, label=kind)
+                    for kind in ("theory", "measured", "line", "faint")
+                ],
+                limits=(Limit(value=2.0), Limit(value=1.5, is_vertical=True, is_quiet=True)),
+                is_log_y=True,
+            ),
+            Bars(title="bars", labels=("a", "b"), values=(1.0, 2000.0), value_label="ms"),
+        ),
+    )
+
+
+def test_a_figure_is_a_small_picture(tmp_path):
+    path = save_figure(_figure(), tmp_path)
+    assert path.read_bytes()[:4] == b"\x89PNG"
+    assert path.stat().st_size < 120_000
+
+
+def test_the_report_is_whole(tmp_path):
+    rows = (
+        Row(name="a < b", value=1.0, unit="mm", bar="<= 2"),
+        Row(name="c", value=3.0, unit="mm", bar="<= 2"),
+        Row(name="d", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
+    )
+    experiment = Experiment("made_up", "Made up", "Theory & more.", lambda bench: Result(rows=rows))
+    result = Result(rows=rows, figures=(_figure(),))
+    folder = tmp_path / "new" / "report"
+    page = bench_physics.write_report(folder, [(experiment, result, 1.0)], command="dgl bench")
+    text = page.read_text(encoding="utf-8")
+    assert sorted(p.name for p in folder.iterdir()) == ["all_kinds.png", "index.html", "rows.json"]
+    for part in ('src="all_kinds.png"', "a &lt; b", "Theory &amp; more.", "1 of 2", "skipped"):
+        assert part in text
+    assert [r["ok"] for r in json.loads((folder / "rows.json").read_text())] == [True, False, None]
+
+
+@pytest.mark.parametrize("name", ["free_fall", "incline"])
+def test_theory_holds_where_it_is_met_today(name):
+    [(_, result, seconds)] = bench_physics.run(bench_physics.select((name,)), Bench())
+    assert [row.ok for row in result.rows] == [True] * len(result.rows)
+    assert seconds > 0
+    assert all(
+        np.isfinite(np.asarray(c.y)).all() for f in result.figures for c in f.panels[0].curves
+    )
+
+
+def test_a_simulation_that_fails_is_a_row_and_the_next_follows():
+    def fail(bench):
+        raise SimulationDivergedError(7, [0])
+
+    rows = (Row(name="fine", value=1.0, unit=""),)
+    experiments = [
+        Experiment("bad", "Bad", "", fail),
+        Experiment("good", "Good", "", lambda bench: Result(rows=rows)),
+    ]
+    results = [result for _, result, _ in bench_physics.run(experiments, Bench())]
+    assert results[0].rows[0].ok is False
+    assert "diverged at frame 7" in results[0].rows[0].note
+    assert results[1].rows == rows
+
+
+def test_newton_that_is_not_there_is_said_with_the_fix(monkeypatch):
+    import sys
+
+    from dexgarmentlab.bench_physics import against_newton
+
+    monkeypatch.setattr(against_newton, "FRAMES", 3)
+    result = against_newton.measure_newton(Bench(newton_python=f"{sys.prefix}/bin/no-such-python"))
+    skipped = [row for row in result.rows if row.is_skipped]
+    assert len(skipped) == 2
+    assert all(
+        "dexgarmentlab[bench]" in row.note and "--newton-python" in row.note for row in skipped
+    )
