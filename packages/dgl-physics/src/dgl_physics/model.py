@@ -93,6 +93,9 @@ class Model:
     is_stretch_damped: bool
     adjacency_start: wp.array
     adjacency: wp.array
+    ring_start: wp.array
+    ring: wp.array
+    """The other two vertices of the triangles around each particle."""
     is_touching: wp.array
     """Whether a particle touches particles; those inside of solids do not."""
     solids: Solids | None
@@ -262,6 +265,7 @@ class ModelBuilder:
         blocks: list[tuple[np.ndarray, ...]] = []
         bending, yarns = [], []
         edge_blocks: list[np.ndarray] = []
+        face_blocks: list[np.ndarray] = []
         materials: list[ContactMaterial] = []
         is_touching = np.ones(count, dtype=np.int32)
         solids = []
@@ -276,6 +280,7 @@ class ModelBuilder:
                 garment_index[base : base + n] = len(garments)
                 springs = g.get("springs", g["edges"])
                 blocks.append((springs + base, g["rest_length"], g["compliance"], g["colour"]))
+                face_blocks.append(g["faces"] + base)
                 edge_blocks.append(g.get("joined", g["edges"]) + base)
                 if "solid" in g:
                     solids.append((base, g["solid"]))
@@ -302,6 +307,7 @@ class ModelBuilder:
         )
         order = np.argsort(colour, kind="stable")
         starts = np.searchsorted(colour[order], np.arange(colour.max(initial=-1) + 2))
+        ring_start, ring = topology.compute_rings(np.concatenate(face_blocks), count)
         adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)
 
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
@@ -335,6 +341,8 @@ class ModelBuilder:
             ),
             adjacency_start=to_device(adjacency_start, wp.int32),
             adjacency=to_device(adjacency, wp.int32),
+            ring_start=to_device(ring_start, wp.int32),
+            ring=to_device(ring, wp.vec2i),
             is_touching=to_device(is_touching, wp.int32),
             solids=build_solids(solids, device),
             coarse=join_coarse_levels(levels, count, device),
@@ -384,5 +392,8 @@ def _to_struct(m: ContactMaterial) -> Material:
     s.drag = m.drag
     if isinstance(m, ClothMaterial):
         s.stretch_damping = m.stretch_damping
+        s.stiffening = m.compression_stiffness / m.area_density
+    elif isinstance(m, SolidMaterial):
+        s.stiffening = m.compression_stiffness / (m.density * m.thickness)
     s.is_solid = int(isinstance(m, SolidMaterial))
     return s

@@ -14,6 +14,8 @@ from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
 from dgl_physics.state import State
 
+NORMALS_EVERY = 3
+"""Substeps for which the normals of the surface are kept."""
 COARSE_ACCELERATION = 200.0
 """Most acceleration that the coarse level gives to a particle [m/s^2]."""
 
@@ -99,7 +101,10 @@ class SolverXPBD:
         self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
         self._yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._carry = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._normal = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._crowd = wp.zeros(count, dtype=wp.float32, device=device)
+        self._crowd_next = wp.zeros(count, dtype=wp.float32, device=device)
         nodes = max(model.coarse.node_count, 1)
         self._centre = wp.zeros(nodes, dtype=wp.vec3, device=device)
         self._centre_before = wp.zeros(nodes, dtype=wp.vec3, device=device)
@@ -108,6 +113,7 @@ class SolverXPBD:
         self._reaction = wp.zeros(nodes, dtype=wp.vec3, device=device)
         self._tension = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
+        self._sides = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
         self._near_count = wp.zeros(count, dtype=wp.int32, device=device)
@@ -217,6 +223,10 @@ class SolverXPBD:
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
         for k in part:
+            if k == 0:
+                self._count_contacts(state, dt)
+            elif k % NORMALS_EVERY == 0:
+                self._compute_normals(state)
             wp.launch(
                 cloth.integrate,
                 dim=count,
@@ -225,19 +235,11 @@ class SolverXPBD:
                     m.materials, m.inverse_mass, state.positions, state.velocities, self._previous,
                 ],
             )  # fmt: skip
-            wp.launch(
-                selfcontact.solve_self_contact,
-                dim=count,
-                inputs=[
-                    dt, self._limits, m.garment_index, m.materials, m.inverse_mass,
-                    state.positions, self._previous, self._neighbours, self._neighbour_count,
-                    self._correction, self._carry,
-                ],
-            )  # fmt: skip
+            self._solve_self_contact(state, dt)
             wp.launch(
                 selfcontact.apply_corrections,
                 dim=count,
-                inputs=[self._correction, state.positions],
+                inputs=[self._correction, self._crowd_next, state.positions, self._crowd],
             )
             # What is solved last holds best, so the stiff comes after the soft.
             # Damping needs lengths of the substep before; a frame knows none from before its own,
@@ -266,10 +268,37 @@ class SolverXPBD:
                 inputs=[
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
-                    self._near_count, self._previous, self._carry, state.positions,
+                    self._near_count, self._previous, self._squeeze, state.positions,
                     state.velocities, state.impulse, state.is_stuck, self._tension,
                 ],
             )  # fmt: skip
+
+    def _compute_normals(self, state: State) -> None:
+        m = self.model
+        wp.launch(
+            selfcontact.compute_normals,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[m.ring_start, m.ring, state.positions, self._normal],
+        )
+
+    def _solve_self_contact(self, state: State, dt: float) -> None:
+        m = self.model
+        wp.launch(
+            selfcontact.solve_self_contact,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                dt, self._limits, m.garment_index, m.materials, m.inverse_mass, state.positions,
+                self._previous, self._normal, self._neighbours, self._sides, self._neighbour_count,
+                self._crowd, self._correction, self._squeeze, self._crowd_next,
+            ],
+        )  # fmt: skip
+
+    def _count_contacts(self, state: State, dt: float) -> None:
+        """Look at the contacts without resolving them, so that a frame needs none from before."""
+        self._compute_normals(state)
+        wp.copy(self._previous, state.positions)
+        self._solve_self_contact(state, dt)
+        wp.copy(self._crowd, self._crowd_next)
 
     def _solve_coarse_level(self, state: State, dt: float) -> None:
         m, t = self.model, self.model.coarse
@@ -371,14 +400,15 @@ class SolverXPBD:
     def _find_neighbours(self) -> None:
         m, state = self.model, self._state
         self._grid.build(state.positions, self._grid_radius, groups=m.environment)
+        self._compute_normals(state)
         wp.launch(
             selfcontact.find_neighbours,
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
-                m.adjacency_start, m.adjacency, m.is_touching, self._displacement,
-                state.positions,
-                self._searched_at, self._neighbours, self._neighbour_count, self._overflow,
+                m.adjacency_start, m.adjacency, m.is_touching, self._displacement, state.positions,
+                self._normal, self._searched_at, self._neighbours, self._sides,
+                self._neighbour_count, self._overflow,
             ],
         )  # fmt: skip
 

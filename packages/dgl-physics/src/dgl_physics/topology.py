@@ -176,3 +176,17 @@ def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     start = np.zeros(vertex_count + 1, dtype=np.int32)
     np.add.at(start, both[:, 0] + 1, 1)
     return np.cumsum(start, dtype=np.int32), both[:, 1].astype(np.int32)
+
+
+def compute_rings(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the triangles around each vertex as rows of one array.
+
+    Returns:
+        Start of each vertex' row, shape (V + 1,), int32, and the other two vertices of each
+        triangle, in its order, shape (3 F, 2), int32.
+    """
+    corner = np.concatenate([faces[:, 0], faces[:, 1], faces[:, 2]])
+    others = np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]])
+    order = np.argsort(corner, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(corner, minlength=vertex_count))])
+    return start.astype(np.int32), others[order].astype(np.int32)

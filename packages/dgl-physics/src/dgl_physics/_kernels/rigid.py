@@ -211,7 +211,7 @@ def solve_rigid_contact(
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
-    carry: wp.array(dtype=wp.vec3),
+    squeeze: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
@@ -271,6 +271,7 @@ def solve_rigid_contact(
             along = wp.dot(n, pull)
             if push > 0.0:
                 support = wp.max(support - along, 0.0)
+                support -= wp.min(wp.dot(n, squeeze[i]), 0.0) * (m.stiffening * dt * dt)
             wanted = slip + pull - n * along
             length = wp.length(wanted)
             limit = m.friction * shapes.friction[s] * support
@@ -286,13 +287,7 @@ def solve_rigid_contact(
                 wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
     # From what was corrected rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
-    # Overlap from before this substep must not throw the particle off: of what it was moved by
-    # other particles it keeps what `carry` allows, off a surface at most the separation speed.
-    carried = carry[i]
-    length = wp.length(carried)
-    if length > 0.0:
-        leaving = wp.clamp(wp.dot(v, carried) / length, 0.0, length / dt)
-        v = v - carried * (leaving / length)
+    # Overlap from before this substep must not throw the particle off a surface.
     leaving = wp.dot(v - surface_velocity, pushed) - limits.separation_speed
     if leaving > 0.0:
         v = v - pushed * leaving

@@ -1,7 +1,12 @@
-"""Contact of particles with particles, of the same garment or of another."""
+"""Contact of particles with particles, of the same garment or of another.
+
+A particle stands for a disc of the surface around it. Two discs that face each other keep the
+thickness of the cloth between their planes, on the sides on which they met: layers lie on each other
+as smooth sheets do, and what was pushed through comes back on its own side.
+"""
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
+# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.types import Limits, Material
@@ -10,6 +15,41 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 SEARCH_AGAIN = wp.constant(0.333)
 """Share of the margin that a particle may move before its environment is searched again."""
+SOFT = wp.constant(0.125)
+"""Share of the thickness that cloth is compressed by without resistance."""
+UNDONE = wp.constant(0.5)
+"""Share of an older overlap that is undone in a substep."""
+ABOVE_OTHER = wp.constant(1)
+"""Bit of a contact's side: the particle is on the outer side of its neighbour's disc."""
+BELOW_OTHER = wp.constant(2)
+"""Bit of a contact's side: the neighbour is on the outer side of the particle's disc."""
+
+
+@wp.kernel
+def compute_normals(
+    ring_start: wp.array(dtype=wp.int32),
+    ring: wp.array(dtype=wp.vec2i),
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+):
+    """Compute the unit normal of the surface at each particle, weighted by the areas around it."""
+    i = wp.tid()
+    x = position[i]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(ring_start[i], ring_start[i + 1]):
+        total += wp.cross(position[ring[k][0]] - x, position[ring[k][1]] - x)
+    normal[i] = wp.normalize(total)
+
+
+@wp.func
+def find_side(d: wp.vec3, normal_i: wp.vec3, normal_j: wp.vec3):
+    """Sides of two discs as they are now; `d` points from j to i."""
+    side = int(0)
+    if wp.dot(normal_j, d) > 0.0:
+        side += ABOVE_OTHER
+    if wp.dot(normal_i, d) < 0.0:
+        side += BELOW_OTHER
+    return side
 
 
 @wp.kernel
@@ -24,16 +64,19 @@ def find_neighbours(
     is_touching: wp.array(dtype=wp.int32),
     displacement: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
     neighbours: wp.array(dtype=wp.int32),
+    sides: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
     overflow: wp.array(dtype=wp.int32),
 ):
     """List the particles that may touch each particle before the next search.
 
     Environments whose particles have hardly moved since their last search keep their lists.
-    Particles that share an edge of the mesh are left out: the edge holds them apart. A list is in
-    the order of indices, whatever the order in which the grid gives them.
+    Particles that share an edge of the mesh are left out: the edge holds them apart. Neighbours
+    that stay keep their sides. A list is in the order of indices, whatever the order in which the
+    grid gives them.
     """
     i = wp.tid()
     env = environment[i]
@@ -43,27 +86,42 @@ def find_neighbours(
     searched_at[i] = x
     m = materials[garment[i]]
     radius = m.thickness + m.adhesion_radius + limits.neighbour_margin
+    start = i * limits.neighbour_capacity
+    count = int(0)
+    known = wp.uint64(0)  # a bit for each remainder of a known index: most others are seen at once
+    for k in range(neighbour_count[i]):
+        j = neighbours[start + k]
+        if wp.length_sq(position[j] - x) < radius * radius:
+            neighbours[start + count] = j
+            sides[start + count] = sides[start + k]
+            known = known | (wp.uint64(1) << wp.uint64(j & 63))
+            count += 1
     first = adjacency_start[i]
     last = adjacency_start[i + 1]
-    count = int(0)
     if last > first and is_touching[i] == 1:  # padding has no edges
+        n = normal[i]
         query = wp.hash_grid_query(grid, x, radius, env)
         j = int(0)
         while wp.hash_grid_query_next(query, j):
-            is_near = wp.length_sq(position[j] - x) < radius * radius
-            if j != i and is_near and is_touching[j] == 1:
-                is_joined = int(0)
+            d = x - position[j]
+            if j != i and wp.length_sq(d) < radius * radius and is_touching[j] == 1:
+                is_listed = int(0)
                 for k in range(first, last):
                     if adjacency[k] == j:
-                        is_joined = 1
-                if is_joined == 0:
+                        is_listed = 1
+                if (known & (wp.uint64(1) << wp.uint64(j & 63))) != wp.uint64(0):
+                    for k in range(count):
+                        if neighbours[start + k] == j:
+                            is_listed = 1
+                if is_listed == 0:
                     if count < limits.neighbour_capacity:
-                        at = int(i * limits.neighbour_capacity + count)
-                        start = int(i * limits.neighbour_capacity)
+                        at = int(start + count)
                         while at > start and neighbours[at - 1] > j:
                             neighbours[at] = neighbours[at - 1]
+                            sides[at] = sides[at - 1]
                             at -= 1
                         neighbours[at] = j
+                        sides[at] = find_side(d, n, normal[j])
                         count += 1
                     else:
                         wp.atomic_add(overflow, env, 1)
@@ -79,67 +137,102 @@ def solve_self_contact(
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     previous: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
     neighbours: wp.array(dtype=wp.int32),
+    sides: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
+    crowd: wp.array(dtype=wp.float32),
     correction: wp.array(dtype=wp.vec3),
-    carry: wp.array(dtype=wp.vec3),
+    squeeze: wp.array(dtype=wp.vec3),
+    crowd_next: wp.array(dtype=wp.float32),
 ):
-    """Push apart particles closer than the thickness; rub and hold those that touch.
+    """Keep discs that face each other apart; rub and hold those that touch.
 
-    All particles read the same positions and write their own correction (Jacobi), averaged over
-    the contacts, so the result depends on no order. The whole overlap is undone, but a pair gets
-    no more velocity from it than the separation speed: the rest is a change of place alone, kept
-    in `carry` and left out of the velocity, so that contact does not throw particles apart.
-    Friction cancels the tangential displacement of the substep up to Coulomb's limit; adhesion
-    is the paper's spring within a radius.
+    All particles read the same positions and write their own correction (Jacobi), so the result
+    depends on no order, and both of a pair find the same numbers: momentum is kept. What a pair
+    approached in this substep is undone, an older overlap with the separation speed. Where a
+    particle has many contacts each counts less, by `crowd`, the number of them in the substep
+    before. Friction cancels the tangential displacement of the substep up to Coulomb's limit;
+    adhesion is the paper's spring within a radius.
+
+    `squeeze` gets the overlap with the neighbours, along the direction in which they press.
     """
     i = wp.tid()
     n_count = neighbour_count[i]
     wi = inverse_mass[i]
     total = wp.vec3(0.0, 0.0, 0.0)
-    carried = wp.vec3(0.0, 0.0, 0.0)
-    hits = float(0.0)
-    if n_count > 0 and wi > 0.0:
-        m = materials[garment[i]]
+    pressed = wp.vec3(0.0, 0.0, 0.0)
+    weights = float(0.0)
+    if n_count > 0:
+        g = garment[i]
+        m = materials[g]
+        thickness = m.thickness
         x = position[i]
         moved = x - previous[i]
-        reach = m.thickness + m.adhesion_radius
+        ni = normal[i]
+        start = i * limits.neighbour_capacity
         for k in range(n_count):
-            j = neighbours[i * limits.neighbour_capacity + k]
+            j = neighbours[start + k]
             d = x - position[j]
             r2 = wp.length_sq(d)
-            if r2 < reach * reach and r2 > 1.0e-16:
-                r = wp.sqrt(r2)
-                n = d / r
-                share = wi / (wi + inverse_mass[j])
-                depth = m.thickness - r
-                if depth > 0.0:
-                    slip = moved - (position[j] - previous[j])
-                    along = wp.dot(n, slip)
-                    kept = wp.clamp(limits.separation_speed * dt - along, 0.0, depth)
-                    total += n * (share * depth)
-                    carried += n * (share * (depth - kept))
-                    slip = slip - n * along
-                    length = wp.length(slip)
-                    limit = m.particle_friction * depth
-                    if length > limit:
-                        slip = slip * (limit / length)
-                    total -= slip * share
-                    hits += 1.0
-                else:
-                    pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
-                    total += n * pull
-    # Half the number of contacts: their mean converges slowly, their sum overshoots.
-    scale = 1.0 / wp.max(1.0, hits * 0.5)
-    correction[i] = total * scale
-    carry[i] = carried * scale
+            if garment[j] != g:
+                thickness = 0.5 * (m.thickness + materials[garment[j]].thickness)
+            else:
+                thickness = m.thickness
+            reach = thickness + m.adhesion_radius
+            if r2 < reach * reach + thickness * thickness and r2 > 1.0e-16:
+                nj = normal[j]
+                side = sides[start + k]
+                inverse_r = 1.0 / wp.sqrt(r2)
+                # Each disc counts as it faces the other: an edge on a face has the face's normal.
+                facing_j = wp.abs(wp.dot(nj, d)) * inverse_r + 0.05
+                facing_i = wp.abs(wp.dot(ni, d)) * inverse_r + 0.05
+                if (side & ABOVE_OTHER) == 0:
+                    facing_j = -facing_j
+                if (side & BELOW_OTHER) == 0:
+                    facing_i = -facing_i
+                n = wp.normalize(nj * facing_j - ni * facing_i)
+                apart = wp.dot(n, d)
+                across = (r2 - apart * apart) / (thickness * thickness)
+                if across >= 1.0:
+                    now = find_side(d, ni, nj)
+                    if now != side:
+                        sides[start + k] = now
+                elif apart < reach:
+                    weight = 1.0 - across
+                    weights += weight
+                    weight = weight / wp.max(1.0, wp.max(crowd[i], crowd[j]))
+                    share = wi / wp.max(wi + inverse_mass[j], 1.0e-9)
+                    depth = thickness - apart
+                    if depth > 0.0:
+                        slip = moved - (position[j] - previous[j])
+                        along = wp.dot(n, slip)
+                        undone = UNDONE * depth
+                        push = wp.clamp(undone - along, -undone, depth)
+                        total += n * (share * push * weight)
+                        pressed += n * (wp.max(depth - SOFT * thickness, 0.0) * weight)
+                        slip = slip - n * along
+                        length = wp.length(slip)
+                        limit = m.particle_friction * wp.max(push, 0.0)
+                        if length > limit:
+                            slip = slip * (limit / length)
+                        total -= slip * (share * weight)
+                    else:
+                        pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
+                        total += n * (pull * weight)
+    correction[i] = total
+    squeeze[i] = pressed
+    crowd_next[i] = weights
 
 
 @wp.kernel
 def apply_corrections(
     correction: wp.array(dtype=wp.vec3),
+    crowd_next: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    crowd: wp.array(dtype=wp.float32),
 ):
     """Move the particles by their corrections."""
     i = wp.tid()
     position[i] = position[i] + correction[i]
+    crowd[i] = crowd_next[i]

@@ -16,6 +16,8 @@ class Material:
     rest_offset: wp.float32
     thickness: wp.float32
     drag: wp.float32
+    stiffening: wp.float32
+    """Force of compressed cloth over its depth and mass [1/s^2]."""
     stretch_damping: wp.float32
     is_solid: wp.int32
     """Whether rigid contact is resolved with elasticity, in `_kernels.solid_contact`."""
