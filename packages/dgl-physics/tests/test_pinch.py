@@ -79,12 +79,7 @@ def test_friction_lifts_and_holds(run, sheet, device, name):
     check_hold(run, sheet, shape=SHAPES[name], device=device, friction=25.0)
 
 
-too_round = pytest.mark.xfail(
-    reason="12 substeps do not hold few particles between curved fingers: see docs/physics.md"
-)
-
-
-@pytest.mark.parametrize("name", ["boxes", pytest.param("capsules", marks=too_round)])
+@pytest.mark.parametrize("name", ["boxes", "capsules"])
 def test_a_real_friction_lifts_and_holds(run, sheet, name):
     check_hold(run, sheet, shape=SHAPES[name], friction=1.0)
 

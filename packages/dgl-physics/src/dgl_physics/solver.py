@@ -26,7 +26,7 @@ class SolverConfig:
 
     dt: float = 1 / 60
     """Length of a frame [s]; > 0."""
-    substeps: int = 12
+    substeps: int = 10
     """Substeps of a frame, each of one iteration; >= 1."""
     coarse_sweeps: int = 3
     """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
@@ -96,6 +96,9 @@ class SolverXPBD:
         self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
         self._grid_radius = c.neighbour_margin + model.contact_reach
+        self._limits.cell_size = 2.0 * self._grid_radius
+        cells = max(1 << 14, 1 << int(np.ceil(np.log2(8 * count))))
+        self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
         self._edge_length = wp.zeros_like(model.rest_length)
         self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
@@ -401,12 +404,21 @@ class SolverXPBD:
         m, state = self.model, self._state
         self._grid.build(state.positions, self._grid_radius, groups=m.environment)
         self._compute_normals(state)
+        self._stirred.zero_()
+        wp.launch(
+            selfcontact.mark_stirred,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                self._limits, m.environment, m.inverse_mass, state.positions, self._searched_at,
+                self._stirred,
+            ],
+        )  # fmt: skip
         wp.launch(
             selfcontact.find_neighbours,
             dim=m.env_count * m.particles_per_env,
             inputs=[
                 self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
-                m.adjacency_start, m.adjacency, m.is_touching, self._displacement, state.positions,
+                m.adjacency_start, m.adjacency, m.is_touching, self._stirred, state.positions,
                 self._normal, self._searched_at, self._neighbours, self._sides,
                 self._neighbour_count, self._overflow,
             ],

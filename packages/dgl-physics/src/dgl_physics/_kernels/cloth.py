@@ -30,7 +30,7 @@ def integrate(
     if inverse_mass[i] == 0.0:
         return
     v = velocity[i] + gravity * (gravity_scale[environment[i]] * dt)
-    v = v * wp.exp(-materials[garment[i]].drag * dt)
+    v = v / (1.0 + materials[garment[i]].drag * dt)
     velocity[i] = v
     position[i] = x + v * dt
 

@@ -17,6 +17,10 @@ SEARCH_AGAIN = wp.constant(0.333)
 """Share of the margin that a particle may move before its environment is searched again."""
 SOFT = wp.constant(0.125)
 """Share of the thickness that cloth is compressed by without resistance."""
+COVER = wp.constant(1.333)
+"""Makes the weights of the discs that a particle lies on add up to about 1."""
+CROWDED = wp.constant(0.6)
+"""Contacts count less where their weights add up to more than the inverse of this."""
 UNDONE = wp.constant(0.5)
 """Share of an older overlap that is undone in a substep."""
 ABOVE_OTHER = wp.constant(1)
@@ -42,14 +46,51 @@ def compute_normals(
 
 
 @wp.func
-def find_side(d: wp.vec3, normal_i: wp.vec3, normal_j: wp.vec3):
-    """Sides of two discs as they are now; `d` points from j to i."""
+def find_side(over_i: wp.float32, over_j: wp.float32):
+    """Sides of two discs as they are now, from the vector from j to i along the normals of both."""
     side = int(0)
-    if wp.dot(normal_j, d) > 0.0:
+    if over_j > 0.0:
         side += ABOVE_OTHER
-    if wp.dot(normal_i, d) < 0.0:
+    if over_i < 0.0:
         side += BELOW_OTHER
     return side
+
+
+@wp.func
+def find_cell(x: wp.vec3, size: wp.float32, env: wp.int32, count: wp.int32):
+    """Entry of the table of stirred places, for a cubic cell of an environment."""
+    a = int(wp.floor(x[0] / size)) * 73856093
+    b = int(wp.floor(x[1] / size)) * 19349663
+    c = int(wp.floor(x[2] / size)) * 83492791
+    return ((a ^ b) ^ (c ^ (env * 40960001))) & (count - 1)
+
+
+@wp.kernel
+def mark_stirred(
+    limits: Limits,
+    environment: wp.array(dtype=wp.int32),
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    searched_at: wp.array(dtype=wp.vec3),
+    stirred: wp.array(dtype=wp.int32),
+):
+    """Mark the cells that a particle is near to that has moved since its last search."""
+    i = wp.tid()
+    x = position[i]
+    moved = wp.length_sq(x - searched_at[i])
+    least = limits.neighbour_margin * SEARCH_AGAIN
+    if inverse_mass[i] > 0.0 and moved >= least * least:
+        half = 0.5 * limits.cell_size
+        for k in range(8):
+            corner = wp.vec3(half, half, half)
+            if (k & 1) != 0:
+                corner[0] = -half
+            if (k & 2) != 0:
+                corner[1] = -half
+            if (k & 4) != 0:
+                corner[2] = -half
+            cell = find_cell(x + corner, limits.cell_size, environment[i], stirred.shape[0])
+            stirred[cell] = 1
 
 
 @wp.kernel
@@ -62,7 +103,7 @@ def find_neighbours(
     adjacency_start: wp.array(dtype=wp.int32),
     adjacency: wp.array(dtype=wp.int32),
     is_touching: wp.array(dtype=wp.int32),
-    displacement: wp.array(dtype=wp.float32),
+    stirred: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
@@ -73,16 +114,16 @@ def find_neighbours(
 ):
     """List the particles that may touch each particle before the next search.
 
-    Environments whose particles have hardly moved since their last search keep their lists.
-    Particles that share an edge of the mesh are left out: the edge holds them apart. Neighbours
+    Particles keep their lists where neither they nor others near them have moved since they were
+    searched for. Particles that share an edge of the mesh are left out: the edge holds them apart. Neighbours
     that stay keep their sides. A list is in the order of indices, whatever the order in which the
     grid gives them.
     """
     i = wp.tid()
     env = environment[i]
-    if displacement[env] < limits.neighbour_margin * SEARCH_AGAIN:
-        return
     x = position[i]
+    if stirred[find_cell(x, limits.cell_size, env, stirred.shape[0])] == 0:
+        return
     searched_at[i] = x
     m = materials[garment[i]]
     radius = m.thickness + m.adhesion_radius + limits.neighbour_margin
@@ -121,7 +162,7 @@ def find_neighbours(
                             sides[at] = sides[at - 1]
                             at -= 1
                         neighbours[at] = j
-                        sides[at] = find_side(d, n, normal[j])
+                        sides[at] = find_side(wp.dot(n, d), wp.dot(normal[j], d))
                         count += 1
                     else:
                         wp.atomic_add(overflow, env, 1)
@@ -150,7 +191,8 @@ def solve_self_contact(
 
     All particles read the same positions and write their own correction (Jacobi), so the result
     depends on no order, and both of a pair find the same numbers: momentum is kept. What a pair
-    approached in this substep is undone, an older overlap with the separation speed. Where a
+    approached in this substep is undone, of an older overlap a share, at no more and no less than
+    that speed, so that layers part without a throw. Where a
     particle has many contacts each counts less, by `crowd`, the number of them in the substep
     before. Friction cancels the tangential displacement of the substep up to Coulomb's limit;
     adhesion is the paper's spring within a radius.
@@ -175,40 +217,47 @@ def solve_self_contact(
             j = neighbours[start + k]
             d = x - position[j]
             r2 = wp.length_sq(d)
+            nj = normal[j]
+            over_j = wp.dot(nj, d)
+            over_i = wp.dot(ni, d)
             if garment[j] != g:
                 thickness = 0.5 * (m.thickness + materials[garment[j]].thickness)
             else:
                 thickness = m.thickness
-            reach = thickness + m.adhesion_radius
-            if r2 < reach * reach + thickness * thickness and r2 > 1.0e-16:
-                nj = normal[j]
-                side = sides[start + k]
-                inverse_r = 1.0 / wp.sqrt(r2)
+            wide = thickness * thickness
+            side = sides[start + k]
+            if r2 - wp.max(over_j * over_j, over_i * over_i) >= wide or r2 < 1.0e-16:
+                now = find_side(over_i, over_j)
+                if now != side:
+                    sides[start + k] = now
+            else:
+                reach = thickness + m.adhesion_radius
                 # Each disc counts as it faces the other: an edge on a face has the face's normal.
-                facing_j = wp.abs(wp.dot(nj, d)) * inverse_r + 0.05
-                facing_i = wp.abs(wp.dot(ni, d)) * inverse_r + 0.05
+                least = 0.05 * wp.sqrt(r2)
+                facing_j = wp.abs(over_j) + least
+                facing_i = wp.abs(over_i) + least
                 if (side & ABOVE_OTHER) == 0:
                     facing_j = -facing_j
                 if (side & BELOW_OTHER) == 0:
                     facing_i = -facing_i
                 n = wp.normalize(nj * facing_j - ni * facing_i)
                 apart = wp.dot(n, d)
-                across = (r2 - apart * apart) / (thickness * thickness)
+                across = (r2 - apart * apart) / wide
                 if across >= 1.0:
-                    now = find_side(d, ni, nj)
+                    now = find_side(over_i, over_j)
                     if now != side:
                         sides[start + k] = now
                 elif apart < reach:
-                    weight = 1.0 - across
+                    weight = COVER * (1.0 - across)
                     weights += weight
-                    weight = weight / wp.max(1.0, wp.max(crowd[i], crowd[j]))
+                    weight = weight / wp.max(1.0, CROWDED * wp.max(crowd[i], crowd[j]))
                     share = wi / wp.max(wi + inverse_mass[j], 1.0e-9)
                     depth = thickness - apart
-                    if depth > 0.0:
-                        slip = moved - (position[j] - previous[j])
-                        along = wp.dot(n, slip)
-                        undone = UNDONE * depth
-                        push = wp.clamp(undone - along, -undone, depth)
+                    slip = moved - (position[j] - previous[j])
+                    along = wp.dot(n, slip)
+                    before = wp.max(depth + along, 0.0)  # what overlapped before this substep
+                    if depth > 0.0 or before > 0.0:
+                        push = wp.clamp(UNDONE * before - along, -before, wp.max(depth, 0.0))
                         total += n * (share * push * weight)
                         pressed += n * (wp.max(depth - SOFT * thickness, 0.0) * weight)
                         slip = slip - n * along

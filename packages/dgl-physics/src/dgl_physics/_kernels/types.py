@@ -30,6 +30,8 @@ class Limits:
     max_speed: wp.float32
     separation_speed: wp.float32
     neighbour_margin: wp.float32
+    cell_size: wp.float32
+    """Twice the distance within which particles are listed as neighbours [m]."""
     neighbour_capacity: wp.int32
     near_capacity: wp.int32
 
