@@ -36,7 +36,7 @@ class SolverConfig:
     neighbour_margin: float = 0.004
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
     far a particle may move between searches without a contact being missed."""
-    neighbour_capacity: int = 96
+    neighbour_capacity: int = 160
     """Most contacts that a particle can have with other particles."""
     near_capacity: int = 48
     """Most shapes that a particle can be near to."""

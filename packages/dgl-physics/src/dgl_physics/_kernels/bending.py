@@ -8,9 +8,6 @@ from dgl_physics._kernels.damping import compute_damping
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
-SHARPEST = wp.constant(1.414)
-"""Largest length of a hinge's constraint, over its edge: 2 sin of half the angle, 90 degrees."""
-
 
 @wp.func
 def compute_denominator(compliance: wp.float32, w: wp.float32) -> wp.float32:
@@ -67,10 +64,6 @@ def solve_bending(
     s = length / compute_denominator(compliance, w)
     s += compute_damping(length_before[k], length, rate * response[k][1], compliance, w)
     length_before[k] = length
-    # Folded sharper than thick cloth can be, it gives way no further.
-    sharpest = SHARPEST * wp.length(xb - xa)
-    if length > sharpest:
-        s = wp.max(s, (length - sharpest) / w)
     bend = bend * (-s / wp.max(length, 1.0e-12))
     position[a] = xa + bend * fa
     position[b] = xb + bend * fb

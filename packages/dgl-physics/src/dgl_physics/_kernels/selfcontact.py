@@ -252,12 +252,19 @@ def solve_self_contact(
                     weights += weight
                     weight = weight / wp.max(1.0, CROWDED * wp.max(crowd[i], crowd[j]))
                     share = wi / wp.max(wi + inverse_mass[j], 1.0e-9)
+                    if apart >= 0.0 and r2 < 0.25 * wide:
+                        # whatever the discs say, no two particles nearer than half of the thickness
+                        r = wp.sqrt(r2)
+                        total += d * (0.5 * share * (0.5 * thickness - r) / r)
                     depth = thickness - apart
                     slip = moved - (position[j] - previous[j])
                     along = wp.dot(n, slip)
                     before = wp.max(depth + along, 0.0)  # what overlapped before this substep
                     if depth > 0.0 or before > 0.0:
-                        push = wp.clamp(UNDONE * before - along, -before, wp.max(depth, 0.0))
+                        undone = UNDONE * before
+                        if apart < 0.0:
+                            undone = wp.min(undone, limits.separation_speed * dt)
+                        push = wp.clamp(undone - along, -before, wp.max(depth, 0.0))
                         total += n * (share * push * weight)
                         pressed += n * (wp.max(depth - SOFT * thickness, 0.0) * weight)
                         slip = slip - n * along
