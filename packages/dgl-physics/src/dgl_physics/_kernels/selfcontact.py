@@ -21,6 +21,8 @@ COVER = wp.constant(1.333)
 """Makes the weights of the discs that a particle lies on add up to about 1."""
 CROWDED = wp.constant(0.6)
 """Contacts count less where their weights add up to more than the inverse of this."""
+GIVEN_UP = wp.constant(0.25)
+"""Discs that are through each other by this share of the thickness stay so: they would knot."""
 UNDONE = wp.constant(0.5)
 """Share of an older overlap that is undone in a substep."""
 ABOVE_OTHER = wp.constant(1)
@@ -243,7 +245,7 @@ def solve_self_contact(
                 n = wp.normalize(nj * facing_j - ni * facing_i)
                 apart = wp.dot(n, d)
                 across = (r2 - apart * apart) / wide
-                if across >= 1.0:
+                if across >= 1.0 or apart < -GIVEN_UP * thickness:
                     now = find_side(over_i, over_j)
                     if now != side:
                         sides[start + k] = now
