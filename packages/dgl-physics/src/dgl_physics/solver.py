@@ -290,8 +290,8 @@ class SolverXPBD:
             selfcontact.solve_self_contact,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                dt, self._limits, m.garment_index, m.materials, m.inverse_mass, state.positions,
-                self._previous, self._normal, self._neighbours, self._sides, self._neighbour_count,
+                dt, self._limits, m.garment_index, m.materials, m.inverse_mass, state.is_stuck,
+                state.positions, self._previous, self._normal, self._neighbours, self._sides, self._neighbour_count,
                 self._crowd, self._correction, self._squeeze, self._crowd_next,
             ],
         )  # fmt: skip

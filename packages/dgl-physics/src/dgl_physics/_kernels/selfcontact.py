@@ -22,7 +22,8 @@ COVER = wp.constant(1.333)
 CROWDED = wp.constant(0.6)
 """Contacts count less where their weights add up to more than the inverse of this."""
 GIVEN_UP = wp.constant(0.25)
-"""Discs that are through each other by this share of the thickness stay so: they would knot."""
+"""Discs that are through each other by this share of the thickness stay so, as they would knot;
+not where fingers squeeze them."""
 UNDONE = wp.constant(0.5)
 """Share of an older overlap that is undone in a substep."""
 ABOVE_OTHER = wp.constant(1)
@@ -178,6 +179,7 @@ def solve_self_contact(
     garment: wp.array(dtype=wp.int32),
     materials: wp.array(dtype=Material),
     inverse_mass: wp.array(dtype=wp.float32),
+    is_stuck: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3),
     previous: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
@@ -245,7 +247,8 @@ def solve_self_contact(
                 n = wp.normalize(nj * facing_j - ni * facing_i)
                 apart = wp.dot(n, d)
                 across = (r2 - apart * apart) / wide
-                if across >= 1.0 or apart < -GIVEN_UP * thickness:
+                is_lost = apart < -GIVEN_UP * thickness and is_stuck[i] == 0 and is_stuck[j] == 0
+                if across >= 1.0 or is_lost:
                     now = find_side(over_i, over_j)
                     if now != side:
                         sides[start + k] = now
