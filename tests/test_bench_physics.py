@@ -8,12 +8,24 @@ import pytest
 from dexgarmentlab import bench_physics
 from dexgarmentlab.bench_physics import Bench, Experiment, Result, Row
 from dexgarmentlab.bench_physics.drawing import save_figure
+from dexgarmentlab.bench_physics.fabrics import compute_elastica
 from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dexgarmentlab.bench_physics.hat import measure_change, press_hat
 from dexgarmentlab.bench_physics.panel import Panel
 from dexgarmentlab.bench_physics.rendering import measure_extent, render
-from dexgarmentlab.bench_physics.sheets import join, make_capsule, make_panel, make_sheet
+from dexgarmentlab.bench_physics.sheets import (
+    join,
+    make_bowl,
+    make_box,
+    make_capsule,
+    make_panel,
+    make_sheet,
+)
+from dexgarmentlab.bench_physics.solids import stretch_bar
 from dgl_physics import SimulationDivergedError
 from dgl_physics.measure import find_intersections
+from dgl_physics.peirce import compute_chord_angle
+from dgl_physics.tetrahedra import check_orientation
 from dgl_physics.topology import check_mesh, compute_edges
 
 
@@ -88,6 +100,58 @@ def test_nearer_triangles_cover_those_behind():
         assert image[0, 0, 3] == 0.0
 
 
+def test_a_bowl_is_half_a_sphere_and_a_box_is_closed():
+    vertices, faces = make_bowl(0.09, 11)
+    check_mesh(vertices, faces)
+    assert len(vertices) == 1 + 3 * 11 * 12
+    assert not check_orientation(faces)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    assert (np.sum(normal * (a + b + c), axis=1) > 0).all()  # seen from outside
+    area = 0.5 * np.linalg.norm(normal, axis=1).sum()
+    assert area == pytest.approx(2 * np.pi * 0.09**2, rel=0.02)
+    vertices, faces = make_box((0.1, 0.2, 0.3))
+    assert check_orientation(faces)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert np.sum(a * np.cross(b, c)) / 6 == pytest.approx(0.1 * 0.2 * 0.3)
+
+
+@pytest.mark.parametrize("overhang", [0.5, 2.0, 3.5])
+def test_the_elastica_has_the_chord_of_peirces_test(overhang):
+    shape = compute_elastica(overhang)
+    out, up = shape[-1]
+    assert np.arctan2(-up, out) == pytest.approx(float(compute_chord_angle(overhang)), rel=1e-3)
+    lengths = np.linalg.norm(np.diff(shape, axis=0), axis=1)
+    assert lengths.sum() == pytest.approx(overhang)
+
+
+def test_change_of_shape_knows_no_rigid_motion_and_sees_one_particle():
+    rest = np.random.default_rng(0).normal(size=(50, 3))
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    assert measure_change(rest @ turn + [1, 2, 3], rest).max() < 1e-12
+    assert measure_change(rest * [-1, 1, 1], rest).max() > 0.1  # a mirror image is another shape
+    moved = rest.copy()
+    moved[7, 0] += 0.01
+    assert measure_change(moved, rest)[7] == pytest.approx(0.01, rel=0.05)
+
+
+def test_a_bar_in_tension_shows_the_modulus_it_was_given():
+    bar = stretch_bar(1e6, 0.0)
+    assert bar.error == pytest.approx(0.0, abs=0.02)
+    assert bar.strain.max() == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_hat_is_squeezed_and_finds_back():
+    record = press_hat(rings=7)
+    worn, pressed, released, off = record.moments
+    assert pressed.change.max() > 4.0 > 3.0 > released.change.max()
+    assert worn.change.max() < 2.0
+    assert off.change.max() < 0.05
+    force = record.path[released.frame - 1][2]
+    assert force == pytest.approx(record.weight, rel=0.01)
+
+
 def _figure():
     vertices, faces = make_sheet(0.1, 0.1, 0.0125)
     return Figure(
@@ -114,7 +178,13 @@ def _figure():
                 limits=(Limit(value=2.0), Limit(value=1.5, is_vertical=True, is_quiet=True)),
                 is_log_y=True,
             ),
-            Bars(title="bars", labels=("a", "b"), values=(1.0, 2000.0), value_label="ms"),
+            Bars(
+                title="bars",
+                labels=("a", "b"),
+                values=(1.0, 2000.0),
+                value_label="ms",
+                expected=(1.1, 1900.0),
+            ),
         ),
     )
 
@@ -142,7 +212,7 @@ def test_the_report_is_whole(tmp_path):
     assert [r["ok"] for r in json.loads((folder / "rows.json").read_text())] == [True, False, None]
 
 
-@pytest.mark.parametrize("name", ["free_fall", "incline"])
+@pytest.mark.parametrize("name", ["free_fall", "incline", "fabrics"])
 def test_theory_holds_where_it_is_met_today(name):
     [(_, result, seconds)] = bench_physics.run(bench_physics.select((name,)), Bench())
     assert [row.ok for row in result.rows] == [True] * len(result.rows)

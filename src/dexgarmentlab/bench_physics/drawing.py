@@ -164,15 +164,19 @@ def _draw_bars(ax: "Axes", bars: Bars) -> None:
     ax.set_yticks(y, bars.labels)
     ax.tick_params(axis="y", length=0, labelcolor=INK)
     ax.grid(visible=False, axis="y")
+    if bars.expected:
+        ax.vlines(bars.expected, y - 0.42, y + 0.42, colors=INK, linewidth=2.0, label="theory")
+        ax.legend(loc="lower right")
     if bars.is_log:
         ax.set_xscale("log")
     ax.margins(x=0.18)
     if not bars.is_log:
         ax.set_xlim(left=0)
-    for position, value in zip(y, bars.values, strict=True):
+    ends = np.maximum(bars.values, bars.expected) if bars.expected else bars.values
+    for position, value, end in zip(y, bars.values, ends, strict=True):
         ax.annotate(
             f"{value:,.3g}" if abs(value) < 1e3 else f"{value:,.0f}",
-            (value, position), xytext=(4, 0), textcoords="offset points", va="center",
+            (end, position), xytext=(4, 0), textcoords="offset points", va="center",
             color=INK, fontsize=8,
         )  # fmt: skip
     for limit in bars.limits:

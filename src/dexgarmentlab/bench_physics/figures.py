@@ -61,6 +61,8 @@ class Bars:
     value_label: str
     limits: Sequence[Limit] = ()
     is_log: bool = False
+    expected: Sequence[float] = ()
+    """What theory says of each, marked across its bar; nothing when empty."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,6 +48,18 @@ EXPERIMENTS: dict[str, Experiment] = {
             _lazily("mechanics", "measure_momentum"),
         ),
         Experiment(
+            "fabrics",
+            "Peirce's test of the fabrics",
+            "A strip that hangs over an edge by twice its fabric's bending length has the chord of the heavy elastica.",
+            _lazily("fabrics", "measure_fabrics"),
+        ),
+        Experiment(
+            "solids",
+            "Elastic solids",
+            "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a head finds back.",
+            _lazily("solids", "measure_solids"),
+        ),
+        Experiment(
             "pinch",
             "A pinch between two fingers",
             "Friction alone lifts and holds; without friction and adhesion it falls, and one finger lifts nothing.",

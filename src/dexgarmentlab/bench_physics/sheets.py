@@ -1,10 +1,10 @@
-"""Meshes of the experiments: sheets, a sewn panel, and rigid bodies for pictures."""
+"""Meshes of the experiments: sheets, a sewn panel, a bowl, a box, and rigid bodies for pictures."""
 
 import numpy as np
 
 from dexgarmentlab.bench_physics.figures import Solid
 
-__all__ = ["join", "make_capsule", "make_panel", "make_sheet", "place"]
+__all__ = ["join", "make_bowl", "make_box", "make_capsule", "make_panel", "make_sheet", "place"]
 
 
 def make_sheet(width: float, length: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
@@ -59,6 +59,43 @@ def make_panel(
     behind = (sheet - np.column_stack([np.zeros((len(sheet), 2)), rise]))[~is_seam]
     vertices = np.concatenate([front, behind])
     return vertices, np.concatenate([faces, back[faces][:, ::-1]]).astype(np.int32), vertices[:, :2]
+
+
+def make_bowl(radius: float, rings: int) -> tuple[np.ndarray, np.ndarray]:
+    """Make half a sphere, open below, of rings of 6, 12, 18, ... vertices around its top.
+
+    Args:
+        radius: Of the sphere [m].
+        rings: Number of rings; the last one is the rim.
+
+    Returns:
+        Vertices [m], shape (V, 3), the rim at z = 0; faces, shape (F, 3), int32, seen from outside.
+    """
+    vertices, faces = [np.array([[0.0, 0.0, radius]])], []
+    first = 0  # of the ring above
+    for k in range(1, rings + 1):
+        polar, turn = np.pi / 2 * k / rings, 2 * np.pi * np.arange(6 * k) / (6 * k)
+        flat = radius * np.sin(polar)
+        height = np.full(6 * k, radius * np.cos(polar))
+        vertices.append(np.column_stack([flat * np.cos(turn), flat * np.sin(turn), height]))
+        below, upper = first + max(6 * (k - 1), 1), max(6 * (k - 1), 1)
+        for sixth in range(6):
+            for j in range(k):
+                a, b = (below + (sixth * k + j + n) % (6 * k) for n in (0, 1))
+                c, d = (first + (sixth * (k - 1) + j + n) % upper for n in (0, 1))
+                faces.append((c, a, b))
+                if j < k - 1:
+                    faces.append((c, b, d))
+        first = below
+    return np.concatenate(vertices), np.array(faces, dtype=np.int32)
+
+
+def make_box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Make the surface of a box of a size [m], centred at the origin: vertices (8, 3), faces (12, 3)."""
+    corner = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)]) - 0.5
+    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])  # fmt: skip
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return corner * np.asarray(size), faces.astype(np.int32)
 
 
 def join(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

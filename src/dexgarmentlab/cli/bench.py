@@ -23,7 +23,7 @@ class Options:
     """
 
     subject: Annotated[Literal["physics"], tyro.conf.Positional]
-    """What to measure: the cloth simulation."""
+    """What to measure: the simulation of cloth and elastic solids."""
     only: tuple[str, ...] = ()
     """Names of the experiments; all when none is named. An unknown name lists them."""
     report: Path | None = None
