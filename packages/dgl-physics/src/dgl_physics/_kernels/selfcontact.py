@@ -21,7 +21,7 @@ COVER = wp.constant(1.333)
 """Makes the weights of the discs that a particle lies on add up to about 1."""
 CROWDED = wp.constant(0.6)
 """Contacts count less where their weights add up to more than the inverse of this."""
-GIVEN_UP = wp.constant(0.25)
+GIVEN_UP = wp.constant(0.5)
 """Discs that are through each other by this share of the thickness stay so, as they would knot;
 not where fingers squeeze them."""
 UNDONE = wp.constant(0.5)
