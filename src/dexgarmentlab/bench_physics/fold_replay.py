@@ -35,6 +35,8 @@ class FoldRecord:
     """Particles before the first frame [m], shape (V, 3)."""
     velocities: np.ndarray
     """The same [m/s]."""
+    is_stuck: np.ndarray
+    """Which of them stick to a surface, shape (V,), bool."""
     poses: np.ndarray
     """Poses of the bodies, the world first, after each frame and before the first, xyz + wxyz, shape (T + 1, N, 7)."""
     actions: np.ndarray
@@ -70,7 +72,9 @@ class FoldRecord:
             garment.vertices, garment.faces, rest=garment.rest_vertices, material=task.material
         )
         cloth.build()
-        cloth.state.set_particles(self.positions[None], self.velocities[None])
+        cloth.state.set_particles(
+            self.positions[None], self.velocities[None], self.is_stuck[None]
+        )
         cloth.state.set_body_poses(self.poses[None, 0], is_jump=True)
         return cloth.solver, cloth.state
 
@@ -109,6 +113,7 @@ def record_fold(*, seed: int) -> FoldRecord:
     player.motion.reset(start)
     positions = env.cloth.state.get_positions()[0]
     velocities = env.cloth.state.get_velocities()[0]
+    is_stuck = env.cloth.state.get_is_stuck()[0]
     player.poses.append(_read_poses(env.cloth.state))
     points = player.find_points()
     player.send(player.motion.park())
@@ -120,6 +125,7 @@ def record_fold(*, seed: int) -> FoldRecord:
         config=env.cloth.config,
         positions=positions,
         velocities=velocities,
+        is_stuck=is_stuck,
         poses=np.array(player.poses),
         actions=np.array(player.actions),
         final=env.get_particles(),
