@@ -49,12 +49,7 @@ def test_a_restored_state_continues_bitwise(run, sheet, device, make):
     np.testing.assert_array_equal(r.step(30).x, expected)
 
 
-forgets_sides = pytest.mark.xfail(
-    reason="a state does not hold on which sides crumpled layers met: see docs/physics.md"
-)
-
-
-@pytest.mark.parametrize("make", [drape_builder, pytest.param(heap_builder, marks=forgets_sides)])
+@pytest.mark.parametrize("make", [drape_builder, heap_builder])
 def test_another_solver_continues_bitwise(run, sheet, device, make):
     """The solver itself remembers nothing that matters."""
     r = run(make(sheet, (0.2,)), device=device).step(30)

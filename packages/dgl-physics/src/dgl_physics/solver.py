@@ -284,13 +284,13 @@ class SolverXPBD:
             inputs=[m.ring_start, m.ring, state.positions, self._normal],
         )
 
-    def _solve_self_contact(self, state: State, dt: float) -> None:
+    def _solve_self_contact(self, state: State, dt: float, *, is_new: bool = False) -> None:
         m = self.model
         wp.launch(
             selfcontact.solve_self_contact,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                dt, self._limits, m.garment_index, m.materials, m.inverse_mass, state.is_stuck,
+                dt, int(is_new), self._limits, m.garment_index, m.materials, m.inverse_mass, state.is_stuck,
                 state.positions, self._previous, self._normal, self._neighbours, self._sides, self._neighbour_count,
                 self._crowd, self._correction, self._squeeze, self._crowd_next,
             ],
@@ -300,7 +300,7 @@ class SolverXPBD:
         """Look at the contacts without resolving them, so that a frame needs none from before."""
         self._compute_normals(state)
         wp.copy(self._previous, state.positions)
-        self._solve_self_contact(state, dt)
+        self._solve_self_contact(state, dt, is_new=True)
         wp.copy(self._crowd, self._crowd_next)
 
     def _solve_coarse_level(self, state: State, dt: float) -> None:

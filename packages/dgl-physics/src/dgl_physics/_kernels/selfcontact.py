@@ -175,6 +175,7 @@ def find_neighbours(
 @wp.kernel
 def solve_self_contact(
     dt: wp.float32,
+    is_new: wp.int32,
     limits: Limits,
     garment: wp.array(dtype=wp.int32),
     materials: wp.array(dtype=Material),
@@ -200,6 +201,8 @@ def solve_self_contact(
     particle has many contacts each counts less, by `crowd`, the number of them in the substep
     before. Friction cancels the tangential displacement of the substep up to Coulomb's limit;
     adhesion is the paper's spring within a radius.
+
+    With `is_new` the discs' sides are those of now: at the start of a frame, so that a state says all.
 
     `squeeze` gets the overlap with the neighbours, along the direction in which they press.
     """
@@ -230,6 +233,9 @@ def solve_self_contact(
                 thickness = m.thickness
             wide = thickness * thickness
             side = sides[start + k]
+            if is_new == 1:
+                side = find_side(over_i, over_j)
+                sides[start + k] = side
             if r2 - wp.max(over_j * over_j, over_i * over_i) >= wide or r2 < 1.0e-16:
                 now = find_side(over_i, over_j)
                 if now != side:
