@@ -72,9 +72,7 @@ class FoldRecord:
             garment.vertices, garment.faces, rest=garment.rest_vertices, material=task.material
         )
         cloth.build()
-        cloth.state.set_particles(
-            self.positions[None], self.velocities[None], self.is_stuck[None]
-        )
+        cloth.state.set_particles(self.positions[None], self.velocities[None], self.is_stuck[None])
         cloth.state.set_body_poses(self.poses[None, 0], is_jump=True)
         return cloth.solver, cloth.state
 

@@ -1,8 +1,8 @@
 """Contact of particles with particles, of the same garment or of another.
 
 A particle stands for a disc of the surface around it. Two discs that face each other keep the
-thickness of the cloth between their planes, on the sides on which they met: layers lie on each other
-as smooth sheets do, and what was pushed through comes back on its own side.
+thickness of the cloth between their planes, on the sides on which they were when the frame began:
+layers lie on each other as smooth sheets do, and what is pushed through within a frame comes back.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
