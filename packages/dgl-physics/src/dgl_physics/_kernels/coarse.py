@@ -1,7 +1,7 @@
 """The coarse level: patches of cloth whose centres have a largest distance."""
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
+# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
