@@ -17,5 +17,7 @@ fi
 export UV_PROJECT_ENVIRONMENT="$PWD/.venvs/$package"
 rm -rf "$UV_PROJECT_ENVIRONMENT"
 # Of the workspace only this package with its extras; of its groups only its tests'.
-uv sync --package "$package" --all-extras --no-default-groups --group test --no-editable --quiet
+# Built anew: a cached wheel of the same version may hold older sources.
+uv sync --package "$package" --all-extras --no-default-groups --group test --no-editable --quiet \
+  --reinstall-package "$package"
 exec "$UV_PROJECT_ENVIRONMENT/bin/python" -m pytest "packages/$package" -m "not slow" "$@"
