@@ -16,6 +16,8 @@ __all__ = ["measure_self_contact"]
 
 RUNS = 50
 DROP_FRAMES, LOWER_FRAMES, REST_FRAMES = 100, 80, 45
+RELEASE_HEIGHT = 0.15
+"""Where the pads let go [m]: above the layers that they have laid down, which they would crush otherwise."""
 PAD = Shape(kind="box", size=(0.03, 0.01, 0.03))
 
 
@@ -200,7 +202,7 @@ def _lay_down(garment_id: str, material: ClothMaterial, rng: np.random.Generator
         for k in range(11):
             move(at, 0.01 * (1 - k / 10), is_jump=k == 0)
         scene.state.set_gravity_scale(1.0)
-        low = np.array([at[0], at[1], 0.05])
+        low = np.array([at[0], at[1], RELEASE_HEIGHT])
         for k in range(LOWER_FRAMES):
             s = (k + 1) / LOWER_FRAMES
             move(at + s * (low - at) + np.sin(4 * np.pi * s) * to_and_fro, 0.0)

@@ -56,6 +56,11 @@ class Garment:
         return self.skin.compute_vertices(own), self.skin.faces
 
 
+LARGEST_PARTICLE_FRICTION = 1.0
+"""Friction between particles counts up to this: pushes are approximate, and what rubs by more than it
+pushes builds up."""
+
+
 @dataclass(frozen=True)
 class Model:
     """Constants of a batch of environments, on one device.
@@ -93,11 +98,10 @@ class Model:
     is_stretch_damped: bool
     adjacency_start: wp.array
     adjacency: wp.array
-    ring_start: wp.array
-    ring: wp.array
-    """The other two vertices of the triangles around each particle."""
-    is_touching: wp.array
-    """Whether a particle touches particles; those inside of solids do not."""
+    """Particles that do not touch each other, as the mesh holds them apart."""
+    touch: wp.array
+    """Of each particle: radius [m], friction [-], adhesion [N/m] and its radius [m] against particles. Two
+    particles rest at the sum of their radii; those inside of solids have none and touch no other."""
     solids: Solids | None
     coarse: CoarseTable
 
@@ -265,9 +269,8 @@ class ModelBuilder:
         blocks: list[tuple[np.ndarray, ...]] = []
         bending, yarns = [], []
         edge_blocks: list[np.ndarray] = []
-        face_blocks: list[np.ndarray] = []
         materials: list[ContactMaterial] = []
-        is_touching = np.ones(count, dtype=np.int32)
+        touch = np.zeros((count, 4), dtype=np.float32)
         solids = []
         levels: list[tuple[int, CoarseLevel]] = []
         for e, entries in enumerate(self._garments):
@@ -278,13 +281,12 @@ class ModelBuilder:
                 position[base : base + n] = g["vertices"]
                 inverse_mass[base : base + n] = g["inverse_mass"]
                 garment_index[base : base + n] = len(garments)
+                touch[base : base + n] = _describe_touch(g["radius"], g["material"])
                 springs = g.get("springs", g["edges"])
                 blocks.append((springs + base, g["rest_length"], g["compliance"], g["colour"]))
-                face_blocks.append(g["faces"] + base)
                 edge_blocks.append(g.get("joined", g["edges"]) + base)
                 if "solid" in g:
                     solids.append((base, g["solid"]))
-                    is_touching[base : base + n] = g["is_touching"]
                 else:
                     bending.append((g["bending"], g["bending_colour"], base))
                     yarns.append((g["yarns"], g["yarn_colour"], base))
@@ -307,7 +309,6 @@ class ModelBuilder:
         )
         order = np.argsort(colour, kind="stable")
         starts = np.searchsorted(colour[order], np.arange(colour.max(initial=-1) + 2))
-        ring_start, ring = topology.compute_rings(np.concatenate(face_blocks), count)
         adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)
 
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
@@ -323,7 +324,7 @@ class ModelBuilder:
             shape_count=len(self._shapes),
             garments=tuple(garments),
             initial_positions=position.reshape(self.env_count, per_env, 3),
-            contact_reach=max(m.thickness + m.adhesion_radius for m in materials),
+            contact_reach=float(2.0 * touch[:, 0].max() + touch[:, 3].max()),
             shapes=shapes,
             grids=grids,
             materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
@@ -341,9 +342,7 @@ class ModelBuilder:
             ),
             adjacency_start=to_device(adjacency_start, wp.int32),
             adjacency=to_device(adjacency, wp.int32),
-            ring_start=to_device(ring_start, wp.int32),
-            ring=to_device(ring, wp.vec2i),
-            is_touching=to_device(is_touching, wp.int32),
+            touch=to_device(touch, wp.vec4),
             solids=build_solids(solids, device),
             coarse=join_coarse_levels(levels, count, device),
         )
@@ -363,10 +362,13 @@ def _make_constraints(
         rest, faces, material.bending_stiffness, damping_time=material.bending_damping
     )
     areas = topology.compute_vertex_areas(rest, faces)
+    radius = topology.compute_radii(rest, edges, material.thickness)
     return {
         "vertices": vertices.astype(np.float32),
         "faces": faces,
         "edges": edges,
+        "joined": np.concatenate([edges, topology.find_close_wings(rest, faces, radius)]),
+        "radius": radius,
         "rest_length": np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1),
         "compliance": 1.0 / compute_edge_stiffness(rest, faces, edges, moduli.net),
         "colour": topology.colour_pairs(edges, len(vertices)),
@@ -378,6 +380,13 @@ def _make_constraints(
         "coarse": build_coarse_level(rest, faces, areas * material.area_density, moduli),
         "material": material,
     }
+
+
+def _describe_touch(radius: np.ndarray, m: ContactMaterial) -> np.ndarray:
+    """Rows of `Model.touch`, shape (V, 4)."""
+    friction = min(m.friction * m.particle_friction_scale, LARGEST_PARTICLE_FRICTION)
+    others = friction, m.adhesion * m.particle_adhesion_scale
+    return np.column_stack([radius, np.tile([*others, m.adhesion_radius], (len(radius), 1))])
 
 
 def _to_struct(m: ContactMaterial) -> Material:

@@ -67,8 +67,8 @@ def make_tet_entry(
     mesh = SolidMesh(rest, tets, material, pinned)
     edges = tetrahedra.compute_edges(tets)
     faces = tetrahedra.compute_surface(tets)
-    is_touching = np.zeros(len(rest), dtype=np.int32)
-    is_touching[faces] = 1
+    radius = np.zeros(len(rest))
+    radius[faces] = 0.5 * material.thickness
     inverse_mass = (1.0 / mesh.vertex_mass).astype(np.float32)
     inverse_mass[pinned] = 0.0
     none = np.zeros(0, dtype=np.float32)
@@ -83,7 +83,7 @@ def make_tet_entry(
         "compliance": none,
         "colour": np.zeros(0, dtype=np.int32),
         "inverse_mass": inverse_mass,
-        "is_touching": is_touching,
+        "radius": radius,
         "material": material,
         "solid": mesh,
         "skin": skin,

@@ -14,8 +14,6 @@ from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
 from dgl_physics.state import State
 
-NORMALS_EVERY = 3
-"""Substeps for which the normals of the surface are kept."""
 COARSE_ACCELERATION = 200.0
 """Most acceleration that the coarse level gives to a particle [m/s^2]."""
 
@@ -26,18 +24,17 @@ class SolverConfig:
 
     dt: float = 1 / 60
     """Length of a frame [s]; > 0."""
-    substeps: int = 10
+    substeps: int = 12
     """Substeps of a frame, each of one iteration; >= 1."""
     coarse_sweeps: int = 3
     """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
-    neighbour_searches: int = 1
-    """Times in a frame at which particle contacts are searched for; 1..substeps. Environments
-    whose particles have moved by less than a third of the margin keep what was found."""
-    neighbour_margin: float = 0.004
+    search_every: int = 3
+    """Substeps after which particle contacts are searched for, where particles moved; >= 1."""
+    neighbour_margin: float = 0.006
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
-    far a particle may move between searches without a contact being missed."""
+    far a particle may move without a search."""
     neighbour_capacity: int = 160
-    """Most contacts that a particle can have with other particles."""
+    """Most particles of higher index that a particle can be near to."""
     near_capacity: int = 48
     """Most shapes that a particle can be near to."""
     max_speed: float = 15.0
@@ -57,10 +54,8 @@ class SolverConfig:
             raise ValueError(f"substeps must be >= 1; got {self.substeps}")
         if not self.neighbour_margin > 0:
             raise ValueError(f"neighbour_margin must be > 0; got {self.neighbour_margin}")
-        if not 1 <= self.neighbour_searches <= self.substeps:
-            raise ValueError(
-                f"neighbour_searches must be in 1..{self.substeps}; got {self.neighbour_searches}"
-            )
+        if self.search_every < 1:
+            raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 
 
 class SolverXPBD:
@@ -73,8 +68,8 @@ class SolverXPBD:
     The bodies move on straight lines from `body_start` to `body_end` during a frame, after which
     `body_end` becomes `body_start`.
 
-    Limitations: contact is resolved between particles, not between triangles, so the thickness
-    must be more than 0.58 times the edge length for layers to stay apart.
+    Limitations: contact is resolved between particles, not between triangles: layers are as thick
+    as the longest edges need, see `dgl_physics.topology.compute_radii`.
     """
 
     def __init__(self, model: Model, config: SolverConfig | None = None) -> None:
@@ -95,8 +90,8 @@ class SolverXPBD:
         self._limits.near_capacity = c.near_capacity
         self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
-        self._grid_radius = c.neighbour_margin + model.contact_reach
-        self._limits.cell_size = 2.0 * self._grid_radius
+        self._reach = model.contact_reach + c.neighbour_margin
+        self._limits.cell_size = 2.0 * self._reach  # a query visits few cells, and not many particles
         cells = max(1 << 14, 1 << int(np.ceil(np.log2(8 * count))))
         self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -104,8 +99,8 @@ class SolverXPBD:
         self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
         self._yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._normal = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._squeeze_next = wp.zeros(count, dtype=wp.vec3, device=device)
         self._crowd = wp.zeros(count, dtype=wp.float32, device=device)
         self._crowd_next = wp.zeros(count, dtype=wp.float32, device=device)
         nodes = max(model.coarse.node_count, 1)
@@ -116,7 +111,6 @@ class SolverXPBD:
         self._reaction = wp.zeros(nodes, dtype=wp.vec3, device=device)
         self._tension = wp.zeros(count, dtype=wp.vec3, device=device)
         self._neighbours = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
-        self._sides = wp.zeros(count * c.neighbour_capacity, dtype=wp.int32, device=device)
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
         self._near_count = wp.zeros(count, dtype=wp.int32, device=device)
@@ -140,7 +134,7 @@ class SolverXPBD:
         self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
         self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
         self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
-        self._displacement = wp.zeros(envs, dtype=wp.float32, device=device)
+        self._restless = wp.zeros(envs, dtype=wp.int32, device=device)
         self._elastic = model.solids and ElasticStep(model.solids, c.dt / c.substeps, device)
         self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
@@ -153,12 +147,8 @@ class SolverXPBD:
             ContactOverflowError: If a contact list was too short.
         """
         c = self.config
-        parts = [
-            range(
-                k * c.substeps // c.neighbour_searches, (k + 1) * c.substeps // c.neighbour_searches
-            )
-            for k in range(c.neighbour_searches)
-        ]
+        substeps = range(c.substeps)
+        parts = [substeps[k : k + c.search_every] for k in substeps[:: c.search_every]]
         with wp.ScopedDevice(self.model.device):
             if self._graph_state is not state:
                 self._graphs, self._graph_state = {}, state
@@ -188,22 +178,22 @@ class SolverXPBD:
         return self._graph_state
 
     def _needs_search(self) -> bool:
-        """Measure how far particles have moved; on a GPU the search itself decides, unasked."""
-        self._replay("displacement", self._measure_displacement)
+        """Ask whether particles have moved; on a GPU the search itself decides, unasked."""
+        self._replay("stirred", self._mark_stirred)
         if self.model.device != "cpu":
-            return True  # reading the displacement back would stall the device
-        limit = self.config.neighbour_margin * selfcontact.SEARCH_AGAIN
-        return bool((self._displacement.numpy() >= limit).any())
+            return True  # reading the answer back would stall the device
+        return bool(self._restless.numpy().any())
 
-    def _measure_displacement(self) -> None:
-        m = self.model
-        self._displacement.zero_()
+    def _mark_stirred(self) -> None:
+        m, c, state = self.model, self.config, self._state
+        self._stirred.zero_()
+        self._restless.zero_()
         wp.launch(
-            guard.measure_displacement,
+            selfcontact.mark_stirred,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                m.particles_per_env, m.inverse_mass, self._state.positions, self._searched_at,
-                self._displacement,
+                c.search_every * c.dt / c.substeps, self._limits, m.environment, m.inverse_mass, state.positions,
+                state.velocities, self._searched_at, self._stirred, self._restless,
             ],
         )  # fmt: skip
 
@@ -228,8 +218,6 @@ class SolverXPBD:
         for k in part:
             if k == 0:
                 self._count_contacts(state, dt)
-            elif k % NORMALS_EVERY == 0:
-                self._compute_normals(state)
             wp.launch(
                 cloth.integrate,
                 dim=count,
@@ -239,11 +227,6 @@ class SolverXPBD:
                 ],
             )  # fmt: skip
             self._solve_self_contact(state, dt)
-            wp.launch(
-                selfcontact.apply_corrections,
-                dim=count,
-                inputs=[self._correction, self._crowd_next, state.positions, self._crowd],
-            )
             # What is solved last holds best, so the stiff comes after the soft.
             # Damping needs lengths of the substep before; a frame knows none from before its own,
             # so that a state is complete without them. The other substeps take the first one's.
@@ -262,6 +245,7 @@ class SolverXPBD:
             self._solve_yarns(state, dt, rate)
             if m.coarse.node_count and c.coarse_sweeps:
                 self._solve_coarse_level(state, dt)
+            self._solve_self_contact(state, dt)
             self._pose_shapes(state, (k + 1) / c.substeps)
             if self._elastic is not None:
                 self._elastic.launch(wp.vec3(*c.gravity), state, self._limits, self._near_shapes)
@@ -276,32 +260,30 @@ class SolverXPBD:
                 ],
             )  # fmt: skip
 
-    def _compute_normals(self, state: State) -> None:
+    def _solve_self_contact(self, state: State, dt: float, *, share: float = 1.0) -> None:
         m = self.model
-        wp.launch(
-            selfcontact.compute_normals,
-            dim=m.env_count * m.particles_per_env,
-            inputs=[m.ring_start, m.ring, state.positions, self._normal],
-        )
-
-    def _solve_self_contact(self, state: State, dt: float, *, is_new: bool = False) -> None:
-        m = self.model
+        count = m.env_count * m.particles_per_env
         wp.launch(
             selfcontact.solve_self_contact,
-            dim=m.env_count * m.particles_per_env,
+            dim=count,
             inputs=[
-                dt, int(is_new), self._limits, m.garment_index, m.materials, m.inverse_mass, state.is_stuck,
-                state.positions, self._previous, self._normal, self._neighbours, self._sides, self._neighbour_count,
-                self._crowd, self._correction, self._squeeze, self._crowd_next,
+                dt, self._limits, m.touch, m.inverse_mass, state.positions, self._previous, self._neighbours, self._neighbour_count, self._crowd, self._correction,
+                self._squeeze_next, self._crowd_next,
+            ],
+        )  # fmt: skip
+        wp.launch(
+            selfcontact.apply_corrections,
+            dim=count,
+            inputs=[
+                share, self._correction, self._squeeze_next, self._crowd_next, state.positions, self._squeeze,
+                self._crowd,
             ],
         )  # fmt: skip
 
     def _count_contacts(self, state: State, dt: float) -> None:
         """Look at the contacts without resolving them, so that a frame needs none from before."""
-        self._compute_normals(state)
         wp.copy(self._previous, state.positions)
-        self._solve_self_contact(state, dt, is_new=True)
-        wp.copy(self._crowd, self._crowd_next)
+        self._solve_self_contact(state, dt, share=0.0)
 
     def _solve_coarse_level(self, state: State, dt: float) -> None:
         m, t = self.model, self.model.coarse
@@ -402,25 +384,13 @@ class SolverXPBD:
 
     def _find_neighbours(self) -> None:
         m, state = self.model, self._state
-        self._grid.build(state.positions, self._grid_radius, groups=m.environment)
-        self._compute_normals(state)
-        self._stirred.zero_()
-        wp.launch(
-            selfcontact.mark_stirred,
-            dim=m.env_count * m.particles_per_env,
-            inputs=[
-                self._limits, m.environment, m.inverse_mass, state.positions, self._searched_at,
-                self._stirred,
-            ],
-        )  # fmt: skip
+        self._grid.build(state.positions, self._limits.cell_size, groups=m.environment)
         wp.launch(
             selfcontact.find_neighbours,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                self._grid.id, self._limits, m.environment, m.garment_index, m.materials,
-                m.adjacency_start, m.adjacency, m.is_touching, self._stirred, state.positions,
-                self._normal, self._searched_at, self._neighbours, self._sides,
-                self._neighbour_count, self._overflow,
+                self._grid.id, self._limits, m.environment, m.touch, self._reach, m.adjacency_start, m.adjacency, self._stirred, state.positions,
+                self._searched_at, self._neighbours, self._neighbour_count, self._overflow,
             ],
         )  # fmt: skip
 

@@ -178,15 +178,50 @@ def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     return np.cumsum(start, dtype=np.int32), both[:, 1].astype(np.int32)
 
 
-def compute_rings(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the triangles around each vertex as rows of one array.
+def compute_radii(
+    rest: np.ndarray, edges: np.ndarray, thickness: float
+) -> np.ndarray:
+    """Compute how large a particle must be for no other edge to slip through the mesh.
+
+    Two edges of length L that cross in their middles have their ends L / sqrt(2) apart, and the
+    centre of a triangle is L / sqrt(3) from its corners. So a mesh whose particles, but those that
+    share an edge, keep a distance of L / sqrt(2) cannot pass through itself.
+
+    Args:
+        rest: Rest positions [m], shape (V, 3).
+        edges: Vertex indices, shape (E, 2).
+        thickness: Least distance of two particles [m].
 
     Returns:
-        Start of each vertex' row, shape (V + 1,), int32, and the other two vertices of each
-        triangle, in its order, shape (3 F, 2), int32.
+        Radius of each particle [m], shape (V,): half of the thickness, or what the longest of its
+        edges needs.
     """
-    corner = np.concatenate([faces[:, 0], faces[:, 1], faces[:, 2]])
-    others = np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]])
-    order = np.argsort(corner, kind="stable")
-    start = np.concatenate([[0], np.cumsum(np.bincount(corner, minlength=vertex_count))])
-    return start.astype(np.int32), others[order].astype(np.int32)
+    lengths = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
+    longest = np.zeros(len(rest))
+    for k in (0, 1):
+        np.maximum.at(longest, edges[:, k], lengths)
+    return np.maximum(0.5 * thickness, 0.5 * longest / np.sqrt(2.0))
+
+
+def find_close_wings(rest: np.ndarray, faces: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Find the vertices opposite to an edge that are within touch where the mesh is flat.
+
+    Args:
+        rest: Rest positions [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3).
+        radius: Radius of each vertex [m], shape (V,).
+
+    Returns:
+        Pairs of vertices, shape (N, 2), int32.
+    """
+    e0, e1, w0, w1 = compute_hinges(faces).T
+    edge = rest[e1] - rest[e0]
+    length = np.linalg.norm(edge, axis=1)
+    along, height = [], []
+    for wing in (w0, w1):
+        arm = rest[wing] - rest[e0]
+        along.append(np.sum(arm * edge, axis=1) / length)
+        height.append(np.linalg.norm(np.cross(arm, edge), axis=1) / length)
+    distance = np.hypot(along[0] - along[1], height[0] + height[1])
+    is_close = distance < radius[w0] + radius[w1]
+    return np.column_stack([w0, w1])[is_close].astype(np.int32)

@@ -1,4 +1,4 @@
-"""Looking for particles that went astray, and for those that moved since the last search.
+"""Looking for particles that went astray.
 
 Compiled without fast mathematics, which would assume that there are no NaNs.
 """
@@ -25,22 +25,3 @@ def flag_divergence(
         if not (wp.length(x) < extent):
             flag[i // particles_per_env] = 1
 
-
-@wp.kernel
-def measure_displacement(
-    particles_per_env: wp.int32,
-    inverse_mass: wp.array(dtype=wp.float32),
-    position: wp.array(dtype=wp.vec3),
-    searched_at: wp.array(dtype=wp.vec3),
-    displacement: wp.array(dtype=wp.float32),
-):
-    """Largest distance of a particle from where the last search found it, by environment.
-
-    Far away where a position is not finite, so that the search and then the guard see it.
-    """
-    i = wp.tid()
-    if inverse_mass[i] > 0.0:
-        d = wp.length(position[i] - searched_at[i])
-        if not (d < 1.0e6):
-            d = 1.0e6
-        wp.atomic_max(displacement, i // particles_per_env, d)

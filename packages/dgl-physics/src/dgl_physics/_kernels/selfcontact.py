@@ -1,62 +1,26 @@
 """Contact of particles with particles, of the same garment or of another.
 
-A particle stands for a disc of the surface around it. Two discs that face each other keep the
-thickness of the cloth between their planes, on the sides on which they were when the frame began:
-layers lie on each other as smooth sheets do, and what is pushed through within a frame comes back.
+A particle is a sphere that is large enough for the spheres of a triangle, and those of an edge, to
+leave no gap that others could slip through: as long as particles keep apart, layers do.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.types import Limits, Material
+from dgl_physics._kernels.types import Limits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
-SEARCH_AGAIN = wp.constant(0.333)
-"""Share of the margin that a particle may move before its environment is searched again."""
-SOFT = wp.constant(0.125)
-"""Share of the thickness that cloth is compressed by without resistance."""
-COVER = wp.constant(1.333)
-"""Makes the weights of the discs that a particle lies on add up to about 1."""
-CROWDED = wp.constant(0.6)
-"""Contacts count less where their weights add up to more than the inverse of this."""
-GIVEN_UP = wp.constant(0.5)
-"""Discs that are through each other by this share of the thickness stay so, as they would knot;
-not where fingers squeeze them."""
-UNDONE = wp.constant(0.5)
-"""Share of an older overlap that is undone in a substep."""
-ABOVE_OTHER = wp.constant(1)
-"""Bit of a contact's side: the particle is on the outer side of its neighbour's disc."""
-BELOW_OTHER = wp.constant(2)
-"""Bit of a contact's side: the neighbour is on the outer side of the particle's disc."""
-
-
-@wp.kernel
-def compute_normals(
-    ring_start: wp.array(dtype=wp.int32),
-    ring: wp.array(dtype=wp.vec2i),
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-):
-    """Compute the unit normal of the surface at each particle, weighted by the areas around it."""
-    i = wp.tid()
-    x = position[i]
-    total = wp.vec3(0.0, 0.0, 0.0)
-    for k in range(ring_start[i], ring_start[i + 1]):
-        total += wp.cross(position[ring[k][0]] - x, position[ring[k][1]] - x)
-    normal[i] = wp.normalize(total)
-
-
-@wp.func
-def find_side(over_i: wp.float32, over_j: wp.float32):
-    """Sides of two discs as they are now, from the vector from j to i along the normals of both."""
-    side = int(0)
-    if over_j > 0.0:
-        side += ABOVE_OTHER
-    if over_i < 0.0:
-        side += BELOW_OTHER
-    return side
+SEARCH_AGAIN = wp.constant(0.5)
+"""Share of the margin that a particle may move before what is near to it is searched again: where two
+approach each other by that, the margin is used up."""
+CROWDED = wp.constant(0.8)
+"""Contacts of a particle count less where it has more of them than the inverse of this, each counted by
+the particle's share in it."""
+UNDONE = wp.constant(0.7)
+"""Share of an older overlap that is undone in a substep. Not more: what is left is as large as
+what the cloth then moves by in a substep, so that it stops where the overlap ends."""
 
 
 @wp.func
@@ -70,19 +34,27 @@ def find_cell(x: wp.vec3, size: wp.float32, env: wp.int32, count: wp.int32):
 
 @wp.kernel
 def mark_stirred(
+    interval: wp.float32,
     limits: Limits,
     environment: wp.array(dtype=wp.int32),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
     stirred: wp.array(dtype=wp.int32),
+    restless: wp.array(dtype=wp.int32),
 ):
-    """Mark the cells that a particle is near to that has moved since its last search."""
+    """Mark the cells near to particles that will have moved too far by the next time this is asked.
+
+    What is near to the others is in their lists already, so it makes no difference whether they
+    are searched too: a search gives the same contacts whatever was known before.
+    """
     i = wp.tid()
     x = position[i]
-    moved = wp.length_sq(x - searched_at[i])
+    moved = wp.length(x - searched_at[i]) + interval * wp.length(velocity[i])
     least = limits.neighbour_margin * SEARCH_AGAIN
-    if inverse_mass[i] > 0.0 and moved >= least * least:
+    if inverse_mass[i] > 0.0 and not (moved < least):  # also where it is not finite
+        restless[environment[i]] = 1
         half = 0.5 * limits.cell_size
         for k in range(8):
             corner = wp.vec3(half, half, half)
@@ -101,26 +73,23 @@ def find_neighbours(
     grid: wp.uint64,
     limits: Limits,
     environment: wp.array(dtype=wp.int32),
-    garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    touch: wp.array(dtype=wp.vec4),
+    reach: wp.float32,
     adjacency_start: wp.array(dtype=wp.int32),
     adjacency: wp.array(dtype=wp.int32),
-    is_touching: wp.array(dtype=wp.int32),
     stirred: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
     searched_at: wp.array(dtype=wp.vec3),
     neighbours: wp.array(dtype=wp.int32),
-    sides: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
     overflow: wp.array(dtype=wp.int32),
 ):
-    """List the particles that may touch each particle before the next search.
+    """List the particles of higher index that may touch each particle before the next search.
 
     Particles keep their lists where neither they nor others near them have moved since they were
-    searched for. Particles that share an edge of the mesh are left out: the edge holds them apart. Neighbours
-    that stay keep their sides. A list is in the order of indices, whatever the order in which the
-    grid gives them.
+    searched for. Particles that the mesh holds apart are left out, and those without a radius
+    touch nothing. A list is in the order of indices, whatever the order in which the grid gives
+    them.
     """
     i = wp.tid()
     env = environment[i]
@@ -128,178 +97,137 @@ def find_neighbours(
     if stirred[find_cell(x, limits.cell_size, env, stirred.shape[0])] == 0:
         return
     searched_at[i] = x
-    m = materials[garment[i]]
-    radius = m.thickness + m.adhesion_radius + limits.neighbour_margin
-    start = i * limits.neighbour_capacity
     count = int(0)
-    known = wp.uint64(0)  # a bit for each remainder of a known index: most others are seen at once
-    for k in range(neighbour_count[i]):
-        j = neighbours[start + k]
-        if wp.length_sq(position[j] - x) < radius * radius:
-            neighbours[start + count] = j
-            sides[start + count] = sides[start + k]
-            known = known | (wp.uint64(1) << wp.uint64(j & 63))
-            count += 1
-    first = adjacency_start[i]
-    last = adjacency_start[i + 1]
-    if last > first and is_touching[i] == 1:  # padding has no edges
-        n = normal[i]
-        query = wp.hash_grid_query(grid, x, radius, env)
+    own = touch[i]
+    if own[0] > 0.0:
+        start = i * limits.neighbour_capacity
+        first = adjacency_start[i]
+        last = adjacency_start[i + 1]
+        query = wp.hash_grid_query(grid, x, reach, env)
         j = int(0)
         while wp.hash_grid_query_next(query, j):
-            d = x - position[j]
-            if j != i and wp.length_sq(d) < radius * radius and is_touching[j] == 1:
-                is_listed = int(0)
-                for k in range(first, last):
-                    if adjacency[k] == j:
-                        is_listed = 1
-                if (known & (wp.uint64(1) << wp.uint64(j & 63))) != wp.uint64(0):
-                    for k in range(count):
-                        if neighbours[start + k] == j:
-                            is_listed = 1
-                if is_listed == 0:
-                    if count < limits.neighbour_capacity:
-                        at = int(start + count)
-                        while at > start and neighbours[at - 1] > j:
-                            neighbours[at] = neighbours[at - 1]
-                            sides[at] = sides[at - 1]
-                            at -= 1
-                        neighbours[at] = j
-                        sides[at] = find_side(wp.dot(n, d), wp.dot(normal[j], d))
-                        count += 1
-                    else:
-                        wp.atomic_add(overflow, env, 1)
+            if j <= i:
+                continue
+            other = touch[j]
+            far = own[0] + other[0] + wp.max(own[3], other[3]) + limits.neighbour_margin
+            if wp.length_sq(x - position[j]) >= far * far or other[0] == 0.0:
+                continue
+            is_joined = int(0)
+            for k in range(first, last):
+                if adjacency[k] == j:
+                    is_joined = 1
+            if is_joined == 1:
+                continue
+            if count < limits.neighbour_capacity:
+                at = int(start + count)
+                while at > start and neighbours[at - 1] > j:
+                    neighbours[at] = neighbours[at - 1]
+                    at -= 1
+                neighbours[at] = j
+                count += 1
+            else:
+                wp.atomic_add(overflow, env, 1)
     neighbour_count[i] = count
 
 
 @wp.kernel
 def solve_self_contact(
     dt: wp.float32,
-    is_new: wp.int32,
     limits: Limits,
-    garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    touch: wp.array(dtype=wp.vec4),
     inverse_mass: wp.array(dtype=wp.float32),
-    is_stuck: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3),
     previous: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
     neighbours: wp.array(dtype=wp.int32),
-    sides: wp.array(dtype=wp.int32),
     neighbour_count: wp.array(dtype=wp.int32),
     crowd: wp.array(dtype=wp.float32),
     correction: wp.array(dtype=wp.vec3),
-    squeeze: wp.array(dtype=wp.vec3),
+    squeeze_next: wp.array(dtype=wp.vec3),
     crowd_next: wp.array(dtype=wp.float32),
 ):
-    """Keep discs that face each other apart; rub and hold those that touch.
+    """Keep particles apart; rub and hold those that touch.
 
-    All particles read the same positions and write their own correction (Jacobi), so the result
-    depends on no order, and both of a pair find the same numbers: momentum is kept. What a pair
-    approached in this substep is undone, of an older overlap a share, at no more and no less than
-    that speed, so that layers part without a throw. Where a
-    particle has many contacts each counts less, by `crowd`, the number of them in the substep
-    before. Friction cancels the tangential displacement of the substep up to Coulomb's limit;
-    adhesion is the paper's spring within a radius.
+    All pairs read the same positions and add to both particles' corrections (Jacobi), so the
+    result depends on no order but for rounding, and momentum is kept. What a pair approached in
+    this substep is undone, of an older overlap a share, at no more and no less than that speed,
+    so that layers part without a throw. Where a particle has many contacts each counts less, by
+    `crowd`, the sum of its shares in them in the pass before. Friction cancels the tangential displacement
+    of the substep up to Coulomb's limit; adhesion is the paper's spring within a radius.
 
-    With `is_new` the discs' sides are those of now: at the start of a frame, so that a state says all.
-
-    `squeeze` gets the overlap with the neighbours, along the direction in which they press.
+    `squeeze_next` gets the overlap with the neighbours, along the direction in which they press.
     """
     i = wp.tid()
     n_count = neighbour_count[i]
+    if n_count == 0:
+        return
     wi = inverse_mass[i]
+    own = touch[i]
+    x = position[i]
+    moved = x - previous[i]
+    own_crowd = crowd[i]
     total = wp.vec3(0.0, 0.0, 0.0)
     pressed = wp.vec3(0.0, 0.0, 0.0)
-    weights = float(0.0)
-    if n_count > 0:
-        g = garment[i]
-        m = materials[g]
-        thickness = m.thickness
-        x = position[i]
-        moved = x - previous[i]
-        ni = normal[i]
-        start = i * limits.neighbour_capacity
-        for k in range(n_count):
-            j = neighbours[start + k]
-            d = x - position[j]
-            r2 = wp.length_sq(d)
-            nj = normal[j]
-            over_j = wp.dot(nj, d)
-            over_i = wp.dot(ni, d)
-            if garment[j] != g:
-                thickness = 0.5 * (m.thickness + materials[garment[j]].thickness)
-            else:
-                thickness = m.thickness
-            wide = thickness * thickness
-            side = sides[start + k]
-            if is_new == 1:
-                side = find_side(over_i, over_j)
-                sides[start + k] = side
-            if r2 - wp.max(over_j * over_j, over_i * over_i) >= wide or r2 < 1.0e-16:
-                now = find_side(over_i, over_j)
-                if now != side:
-                    sides[start + k] = now
-            else:
-                reach = thickness + m.adhesion_radius
-                # Each disc counts as it faces the other: an edge on a face has the face's normal.
-                least = 0.05 * wp.sqrt(r2)
-                facing_j = wp.abs(over_j) + least
-                facing_i = wp.abs(over_i) + least
-                if (side & ABOVE_OTHER) == 0:
-                    facing_j = -facing_j
-                if (side & BELOW_OTHER) == 0:
-                    facing_i = -facing_i
-                n = wp.normalize(nj * facing_j - ni * facing_i)
-                apart = wp.dot(n, d)
-                across = (r2 - apart * apart) / wide
-                is_lost = apart < -GIVEN_UP * thickness and is_stuck[i] == 0 and is_stuck[j] == 0
-                if across >= 1.0 or is_lost:
-                    now = find_side(over_i, over_j)
-                    if now != side:
-                        sides[start + k] = now
-                elif apart < reach:
-                    weight = COVER * (1.0 - across)
-                    weights += weight
-                    weight = weight / wp.max(1.0, CROWDED * wp.max(crowd[i], crowd[j]))
-                    share = wi / wp.max(wi + inverse_mass[j], 1.0e-9)
-                    if apart >= 0.0 and r2 < 0.25 * wide:
-                        # whatever the discs say, no two particles nearer than half of the thickness
-                        r = wp.sqrt(r2)
-                        total += d * (0.5 * share * (0.5 * thickness - r) / r)
-                    depth = thickness - apart
-                    slip = moved - (position[j] - previous[j])
-                    along = wp.dot(n, slip)
-                    before = wp.max(depth + along, 0.0)  # what overlapped before this substep
-                    if depth > 0.0 or before > 0.0:
-                        undone = UNDONE * before
-                        if apart < 0.0:
-                            undone = wp.min(undone, limits.separation_speed * dt)
-                        push = wp.clamp(undone - along, -before, wp.max(depth, 0.0))
-                        total += n * (share * push * weight)
-                        pressed += n * (wp.max(depth - SOFT * thickness, 0.0) * weight)
-                        slip = slip - n * along
-                        length = wp.length(slip)
-                        limit = m.particle_friction * wp.max(push, 0.0)
-                        if length > limit:
-                            slip = slip * (limit / length)
-                        total -= slip * (share * weight)
-                    else:
-                        pull = wp.min(m.particle_adhesion * wi * dt * dt, 0.5) * depth
-                        total += n * (pull * weight)
-    correction[i] = total
-    squeeze[i] = pressed
-    crowd_next[i] = weights
+    touching = float(0.0)
+    start = i * limits.neighbour_capacity
+    for k in range(n_count):
+        j = neighbours[start + k]
+        d = x - position[j]
+        other = touch[j]
+        thickness = own[0] + other[0]
+        reach = thickness + wp.max(own[3], other[3])
+        r2 = wp.length_sq(d)
+        if r2 >= reach * reach or r2 < 1.0e-16:
+            continue
+        r = wp.sqrt(r2)
+        n = d * (1.0 / r)
+        depth = thickness - r
+        slip = moved - (position[j] - previous[j])
+        along = wp.dot(n, slip)
+        before = depth + along  # what overlapped before this substep
+        wj = inverse_mass[j]
+        if depth > 0.0 or before > 0.0:
+            before = wp.max(before, 0.0)
+            push = wp.clamp(UNDONE * before - along, -before, wp.max(depth, 0.0))
+            slip = slip - n * along
+            limit = 0.5 * (own[1] + other[1]) * wp.max(push, 0.0)
+            length2 = wp.length_sq(slip)
+            if length2 > limit * limit:
+                slip = slip * (limit / wp.sqrt(length2))
+            crowding = wp.max(1.0, CROWDED * wp.max(own_crowd, crowd[j]))
+            inertia = 1.0 / wp.max(wi + wj, 1.0e-9)
+            change = (n * push - slip) * (inertia / crowding)
+            total += change * wi
+            wp.atomic_sub(correction, j, change * wj)
+            if depth > 0.0:
+                press = n * (depth / crowding)
+                pressed += press
+                wp.atomic_sub(squeeze_next, j, press)
+            touching += wi * inertia
+            wp.atomic_add(crowd_next, j, wj * inertia)
+        else:
+            adhesion = 0.5 * (own[2] + other[2]) * dt * dt
+            total += n * (depth * wp.min(adhesion * wi, 0.1))
+            wp.atomic_sub(correction, j, n * (depth * wp.min(adhesion * wj, 0.1)))
+    wp.atomic_add(correction, i, total)
+    wp.atomic_add(squeeze_next, i, pressed)
+    wp.atomic_add(crowd_next, i, touching)
 
 
 @wp.kernel
 def apply_corrections(
+    share: wp.float32,
     correction: wp.array(dtype=wp.vec3),
+    squeeze_next: wp.array(dtype=wp.vec3),
     crowd_next: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
+    squeeze: wp.array(dtype=wp.vec3),
     crowd: wp.array(dtype=wp.float32),
 ):
-    """Move the particles by their corrections."""
+    """Move the particles by a share of their corrections, and make ready for the next pass."""
     i = wp.tid()
-    position[i] = position[i] + correction[i]
+    position[i] = position[i] + share * correction[i]
+    squeeze[i] = squeeze_next[i]
     crowd[i] = crowd_next[i]
+    correction[i] = wp.vec3(0.0, 0.0, 0.0)
+    squeeze_next[i] = wp.vec3(0.0, 0.0, 0.0)
+    crowd_next[i] = 0.0
