@@ -122,7 +122,7 @@ def hang_below_cloth(run, sheet, *, adhesion, scale):
     """How far a patch falls from fixed cloth above it within half a second."""
     builder = ModelBuilder(1)
     material = ClothMaterial(adhesion=adhesion, particle_adhesion_scale=scale, drag=5.0)
-    upper, upper_faces = sheet(0.15, 0.15, 0.006)
+    upper, upper_faces = sheet(0.15, 0.15, EDGE)
     lower, faces = sheet(0.08, 0.08, EDGE, height=-THICKNESS - 0.001)
     builder.add_garment(upper, upper_faces, pinned=tuple(range(len(upper))), material=material)
     builder.add_garment(turned(lower, 0.35), faces, material=material)
@@ -138,13 +138,13 @@ def test_adhesion_scale_holds_a_patch_under_cloth(run, sheet):
 
 
 def pile(run, sheet, layers):
-    """Stack sheets on the ground, and let them lie for two seconds."""
+    """Stack sheets on the ground, and let them lie for three seconds."""
     builder = ModelBuilder(1)
     for k in range(layers):
         vertices, faces = sheet(0.15, 0.15, EDGE, height=0.004 + k * THICKNESS)
         builder.add_garment(turned(vertices, 0.3 * k), faces)
     builder.add_ground()
-    return run(builder).step(120)
+    return run(builder).step(180)
 
 
 @pytest.mark.parametrize("layers", [2, 4, 8])

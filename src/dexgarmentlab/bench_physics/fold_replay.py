@@ -176,6 +176,7 @@ class _Player:
     def run_stage(self, stage: Any, points: dict[str, np.ndarray]) -> None:
         """Grasp, carry and let go as demonstrated."""
         from dgl_collect.demonstration import retarget_waypoints
+        from dgl_collect.execution import LEAVE_SPACING, plan_leave
 
         motion = self.motion
         shown = self.demonstration.get_stage(stage.name)
@@ -198,20 +199,10 @@ class _Player:
         for w in waypoints:
             self.send(motion.move(w.targets, q, spacing=w.spacing))
         self.send(motion.set_hands(dict.fromkeys(grasp, shown.release_pose)))
-        for leave in _leave(waypoints[-1].targets, q):
-            self.send(motion.move(leave, q))
+        for leave, turned in plan_leave(waypoints[-1].targets, q):
+            self.send(motion.move(leave, turned, spacing=LEAVE_SPACING))
         self.stages[stage.name] = (first, len(self.actions))
         self.send(motion.park())
-
-
-def _leave(points: Mapping[Any, np.ndarray], q: Mapping[Any, np.ndarray]) -> list[dict]:
-    """Where opened hands go: back along the fingers, out of the cloth, then up."""
-    from dgl_tasks.rotations import matrix_from_quaternion
-
-    back = {
-        s: p - 0.12 * matrix_from_quaternion(q[s])[:, 0] + [0, 0, 0.03] for s, p in points.items()
-    }
-    return [back, {s: np.add(p, [0, 0, 0.1]) for s, p in back.items()}]
 
 
 def _get_friction(body: Any, task: Any) -> float:

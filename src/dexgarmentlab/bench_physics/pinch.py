@@ -18,7 +18,7 @@ RADIUS, HALF_LENGTH = 0.01, 0.015
 """Of a fingertip [m]."""
 LYING = np.array([0, 0, 0, np.sqrt(0.5), 0, np.sqrt(0.5), 0])  # axis along x
 FINGER = Shape(kind="capsule", size=(RADIUS, HALF_LENGTH, 0.0), pose=LYING)
-SQUEEZE = 0.001
+SQUEEZE = 0.002
 """How far the fingers close beyond touching [m]."""
 LIFT, LIFT_SPEED = 0.5, 0.6
 HOLD_FRAMES = 600

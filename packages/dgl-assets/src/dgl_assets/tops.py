@@ -49,7 +49,7 @@ def make_top(
     parameters: TopParameters,
     *,
     spacing: float = 0.013,
-    layer_gap: float = 0.008,
+    layer_gap: float = 0.012,
     name: str = "top",
 ) -> Garment:
     """Make a long-sleeved top.

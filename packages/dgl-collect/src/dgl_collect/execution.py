@@ -18,17 +18,20 @@ from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
 from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.grasps import roll_thumb_down, wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.rotations import matrix_from_quaternion
 from dgl_tasks.success import Verdict
 
 APPROACH_HEIGHT = 0.15
 """Height above the grasp point from which a hand comes down [m]."""
-WITHDRAWAL = 0.12
-"""How far an opened hand draws back along its fingers, out of the cloth, before it rises [m]."""
-CLEARANCE = 0.1
+ROLL = np.radians(50)
+"""How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
+ROLL_LIFT = 0.04
+"""How far it rises while it rolls [m]."""
+CLEARANCE = 0.15
 """How far it then rises [m]."""
+LEAVE_SPACING = 0.005
+"""Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
 ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
 FINAL_FRAMES = 20
@@ -158,8 +161,8 @@ class Execution:
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
         self._send(self.motion.set_hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         self.records.append(recorder.finish())
-        for leave in _leave(waypoints[-1].targets, orientations):
-            self._send(self.motion.move(leave, orientations))
+        for leave, turned in plan_leave(waypoints[-1].targets, orientations):
+            self._send(self.motion.move(leave, turned, spacing=LEAVE_SPACING))
         self._send(self.motion.park())
 
     def _plan_hand(
@@ -176,8 +179,8 @@ class Execution:
         for waypoint in waypoints:
             target = {side: waypoint.targets[side]}
             self.motion.move(target, orientations, spacing=waypoint.spacing)
-        for leave in _leave({side: waypoints[-1].targets[side]}, orientations):
-            self.motion.move(leave, orientations)
+        for leave, turned in plan_leave({side: waypoints[-1].targets[side]}, orientations):
+            self.motion.move(leave, turned, spacing=LEAVE_SPACING)
 
     # Acting and seeing -----------------------------------------------------------------------
 
@@ -293,13 +296,15 @@ class Execution:
         )
 
 
-def _leave(
+def plan_leave(
     points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
-) -> list[dict[Side, np.ndarray]]:
-    """Grasp points of hands that leave the cloth: back along the fingers, then up."""
-    back, up = {}, {}
-    for side, q in orientations.items():
-        fingers = matrix_from_quaternion(q)[:, 0]
-        back[side] = points[side] - WITHDRAWAL * fingers + np.array([0, 0, WITHDRAWAL / 4])
-        up[side] = back[side] + np.array([0, 0, CLEARANCE])
-    return [back, up]
+) -> list[tuple[dict[Side, np.ndarray], dict[Side, np.ndarray]]]:
+    """Grasp points and orientations of hands that leave the cloth.
+
+    The palm looks down, so of an opened hand the thumb is under the cloth and would hook it. So the
+    hand rolls until cloth slides off the thumb, and then goes straight up.
+    """
+    rolled = {side: roll_thumb_down(q, ROLL, side) for side, q in orientations.items()}
+    out = {side: points[side] + np.array([0, 0, ROLL_LIFT]) for side in orientations}
+    up = {side: point + np.array([0, 0, CLEARANCE]) for side, point in out.items()}
+    return [(out, rolled), (up, rolled)]

@@ -84,6 +84,22 @@ def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
     return multiply_quaternions(turn, normalize_quaternion(quaternion))
 
 
+def roll_thumb_down(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
+    """Turn an orientation about the fingers so that the thumb of a hand whose palm looks down sinks.
+
+    Args:
+        quaternion: Orientation of `ee`, wxyz, shape (4,).
+        angle: Turn [rad].
+        side: "left" or "right".
+
+    Returns:
+        The turned orientation, wxyz, shape (4,).
+    """
+    half = (angle if side == "left" else -angle) / 2
+    turn = np.array([np.cos(half), np.sin(half), 0.0, 0.0])
+    return multiply_quaternions(normalize_quaternion(quaternion), turn)
+
+
 def _grasp_offset(side: Side) -> np.ndarray:
     if side not in SIDES:
         raise ValueError(f"side must be one of {SIDES}; got {side!r}")

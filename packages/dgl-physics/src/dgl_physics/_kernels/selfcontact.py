@@ -15,6 +15,9 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 SEARCH_AGAIN = wp.constant(0.5)
 """Share of the margin that a particle may move before what is near to it is searched again: where two
 approach each other by that, the margin is used up."""
+LOFT = wp.constant(float(__import__("os").environ.get("LOFT","0.1")))
+"""Share of the thickness within which compressed cloth gets stiffer, with the cube of the depth, as fibres
+come together (van Wyk 1946)."""
 CROWDED = wp.constant(0.8)
 """Contacts of a particle count less where it has more of them than the inverse of this, each counted by
 the particle's share in it."""
@@ -185,6 +188,11 @@ def solve_self_contact(
         along = wp.dot(n, slip)
         before = depth + along  # what overlapped before this substep
         wj = inverse_mass[j]
+        inertia = 1.0 / wp.max(wi + wj, 1.0e-9)
+        if depth > 0.0:
+            touching += wi * inertia
+            wp.atomic_add(crowd_next, j, wj * inertia)
+        crowding = wp.max(1.0, CROWDED * wp.max(own_crowd, crowd[j]))
         if depth > 0.0 or before > 0.0:
             before = wp.max(before, 0.0)
             push = wp.clamp(UNDONE * before - along, -before, wp.max(depth, 0.0))
@@ -193,21 +201,19 @@ def solve_self_contact(
             length2 = wp.length_sq(slip)
             if length2 > limit * limit:
                 slip = slip * (limit / wp.sqrt(length2))
-            crowding = wp.max(1.0, CROWDED * wp.max(own_crowd, crowd[j]))
-            inertia = 1.0 / wp.max(wi + wj, 1.0e-9)
             change = (n * push - slip) * (inertia / crowding)
             total += change * wi
             wp.atomic_sub(correction, j, change * wj)
             if depth > 0.0:
-                press = n * (depth / crowding)
+                loft = wp.min(depth / (LOFT * thickness), 1.0)
+                press = n * (depth * loft * loft / crowding)
                 pressed += press
                 wp.atomic_sub(squeeze_next, j, press)
-            touching += wi * inertia
-            wp.atomic_add(crowd_next, j, wj * inertia)
         else:
             adhesion = 0.5 * (own[2] + other[2]) * dt * dt
-            total += n * (depth * wp.min(adhesion * wi, 0.1))
-            wp.atomic_sub(correction, j, n * (depth * wp.min(adhesion * wj, 0.1)))
+            pull = n * (depth / crowding)
+            total += pull * wp.min(adhesion * wi, 0.1)
+            wp.atomic_sub(correction, j, pull * wp.min(adhesion * wj, 0.1))
     wp.atomic_add(correction, i, total)
     wp.atomic_add(squeeze_next, i, pressed)
     wp.atomic_add(crowd_next, i, touching)
