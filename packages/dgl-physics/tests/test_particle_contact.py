@@ -180,9 +180,7 @@ too_fast = pytest.mark.xfail(
 )
 
 
-@pytest.mark.parametrize(
-    ("speed", "every"), [(0.9, 12), (2.0, 3), (4.0, 3)]
-)
+@pytest.mark.parametrize(("speed", "every"), [(0.9, 12), (2.0, 3), (4.0, 3)])
 def test_layers_do_not_pass_through_each_other(run, sheet, speed, every):
     r, faces = place_two_layers(
         run, sheet, gap=0.03, velocities=[[0, 0, 0], [0, 0, -speed]], search_every=every

@@ -22,7 +22,7 @@ def pinch(
     device="cpu",
     width=0.1,
     length=0.15,
-    squeeze=0.001,
+    squeeze=0.002,
     frames=120,
     **material,
 ):

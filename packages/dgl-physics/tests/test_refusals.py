@@ -147,7 +147,7 @@ def test_too_many_neighbours_are_not_dropped_in_silence(run, sheet):
     for env, layers in enumerate((1, 4)):
         for k in range(layers):
             builder.add_garment(np.add(vertices, [0, 0, 0.004 * k]), faces, env=env)
-    run(builder, neighbour_capacity=24).step()  # within thickness, adhesion and margin: 21
+    run(builder, neighbour_capacity=24).step()
     with pytest.raises(ContactOverflowError, match=r"\[1\].*neighbour_capacity \(2\)"):
         run(builder, neighbour_capacity=2).step()
 

@@ -129,13 +129,15 @@ class Execution:
 
     def _run_stage(self, stage: Stage, points: dict[str, np.ndarray]) -> None:
         demonstrated = self.demonstration.get_stage(stage.name)
-        grasp = {
-            side: np.array([*points[name][:2], stage.grasp_height])
-            for side, name in stage.grasp.items()
-        }
         names = [stage.grasp.get(side, next(iter(stage.grasp.values()))) for side in SIDES]
         cloud = self._see_garment()
-        _, similarity = self._match(names, cloud)
+        # seen again: the stages before may have dragged the garment along
+        found, similarity = self._match(names, cloud)
+        grasp = {
+            side: np.array([*cloud[index][:2], stage.grasp_height], dtype=float)
+            for side, index in zip(SIDES, found, strict=True)
+            if side in stage.grasp
+        }
         waypoints = retarget_waypoints(demonstrated, points)
         orientations = self.motion.choose_turns(
             stage.orientation,

@@ -38,9 +38,9 @@ class ContactMaterial:
     thickness: float = 0.008
     """Distance at which two particles of different places of the garment rest [m]; > 0."""
 
-    compression_stiffness: float = 5.0e5
+    compression_stiffness: float = 3.0e5
     """Pressure of cloth squeezed between surfaces, over how far it is compressed [Pa/m]; >= 0. It is
-    what friction in a pinch and the force on fingers come from."""
+    what friction in a pinch comes from; less within the first tenth of the thickness."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -30,7 +30,7 @@ class SolverConfig:
     """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
     search_every: int = 3
     """Substeps after which particle contacts are searched for, where particles moved; >= 1."""
-    neighbour_margin: float = 0.006
+    neighbour_margin: float = 0.005
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
     far a particle may move without a search."""
     neighbour_capacity: int = 160
@@ -91,7 +91,9 @@ class SolverXPBD:
         self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
         self._reach = model.contact_reach + c.neighbour_margin
-        self._limits.cell_size = 2.0 * self._reach  # a query visits few cells, and not many particles
+        self._limits.cell_size = (
+            2.0 * self._reach
+        )  # a query visits few cells, and not many particles
         cells = max(1 << 14, 1 << int(np.ceil(np.log2(8 * count))))
         self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)

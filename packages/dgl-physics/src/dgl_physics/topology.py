@@ -178,9 +178,7 @@ def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     return np.cumsum(start, dtype=np.int32), both[:, 1].astype(np.int32)
 
 
-def compute_radii(
-    rest: np.ndarray, edges: np.ndarray, thickness: float
-) -> np.ndarray:
+def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.ndarray:
     """Compute how large a particle must be for no other edge to slip through the mesh.
 
     Two edges of length L that cross in their middles have their ends L / sqrt(2) apart, and the

@@ -24,4 +24,3 @@ def flag_divergence(
         x = position[i]
         if not (wp.length(x) < extent):
             flag[i // particles_per_env] = 1
-

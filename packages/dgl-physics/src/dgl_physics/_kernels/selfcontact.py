@@ -15,7 +15,7 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 SEARCH_AGAIN = wp.constant(0.5)
 """Share of the margin that a particle may move before what is near to it is searched again: where two
 approach each other by that, the margin is used up."""
-LOFT = wp.constant(float(__import__("os").environ.get("LOFT","0.1")))
+LOFT = wp.constant(0.1)
 """Share of the thickness within which compressed cloth gets stiffer, with the cube of the depth, as fibres
 come together (van Wyk 1946)."""
 CROWDED = wp.constant(0.8)
