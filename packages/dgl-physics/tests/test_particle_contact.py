@@ -138,13 +138,13 @@ def test_adhesion_scale_holds_a_patch_under_cloth(run, sheet):
 
 
 def pile(run, sheet, layers):
-    """Stack sheets on the ground, and let them lie for three seconds."""
+    """Stack sheets on the ground, and let them lie for four seconds."""
     builder = ModelBuilder(1)
     for k in range(layers):
         vertices, faces = sheet(0.15, 0.15, EDGE, height=0.004 + k * THICKNESS)
         builder.add_garment(turned(vertices, 0.3 * k), faces)
     builder.add_ground()
-    return run(builder).step(180)
+    return run(builder).step(240)
 
 
 @pytest.mark.parametrize("layers", [2, 4, 8])

@@ -35,8 +35,9 @@ class ContactMaterial:
     rest_offset: float = 0.004
     """Distance at which a particle rests on a rigid surface [m]; > 0."""
 
-    thickness: float = 0.008
-    """Distance at which two particles of different places of the garment rest [m]; > 0."""
+    thickness: float = 0.012
+    """Distance at which two particles of different places of the garment rest [m]; > 0. Where edges of
+    cloth are longer than 1.4 times this, more: particles must cover it for layers not to pass."""
 
     compression_stiffness: float = 3.0e5
     """Pressure of cloth squeezed between surfaces, over how far it is compressed [Pa/m]; >= 0. It is

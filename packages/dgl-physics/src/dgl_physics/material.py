@@ -22,10 +22,6 @@ class ClothMaterial(ContactMaterial):
     area_density: float = 0.2
     """Mass per layer area [kg/m^2]; > 0. Knitted cotton is about 0.15 to 0.3."""
 
-    thickness: float = 0.012
-    """Distance at which two particles of different places of the garment rest [m]; > 0. Where edges
-    are longer than 1.4 times this, more: particles must cover the mesh for layers not to pass."""
-
     stretch_stiffness: float = 1000.0
     """Young's modulus of the membrane along warp and weft, force per width [N/m]; > 0."""
 
