@@ -90,9 +90,9 @@ def test_sleeves_are_carried_over_their_joint_without_pulling(
         assert np.hypot(flat, point[2]) <= sleeve + 1e-9
     # straight towards the far chest, as far as the sleeve allows
     goal = P[other][:2] - P[joint][:2]
-    share = min(1.0, 0.95 * sleeve / np.linalg.norm(goal))
+    share = min(1.0, 0.94 * sleeve / np.linalg.norm(goal))
     np.testing.assert_allclose(end[:2], P[joint][:2] + share * goal)
-    assert 0 < end[2] < 0.1
+    assert 0.05 < end[2] < 0.15  # over what lies there, so that it falls off the thumb
 
 
 @pytest.mark.parametrize(("length", "height"), [(0.2, 0.2), (0.29, 0.29), (0.31, 0.3), (0.6, 0.3)])

@@ -176,11 +176,12 @@ class _Player:
     def run_stage(self, stage: Any, points: dict[str, np.ndarray]) -> None:
         """Grasp, carry and let go as demonstrated."""
         from dgl_collect.demonstration import retarget_waypoints
-        from dgl_collect.execution import LEAVE_SPACING, plan_leave
+        from dgl_collect.execution import LEAVE_SPACING, RELEASE_FRAMES, plan_leave
 
         motion = self.motion
         shown = self.demonstration.get_stage(stage.name)
-        grasp = {s: np.array([*points[n][:2], stage.grasp_height]) for s, n in stage.grasp.items()}
+        seen = self.find_points()  # the stages before may have dragged the garment along
+        grasp = {s: np.array([*seen[n][:2], stage.grasp_height]) for s, n in stage.grasp.items()}
         above = {s: p + np.array([0, 0, 0.15]) for s, p in grasp.items()}
         waypoints = retarget_waypoints(shown, points)
 
@@ -199,6 +200,7 @@ class _Player:
         for w in waypoints:
             self.send(motion.move(w.targets, q, spacing=w.spacing))
         self.send(motion.set_hands(dict.fromkeys(grasp, shown.release_pose)))
+        self.send(motion.hold(RELEASE_FRAMES))
         for leave, turned in plan_leave(waypoints[-1].targets, q):
             self.send(motion.move(leave, turned, spacing=LEAVE_SPACING))
         self.stages[stage.name] = (first, len(self.actions))

@@ -24,7 +24,7 @@ from dgl_tasks.success import Verdict
 
 APPROACH_HEIGHT = 0.15
 """Height above the grasp point from which a hand comes down [m]."""
-ROLL = np.radians(50)
+ROLL = np.radians(60)
 """How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
 ROLL_LIFT = 0.04
 """How far it rises while it rolls [m]."""
@@ -32,6 +32,8 @@ CLEARANCE = 0.15
 """How far it then rises [m]."""
 LEAVE_SPACING = 0.005
 """Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
+RELEASE_FRAMES = 15
+"""Frames for the cloth to fall from an opened hand before it leaves."""
 ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
 FINAL_FRAMES = 20
@@ -163,6 +165,7 @@ class Execution:
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
         self._send(self.motion.set_hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         self.records.append(recorder.finish())
+        self._send(self.motion.hold(RELEASE_FRAMES))
         for leave, turned in plan_leave(waypoints[-1].targets, orientations):
             self._send(self.motion.move(leave, turned, spacing=LEAVE_SPACING))
         self._send(self.motion.park())

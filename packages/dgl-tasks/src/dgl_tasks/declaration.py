@@ -67,7 +67,7 @@ class Task:
     cameras: Mapping[str, CameraPlacement]
     workspace: Workspace = field(default_factory=Workspace)
     material: ClothMaterial = field(default_factory=ClothMaterial)
-    hand_friction: float = 1.5
+    hand_friction: float = 1.0
     """Friction of the hands' rubber pads, a factor on the material's."""
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
