@@ -394,10 +394,7 @@ def _to_struct(m: ContactMaterial) -> Material:
     s.friction = m.friction
     s.adhesion = m.adhesion
     s.adhesion_radius = m.adhesion_radius
-    s.particle_friction = m.friction * m.particle_friction_scale
-    s.particle_adhesion = m.adhesion * m.particle_adhesion_scale
     s.rest_offset = m.rest_offset
-    s.thickness = m.thickness
     s.drag = m.drag
     if isinstance(m, ClothMaterial):
         s.stretch_damping = m.stretch_damping

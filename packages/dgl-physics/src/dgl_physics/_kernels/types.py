@@ -11,10 +11,7 @@ class Material:
     friction: wp.float32
     adhesion: wp.float32
     adhesion_radius: wp.float32
-    particle_friction: wp.float32
-    particle_adhesion: wp.float32
     rest_offset: wp.float32
-    thickness: wp.float32
     drag: wp.float32
     stiffening: wp.float32
     """Force of compressed cloth over its depth and mass [1/s^2]."""
