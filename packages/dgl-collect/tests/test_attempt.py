@@ -96,15 +96,16 @@ def check_episode(episode, result):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_without_friction_and_adhesion_nothing_is_lifted(runner, tmp_path):
+def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path):
     set_material(runner, friction=0.0, adhesion=0.0)
     try:
         result = run(runner, tmp_path / "slippery")
     finally:
         runner.env.task = get_task(TASK_ID)
     assert not result.success
-    assert result.reason == "missed grasp"
-    assert "left_sleeve, waypoint 0, left hand" in result.detail
+    # fingers may shovel cloth up by a few centimetres, but not carry it
+    assert result.reason in ("missed grasp", "slipped"), result.detail
+    assert "left_sleeve, waypoint" in result.detail
     assert "episode" not in result.files
 
 
