@@ -44,7 +44,7 @@ class FoldRecord:
     final: np.ndarray
     """Particles after the last frame [m], shape (V, 3)."""
     stages: Mapping[str, tuple[int, int]]
-    """Frame at which the hands of a stage begin to close, and at which they have drawn back."""
+    """Frame at which the hands of a stage begin to close, and at which they have left the cloth."""
     step_seconds: np.ndarray
     """Time that each step of the environment took [s], shape (T,)."""
     success_value: float

@@ -179,11 +179,14 @@ def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
 
 
 def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.ndarray:
-    """Compute how large a particle must be for no other edge to slip through the mesh.
+    """Compute how large a particle must be for hardly any edge to slip through the mesh.
 
     Two edges of length L that cross in their middles have their ends L / sqrt(2) apart, and the
-    centre of a triangle is L / sqrt(3) from its corners. So a mesh whose particles, but those that
-    share an edge, keep a distance of L / sqrt(2) cannot pass through itself.
+    centre of a triangle is L / sqrt(3) from its corners. So edges of one length, not stretched, whose
+    ends keep a distance of L / sqrt(2) cannot pass each other.
+
+    Limitations: particles that share an edge are not kept apart, edges of different length need a
+    little more than the sum of these radii, and edges stretch: near a bound, not a proof.
 
     Args:
         rest: Rest positions [m], shape (V, 3).

@@ -1,7 +1,8 @@
 """Contact of particles with particles, of the same garment or of another.
 
 A particle is a sphere that is large enough for the spheres of a triangle, and those of an edge, to
-leave no gap that others could slip through: as long as particles keep apart, layers do.
+leave next to no gap that others could slip through: as long as particles keep apart, layers do.
+See `dgl_physics.topology.compute_radii`.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
@@ -22,8 +23,8 @@ CROWDED = wp.constant(0.8)
 """Contacts of a particle count less where it has more of them than the inverse of this, each counted by
 the particle's share in it."""
 UNDONE = wp.constant(0.7)
-"""Share of an older overlap that is undone in a substep. Not more: what is left is as large as
-what the cloth then moves by in a substep, so that it stops where the overlap ends."""
+"""Share of an older overlap that is undone in a substep. Up to one half nothing is left of the speed that
+this gives where the overlap ends; more holds pinched cloth better, catches fewer edges, and leaves some."""
 
 
 @wp.func
@@ -152,8 +153,8 @@ def solve_self_contact(
 
     All pairs read the same positions and add to both particles' corrections (Jacobi), so the
     result depends on no order but for rounding, and momentum is kept. What a pair approached in
-    this substep is undone, of an older overlap a share, at no more and no less than that speed,
-    so that layers part without a throw. Where a particle has many contacts each counts less, by
+    this substep is undone, and of an older overlap a share; the speed that this gave is taken back,
+    all but a part, where the overlap ends. Where a particle has many contacts each counts less, by
     `crowd`, the sum of its shares in them in the pass before. Friction cancels the tangential displacement
     of the substep up to Coulomb's limit; adhesion is the paper's spring within a radius.
 
