@@ -71,7 +71,8 @@ def settle(run, vertices, faces, pinned, gravity, *, turned=0.0, **material):
         pinned=tuple(np.flatnonzero(pinned)),
         material=ClothMaterial(area_density=W, adhesion=0.0, drag=8.0, thickness=0.005, **material),
     )
-    r = run(builder, gravity=gravity, substeps=96).step(75)
+    # it creeps to its place in the heavy air: it must not fall asleep on the way
+    r = run(builder, gravity=gravity, substeps=96, sleep_distance=0.0).step(150)
     assert np.abs(r.v).max() < 0.01
     return r.x - vertices
 

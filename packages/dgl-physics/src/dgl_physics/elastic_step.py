@@ -28,6 +28,7 @@ class NearShapes:
     near: wp.array
     near_count: wp.array
     previous: wp.array
+    inverse_mass: wp.array
 
 
 class ElasticStep:
@@ -93,7 +94,7 @@ class ElasticStep:
             dim=count,
             inputs=[
                 gravity, state.gravity_scale, self._dt, s.particle, s.damping, m.environment,
-                m.garment_index, m.materials, m.inverse_mass, state.positions, state.velocities,
+                m.garment_index, m.materials, near.inverse_mass, state.positions, state.velocities,
                 self._trial, self._fall,
             ],
         )  # fmt: skip
@@ -115,7 +116,7 @@ class ElasticStep:
             dim=count,
             inputs=[
                 self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                m.inverse_mass, near.active, near.pose_now, near.near, near.near_count,
+                near.inverse_mass, near.active, near.pose_now, near.near, near.near_count,
                 s.particle, self._trial, self._step, state.impulse,
             ],
         )  # fmt: skip
@@ -139,7 +140,7 @@ class ElasticStep:
             dim=count,
             inputs=[
                 self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                m.inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
+                near.inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
                 near.near_count, near.previous, state.positions, s.particle, self._fall,
                 self._step, self._touches,
             ],

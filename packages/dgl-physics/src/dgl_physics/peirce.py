@@ -129,6 +129,8 @@ def measure_bending_length(
         material=replace(material, adhesion=0.0, drag=3.0, thickness=min(material.thickness, edge)),
     )
     model = builder.build()
+    # a damped strip creeps to its place: it must not fall asleep on the way
+    config = replace(config or SolverConfig(), sleep_distance=0.0)
     state, solver = model.make_state(), SolverXPBD(model, config)
     for _ in range(frames):
         solver.step(state)

@@ -7,7 +7,17 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import bending, cloth, coarse, guard, rigid, selfcontact, yarns
+from dgl_physics._kernels import (
+    bending,
+    cloth,
+    coarse,
+    forgetting,
+    guard,
+    rigid,
+    selfcontact,
+    sleep,
+    yarns,
+)
 from dgl_physics._kernels.types import Limits
 from dgl_physics.elastic_step import ElasticStep, NearShapes
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
@@ -24,11 +34,11 @@ class SolverConfig:
 
     dt: float = 1 / 60
     """Length of a frame [s]; > 0."""
-    substeps: int = 12
+    substeps: int = 10
     """Substeps of a frame, each of one iteration; >= 1."""
     coarse_sweeps: int = 3
     """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
-    search_every: int = 3
+    search_every: int = 5
     """Substeps after which particle contacts are searched for, where particles moved; >= 1."""
     neighbour_margin: float = 0.005
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
@@ -37,6 +47,12 @@ class SolverConfig:
     """Most particles of higher index that a particle can be near to."""
     near_capacity: int = 48
     """Most shapes that a particle can be near to."""
+    sleep_distance: float = 1e-3
+    """Cloth is still while its particles stay this near to where they were, as the root of the mean square
+    over an environment [m]; 0 for cloth that never sleeps."""
+    sleep_after: float = 0.5
+    """Time for which the cloth of an environment has been still that sleeps [s]; > 0. It wakes when a
+    body that can move comes near, or when particles or gravity are set."""
     max_speed: float = 15.0
     """Particles are not faster than this [m/s]."""
     separation_speed: float = 0.1
@@ -54,6 +70,11 @@ class SolverConfig:
             raise ValueError(f"substeps must be >= 1; got {self.substeps}")
         if not self.neighbour_margin > 0:
             raise ValueError(f"neighbour_margin must be > 0; got {self.neighbour_margin}")
+        if not (self.sleep_distance >= 0 and self.sleep_after > 0):
+            raise ValueError(
+                f"sleep_distance must be >= 0 and sleep_after > 0; got {self.sleep_distance} and "
+                f"{self.sleep_after}"
+            )
         if self.search_every < 1:
             raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 
@@ -88,6 +109,8 @@ class SolverXPBD:
         self._limits.neighbour_margin = c.neighbour_margin
         self._limits.neighbour_capacity = c.neighbour_capacity
         self._limits.near_capacity = c.near_capacity
+        self._limits.sleep_distance = c.sleep_distance
+        self._limits.sleep_frames = max(1, round(c.sleep_after / c.dt))
         self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
         self._reach = model.contact_reach + c.neighbour_margin
@@ -97,13 +120,13 @@ class SolverXPBD:
         cells = max(1 << 14, 1 << int(np.ceil(np.log2(8 * count))))
         self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._edge_length = wp.zeros_like(model.rest_length)
-        self._bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
-        self._yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
+        self._inverse_mass = wp.zeros(count, dtype=wp.float32, device=device)
+        free = model.inverse_mass.numpy().reshape(envs, -1) > 0
+        self._free_count = wp.array(free.sum(axis=1), dtype=wp.float32, device=device)
+        self._is_touched = wp.zeros(envs, dtype=wp.int32, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze_next = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._crowd = wp.zeros(count, dtype=wp.float32, device=device)
         self._crowd_next = wp.zeros(count, dtype=wp.float32, device=device)
         nodes = max(model.coarse.node_count, 1)
         self._centre = wp.zeros(nodes, dtype=wp.vec3, device=device)
@@ -130,6 +153,7 @@ class SolverXPBD:
             near=self._near,
             near_count=self._near_count,
             previous=self._previous,
+            inverse_mass=self._inverse_mass,
         )
         self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
@@ -154,8 +178,10 @@ class SolverXPBD:
         with wp.ScopedDevice(self.model.device):
             if self._graph_state is not state:
                 self._graphs, self._graph_state = {}, state
+            if state.is_any_set:
+                self._forget(state)
             self._replay("begin", self._begin_frame)
-            for part in parts:
+            for part in () if self._is_asleep() else parts:
                 if self._needs_search():
                     self._replay("search", self._find_neighbours)
                 self._replay(f"substeps {part}", lambda part=part: self._run_substeps(part))
@@ -179,6 +205,12 @@ class SolverXPBD:
         assert self._graph_state is not None
         return self._graph_state
 
+    def _is_asleep(self) -> bool:
+        """Ask whether nothing moves at all; on a GPU particles that sleep are passed over one by one."""
+        if self.model.device != "cpu":
+            return False  # reading the answer back would stall the device
+        return bool((self._state.still.numpy() >= self._limits.sleep_frames).all())
+
     def _needs_search(self) -> bool:
         """Ask whether particles have moved; on a GPU the search itself decides, unasked."""
         self._replay("stirred", self._mark_stirred)
@@ -200,12 +232,46 @@ class SolverXPBD:
         )  # fmt: skip
 
     def _begin_frame(self) -> None:
-        self._state.impulse.zero_()
-        self._find_near_shapes(self._state)
+        m, state = self.model, self._state
+        self._find_near_shapes(state)
+        count = m.env_count * m.particles_per_env
+        wp.launch(
+            sleep.find_touched,
+            dim=count,
+            inputs=[
+                m.particles_per_env, self._limits, m.shapes, self._active, self._near,
+                self._near_count, self._is_touched,
+            ],
+        )  # fmt: skip
+        wp.launch(
+            sleep.count_still_frames,
+            dim=m.env_count,
+            inputs=[
+                self._limits, self._free_count, self._is_touched, state.motion, state.still
+            ],
+        )  # fmt: skip
+        wp.launch(
+            sleep.clear_impulses,
+            dim=state.impulse.shape,
+            inputs=[self._limits, state.still, state.impulse],
+        )
+        wp.launch(
+            sleep.lay_down,
+            dim=count,
+            inputs=[
+                self._limits, m.environment, state.still, m.inverse_mass, state.positions,
+                state.velocities, self._inverse_mass, state.anchor,
+            ],
+        )  # fmt: skip
 
     def _end_frame(self) -> None:
         m, state = self.model, self._state
         wp.copy(state.body_start, state.body_end)
+        wp.launch(
+            sleep.add_motion,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[m.environment, state.anchor, state.positions, state.motion],
+        )
         if self.config.is_guarded:
             wp.launch(
                 guard.flag_divergence,
@@ -217,31 +283,27 @@ class SolverXPBD:
         m, c, state = self.model, self.config, self._state
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
+        rate = 1.0 / dt
         for k in part:
-            if k == 0:
-                self._count_contacts(state, dt)
             wp.launch(
                 cloth.integrate,
                 dim=count,
                 inputs=[
                     wp.vec3(*c.gravity), state.gravity_scale, dt, m.environment, m.garment_index,
-                    m.materials, m.inverse_mass, state.positions, state.velocities, self._previous,
+                    m.materials, self._inverse_mass, state.positions, state.velocities, self._previous,
                 ],
             )  # fmt: skip
             self._solve_self_contact(state, dt)
             # What is solved last holds best, so the stiff comes after the soft.
-            # Damping needs lengths of the substep before; a frame knows none from before its own,
-            # so that a state is complete without them. The other substeps take the first one's.
-            rate = c.substeps / (c.substeps - 1) / dt if k > 0 else 0.0
             self._solve_bending(state, dt, rate)
             for first, end in self._colours(m.colour_start):
                 wp.launch(
                     cloth.solve_distances,
                     dim=end - first,
                     inputs=[
-                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, m.inverse_mass,
-                        state.positions, rate if m.is_stretch_damped else -1.0, m.garment_index,
-                        m.materials, self._edge_length,
+                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass,
+                        state.positions, rate if m.is_stretch_damped else 0.0, m.garment_index,
+                        m.materials, state.edge_length,
                     ],
                 )  # fmt: skip
             self._solve_yarns(state, dt, rate)
@@ -256,7 +318,7 @@ class SolverXPBD:
                 dim=count,
                 inputs=[
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
-                    m.inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
+                    self._inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._squeeze, state.positions,
                     state.velocities, state.impulse, state.is_stuck, self._tension,
                 ],
@@ -269,7 +331,8 @@ class SolverXPBD:
             selfcontact.solve_self_contact,
             dim=count,
             inputs=[
-                dt, self._limits, m.touch, m.inverse_mass, state.positions, self._previous, self._neighbours, self._neighbour_count, self._crowd, self._correction,
+                dt, self._limits, m.touch, self._inverse_mass, state.positions, self._previous,
+                self._neighbours, self._neighbour_count, state.crowd, self._correction,
                 self._squeeze_next, self._crowd_next,
             ],
         )  # fmt: skip
@@ -278,14 +341,40 @@ class SolverXPBD:
             dim=count,
             inputs=[
                 share, self._correction, self._squeeze_next, self._crowd_next, state.positions, self._squeeze,
-                self._crowd,
+                state.crowd,
             ],
         )  # fmt: skip
 
-    def _count_contacts(self, state: State, dt: float) -> None:
-        """Look at the contacts without resolving them, so that a frame needs none from before."""
+    def _forget(self, state: State) -> None:
+        """Forget the substep before in the environments whose particles were set since then.
+
+        Damping knows no lengths then, and contacts are counted without being resolved.
+        """
+        m = self.model
         wp.copy(self._previous, state.positions)
-        self._solve_self_contact(state, dt, share=0.0)
+        wp.copy(self._inverse_mass, m.inverse_mass)
+        crowd = wp.clone(state.crowd)
+        self._mark_stirred()
+        self._find_neighbours()
+        self._solve_self_contact(state, self.config.dt / self.config.substeps, share=0.0)
+        wp.launch(
+            forgetting.take_counts,
+            dim=len(crowd),
+            inputs=[state.is_set, m.environment, state.crowd, crowd],
+        )
+        wp.copy(state.crowd, crowd)
+        for particles, lengths, unknown in (
+            (m.pairs, state.edge_length, -1.0),
+            (m.bending.vertices, state.bend_length, -1.0),
+            (m.yarns.vertices, state.yarn_length, wp.vec2(-1.0, -1.0)),
+        ):
+            wp.launch(
+                forgetting.forget_lengths,
+                dim=len(lengths),
+                inputs=[state.is_set, m.environment, particles, unknown, lengths],
+            )
+        state.is_set.zero_()
+        state.is_any_set = False
 
     def _solve_coarse_level(self, state: State, dt: float) -> None:
         m, t = self.model, self.model.coarse
@@ -293,7 +382,7 @@ class SolverXPBD:
             coarse.gather_nodes,
             dim=t.node_count,
             inputs=[
-                t.node_start, t.node_particle, t.node_weight, t.node_inverse_mass, m.inverse_mass,
+                t.node_start, t.node_particle, t.node_weight, t.node_inverse_mass, self._inverse_mass,
                 state.is_stuck, state.positions, self._centre, self._centre_before, self._mobility,
                 self._held, self._reaction,
             ],
@@ -309,8 +398,9 @@ class SolverXPBD:
             coarse.move_with_nodes,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                COARSE_ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass, m.inverse_mass, state.is_stuck,
-                self._centre, self._centre_before, self._held, self._reaction, state.positions,
+                COARSE_ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass,
+                self._inverse_mass, state.is_stuck, self._centre, self._centre_before, self._held,
+                self._reaction, state.positions,
                 self._tension,
             ],
         )  # fmt: skip
@@ -330,7 +420,7 @@ class SolverXPBD:
                 dim=end - first,
                 inputs=[
                     first, dt, rate, m.bending.vertices, m.bending.weights, m.bending.response,
-                    m.inverse_mass, state.positions, self._bend_length,
+                    self._inverse_mass, state.positions, state.bend_length,
                 ],
             )  # fmt: skip
 
@@ -342,7 +432,7 @@ class SolverXPBD:
                 dim=end - first,
                 inputs=[
                     first, dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response,
-                    m.inverse_mass, state.positions, self._yarn_length,
+                    self._inverse_mass, state.positions, state.yarn_length,
                 ],
             )  # fmt: skip
 

@@ -19,6 +19,14 @@ class State:
         velocities: Particle velocities [m/s], shape (B * V,), vec3.
         is_stuck: Whether a particle stuck to a rigid surface at the end of the last substep,
             shape (B * V,), int32; the next substep takes it as held.
+        still: Frames for which an environment's cloth has been still, shape (B,), int32; after
+            `SolverConfig.sleep_after` it sleeps.
+        anchor: Where the particles were when that count was 0 [m], shape (B * V,), vec3.
+        motion: Sum of the squares of their distances from there [m^2], shape (B,).
+        crowd: Share of the particles in their contacts, summed, shape (B * V,).
+        edge_length, bend_length, yarn_length: What the constraints measured in the last substep, for damping, by
+            constraint; negative where it is not known.
+        is_set: Whether an environment's particles were set since the last frame, shape (B,), int32.
         gravity_scale: Factor on gravity, shape (B,).
         body_start: Body poses at the start of the coming frame, shape (B, N), transform (xyzw).
         body_end: Body poses at its end.
@@ -35,6 +43,15 @@ class State:
         )
         self.velocities = wp.zeros_like(self.positions)
         self.is_stuck = wp.zeros(len(self.positions), dtype=wp.int32, device=device)
+        self.still = wp.zeros(model.env_count, dtype=wp.int32, device=device)
+        self.anchor = wp.clone(self.positions)
+        self.motion = wp.zeros(model.env_count, dtype=wp.float32, device=device)
+        self.crowd = wp.zeros(len(self.positions), dtype=wp.float32, device=device)
+        self.edge_length = wp.zeros_like(model.rest_length)
+        self.bend_length = wp.zeros(model.bending.count, dtype=wp.float32, device=device)
+        self.yarn_length = wp.zeros(model.yarns.count, dtype=wp.vec2, device=device)
+        self.is_set = wp.ones(model.env_count, dtype=wp.int32, device=device)
+        self.is_any_set = True
         self.gravity_scale = wp.ones(model.env_count, dtype=wp.float32, device=device)
         identity = np.tile(np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32), (*shape, 1))
         self.body_start = wp.array(identity, dtype=wp.transform, device=device)
@@ -59,6 +76,33 @@ class State:
         """Return which particles stick to rigid surfaces, shape (B, V), bool."""
         m = self.model
         return self.is_stuck.numpy().reshape(m.env_count, m.particles_per_env) != 0
+
+    def get_memory(self) -> np.ndarray:
+        """Return what the next substep takes from the last one, beside the particles, shape (M,), float32.
+
+        Particles that are set without it go on as if they had just been let go; the difference is small.
+        """
+        return np.concatenate([a.numpy().astype(np.float32).ravel() for a in self._memory])
+
+    def set_memory(self, memory: np.ndarray) -> None:
+        """Set what `get_memory` returned, in all environments, after the particles of the same time."""
+        sizes = [a.numpy().size for a in self._memory]
+        memory = np.asarray(memory, dtype=np.float32)
+        if memory.shape != (sum(sizes),):
+            raise ValueError(f"memory must have shape {(sum(sizes),)}; got {memory.shape}")
+        parts = np.split(memory, np.cumsum(sizes)[:-1])
+        for array, part in zip(self._memory, parts, strict=True):
+            old = array.numpy()
+            array.assign(part.astype(old.dtype).reshape(old.shape))
+        self.is_set.zero_()
+        self.is_any_set = False
+
+    @property
+    def _memory(self) -> tuple[wp.array, ...]:
+        return (
+            self.still, self.motion, self.anchor, self.crowd, self.edge_length, self.bend_length,
+            self.yarn_length,
+        )  # fmt: skip
 
     def set_particles(
         self,
@@ -96,10 +140,17 @@ class State:
             by_env = values.reshape(m.env_count, *shape[1:]).copy()
             by_env[envs] = new
             old.assign(by_env.reshape(values.shape))
+        for flags, value in ((self.is_set, 1), (self.still, 0)):
+            by_env = flags.numpy().copy()
+            by_env[envs] = value
+            flags.assign(by_env)
+        self.is_any_set = True
 
     def set_gravity_scale(self, scale: np.ndarray | float) -> None:
         """Set the factor on gravity of each environment, shape (B,) or one number."""
         values = np.broadcast_to(np.asarray(scale, dtype=np.float32), (self.model.env_count,))
+        if not np.array_equal(values, self.gravity_scale.numpy()):
+            self.still.zero_()  # what weighs otherwise does not go on sleeping
         self.gravity_scale.assign(np.ascontiguousarray(values))
 
     def set_body_poses(self, poses: np.ndarray, *, is_jump: bool = False) -> None:

@@ -248,6 +248,7 @@ class GarmentEnv(BaseEnv):
             "positions": torch.from_numpy(self.cloth.state.get_positions()).flatten(1),
             "velocities": torch.from_numpy(self.cloth.state.get_velocities()).flatten(1),
             "is_stuck": torch.from_numpy(self.cloth.state.get_is_stuck()).float(),
+            "memory": torch.from_numpy(self.cloth.state.get_memory())[None],
             "forces": torch.from_numpy(self.cloth.get_forces().copy()).flatten(1),
         }
         return state
@@ -268,6 +269,7 @@ class GarmentEnv(BaseEnv):
             garment["velocities"].cpu().numpy().reshape(shape),
             garment["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
         )
+        self.cloth.state.set_memory(garment["memory"].cpu().numpy().reshape(-1))
         self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
         self.cloth.sync_bodies(is_jump=True)
         self._is_drawn = False

@@ -49,6 +49,8 @@ def solve_bending(
     b = h[1]
     c = h[2]
     d = h[3]
+    if inverse_mass[a] + inverse_mass[b] + inverse_mass[c] + inverse_mass[d] == 0.0:
+        return
     xa = position[a]
     xb = position[b]
     xc = position[c]

@@ -26,7 +26,7 @@ def compute_damping(
     is held below what would turn the change around, and fades out where the substep does not
     resolve the stiffness.
     """
-    if steps == 0.0:
+    if steps == 0.0 or before < 0.0:
         return float(0.0)
     resolved = compliance / (compliance + w)
     return resolved * steps * (value - before) / wp.max(compliance, COUPLING * w * steps)

@@ -31,6 +31,10 @@ class Limits:
     """Twice the distance within which particles are listed as neighbours [m]."""
     neighbour_capacity: wp.int32
     near_capacity: wp.int32
+    sleep_frames: wp.int32
+    """Frames for which cloth that sleeps has been still."""
+    sleep_distance: wp.float32
+    """How far particles of still cloth are from their anchors, as the root of the mean square [m]."""
 
 
 @wp.struct

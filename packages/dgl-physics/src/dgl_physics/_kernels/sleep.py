@@ -1,0 +1,97 @@
+"""Environments whose cloth has come to rest sleep until something may touch it."""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
+# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
+import warp as wp
+
+from dgl_physics._kernels.types import Limits, ShapeTable
+
+wp.set_module_options({"enable_backward": False, "fast_math": True})
+
+
+@wp.kernel
+def find_touched(
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    active: wp.array2d(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    is_touched: wp.array(dtype=wp.int32),
+):
+    """Find the environments in which cloth may touch a body that can move in the coming frame."""
+    i = wp.tid()
+    e = i // particles_per_env
+    for c in range(near_count[i]):
+        if shapes.is_moving[active[e, near[i * limits.near_capacity + c]]] == 1:
+            is_touched[e] = 1
+
+
+@wp.kernel
+def count_still_frames(
+    limits: Limits,
+    free_count: wp.array(dtype=wp.float32),
+    is_touched: wp.array(dtype=wp.int32),
+    motion: wp.array(dtype=wp.float32),
+    still: wp.array(dtype=wp.int32),
+):
+    """Count the frames for which an environment's cloth has been still, and begin to measure anew."""
+    e = wp.tid()
+    count = still[e] + 1
+    farthest = limits.sleep_distance
+    # also where it is not finite
+    if is_touched[e] == 1 or not (motion[e] < farthest * farthest * free_count[e]):
+        count = 0
+    still[e] = wp.min(count, limits.sleep_frames)
+    is_touched[e] = 0
+    motion[e] = 0.0
+
+
+@wp.kernel
+def lay_down(
+    limits: Limits,
+    environment: wp.array(dtype=wp.int32),
+    still: wp.array(dtype=wp.int32),
+    inverse_mass: wp.array(dtype=wp.float32),
+    position: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    mobility: wp.array(dtype=wp.float32),
+    anchor: wp.array(dtype=wp.vec3),
+):
+    """Give particles that sleep no speed and no inverse mass in the coming frame.
+
+    `anchor` is where they were when they were last not still.
+    """
+    i = wp.tid()
+    w = inverse_mass[i]
+    count = still[environment[i]]
+    if count == 0:
+        anchor[i] = position[i]
+    if count >= limits.sleep_frames:
+        w = 0.0
+        velocity[i] = wp.vec3(0.0, 0.0, 0.0)
+    mobility[i] = w
+
+
+@wp.kernel
+def clear_impulses(
+    limits: Limits,
+    still: wp.array(dtype=wp.int32),
+    impulse: wp.array2d(dtype=wp.spatial_vector),
+):
+    """Begin to add up the impulses of a frame; cloth that sleeps goes on giving those of its last one."""
+    e, s = wp.tid()
+    if still[e] < limits.sleep_frames:
+        impulse[e, s] = wp.spatial_vector()
+
+
+@wp.kernel
+def add_motion(
+    environment: wp.array(dtype=wp.int32),
+    anchor: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    motion: wp.array(dtype=wp.float32),
+):
+    """Add up the squares of how far the particles are from their anchors [m^2]."""
+    i = wp.tid()
+    wp.atomic_add(motion, environment[i], wp.length_sq(position[i] - anchor[i]))

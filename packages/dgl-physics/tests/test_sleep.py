@@ -1,0 +1,81 @@
+"""Cloth that has come to rest sleeps, and wakes when it has to."""
+
+import numpy as np
+import pytest
+
+from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverConfig
+
+BALL = Shape(kind="sphere", size=(0.02, 0, 0))
+G = 9.81
+
+
+def lie(run, sheet, device, *, height=0.004, **config):
+    """A sheet on the ground, and a ball that is far above it."""
+    builder = ModelBuilder(1)
+    builder.add_garment(*sheet(0.15, 0.15, 0.0125, height=height))
+    builder.add_ground()
+    builder.add_shape(BALL, body=builder.add_body("ball"))
+    r = run(builder, device=device, **config)
+    put_ball(r, 1.0, is_jump=True)
+    return r
+
+
+def put_ball(r, height, *, is_jump=False):
+    poses = np.zeros((1, 2, 7))
+    poses[..., 3] = 1.0
+    poses[0, 1, 2] = height
+    r.state.set_body_poses(poses, is_jump=is_jump)
+
+
+def test_it_sleeps_after_its_time_and_not_before(run, sheet, device):
+    r = lie(run, sheet, device, sleep_after=0.5)
+    r.step(29)
+    assert np.abs(r.v).max() > 0
+    before = r.step(31).x
+    assert np.abs(r.v).max() == 0
+    np.testing.assert_array_equal(r.step(30).x, before)
+
+
+def test_falling_cloth_does_not_sleep(run, sheet, device):
+    r = lie(run, sheet, device, height=10.0, sleep_after=0.1)
+    drag = ClothMaterial().drag
+    assert r.step(60).v[:, 2] == pytest.approx(-G * (1 - np.exp(-drag)) / drag, rel=0.01)
+
+
+@pytest.mark.parametrize(("distance", "sleeps"), [(0.02, True), (0.0005, False)])
+def test_what_counts_as_still(run, sheet, device, distance, sleeps):
+    """Cloth that drifts by 10 mm/s is still within 20 mm and not within half a millimetre."""
+    r = lie(run, sheet, device, height=0.5, gravity=(0, 0, 0), sleep_distance=distance)
+    r.state.set_particles(r.x[None], np.full((1, len(r.x), 3), [0.01, 0, 0]))
+    assert (np.abs(r.step(60).v).max() == 0) == sleeps
+
+
+def test_a_body_that_comes_near_wakes_it(run, sheet, device):
+    r = lie(run, sheet, device)
+    asleep = r.step(60).x
+    for k in range(30):  # down to where the ball would be half in the cloth
+        put_ball(r, 0.3 - 0.01 * k)
+        r.step()
+    assert r.x[:, 2].min() < asleep[:, 2].min() + 1e-6
+    assert np.linalg.norm(r.x - asleep, axis=1).max() > 1e-3
+
+
+def test_gravity_and_set_particles_wake_it(run, sheet, device):
+    r = lie(run, sheet, device).step(60)
+    r.state.set_gravity_scale(-1.0)
+    assert r.step(30).x[:, 2].min() > 0.1
+    r = lie(run, sheet, device).step(60)
+    r.state.set_particles(r.x[None] + [0, 0, 0.2])
+    assert r.step(5).v[:, 2].max() < -0.5
+
+
+def test_a_sleeper_goes_on_weighing(run, sheet, device):
+    r = lie(run, sheet, device).step(60)
+    force = r.state.impulse.numpy()[0, :, 2].sum() * 60
+    assert force == pytest.approx(-r.mass.sum() * G, rel=0.05)
+
+
+@pytest.mark.parametrize("config", [{"sleep_distance": -1e-3}, {"sleep_after": 0.0}])
+def test_refusals(config):
+    with pytest.raises(ValueError, match="sleep_distance must be >= 0 and sleep_after > 0; got"):
+        SolverConfig(**config)
