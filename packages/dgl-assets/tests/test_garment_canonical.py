@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dgl_assets import Garment, TopParameters, correspond, make_top, sample_top
-from dgl_assets.top_pattern import V_ARMPIT, TopPattern
+from dgl_assets.garments.tops.pattern import V_ARMPIT, TopPattern
 
 
 @pytest.fixture(scope="module")

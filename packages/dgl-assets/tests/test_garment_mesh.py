@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from dgl_assets import Garment, TopParameters, make_top, sample_top
-from dgl_assets.meshing import compute_boundary_loops, compute_edges, compute_smallest_angles
+from dgl_assets.garments.meshing import (
+    compute_boundary_loops,
+    compute_edges,
+    compute_smallest_angles,
+)
 
 SEEDS = range(20)
 

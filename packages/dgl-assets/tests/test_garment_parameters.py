@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dgl_assets import TopParameters, make_top, sample_top
-from dgl_assets.top_parameters import PARAMETER_RANGES
-from dgl_assets.top_pattern import TopPattern
+from dgl_assets.garments.tops.parameters import PARAMETER_RANGES
+from dgl_assets.garments.tops.pattern import TopPattern
 
 
 def test_every_measure_has_a_range_and_a_description():

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_assets.meshing import mesh_outline
+from dgl_assets.garments.meshing import mesh_outline
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ import math
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from dgl_assets.top_parameters import TopParameters, compute_armhole_width
+from dgl_assets.garments.tops.parameters import TopParameters, compute_armhole_width
 
 V_ARMPIT = 0.6
 U_NECK = 0.42

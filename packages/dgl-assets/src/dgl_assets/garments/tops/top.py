@@ -13,11 +13,11 @@ from dataclasses import asdict
 
 import numpy as np
 
-from dgl_assets.garment import Garment
-from dgl_assets.meshing import compute_segment_distances, resample_polyline
-from dgl_assets.sewing import Panel, Seam, SewnSurface, sew_panels
-from dgl_assets.top_parameters import TopParameters
-from dgl_assets.top_pattern import U_NECK, V_ARMPIT, TopPattern
+from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.meshing import compute_segment_distances, resample_polyline
+from dgl_assets.garments.sewing import Panel, Seam, SewnSurface, sew_panels
+from dgl_assets.garments.tops.parameters import TopParameters
+from dgl_assets.garments.tops.pattern import U_NECK, V_ARMPIT, TopPattern
 
 CATEGORY = "Tops_LongSleeve"
 

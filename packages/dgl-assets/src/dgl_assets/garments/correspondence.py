@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from dgl_assets.garment import Garment
+from dgl_assets.garments.garment import Garment
 
 _CANDIDATES = 24  # triangles with the nearest centroids that are searched for the containing one
 _MAX_DISTANCE = 0.05  # how far from the lying-flat garment a source point may be [m]

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets import tops
 from dgl_assets.errors import AssetNotFoundError
-from dgl_assets.garment import Garment
-from dgl_assets.top_sampling import sample_top
-from dgl_assets.tops import make_top
+from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.tops import top as tops
+from dgl_assets.garments.tops.sampling import sample_top
+from dgl_assets.garments.tops.top import make_top
 
 Split = Literal["train", "test"]
 

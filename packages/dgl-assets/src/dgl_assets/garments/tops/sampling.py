@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from dgl_assets.top_parameters import TopParameters, compute_armhole_width
-from dgl_assets.top_pattern import TopPattern
+from dgl_assets.garments.tops.parameters import TopParameters, compute_armhole_width
+from dgl_assets.garments.tops.pattern import TopPattern
 
 _ATTEMPTS = 1000
 _SPAN_RANGE = (1.0, 1.15)  # cuff to cuff, within the reach of both robots [m]
