@@ -13,4 +13,4 @@ from dgl_assets.garments.correspondence import correspond as correspond
 from dgl_assets.garments.garment import Garment as Garment
 from dgl_assets.garments.tops.parameters import TopParameters as TopParameters
 from dgl_assets.garments.tops.sampling import sample_top as sample_top
-from dgl_assets.garments.tops.top import make_top as make_top
+from dgl_assets.garments.tops.garment import make_top as make_top

@@ -28,7 +28,10 @@ SPACING_LIMITS = (0.0112, 0.0141)
 """Edge lengths that small and large garments may get [m]; beyond, too many edges would leave 8 to 18 mm."""
 _VERTEX_LIMITS = (1650, 7700)  # aimed at, within the 1,500 to 8,000 that a garment may have
 _BLEND_ROWS = 3.5  # spacings from a seam over which a layer rises to its height
+_UNTANGLING_ROUNDS = 20
+_LEAST_CANONICAL_AREA = 2e-6  # twice the area of a triangle in (u, v); usual ones have some 1e-3
 _FLAP_BLEND = 0.06  # distance from its seam over which a flap rises above the front [m]
+_OVERLAP_BLEND = 0.10  # distance from a seam over which one front rises above the other [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +132,10 @@ def _compute_heights(
     joined = [name for name, layers in sides.items() if -1 in layers and len(layers) > 1]
     if not any(panel.layer < 0 for panel in cut.panels):
         return np.zeros(len(surface.flat))
-    share = _rise(_measure_distances(surface, cut, joined), _BLEND_ROWS * spacing)
+    from_seams = _measure_distances(surface, cut, joined)
+    share = _rise(from_seams, _BLEND_ROWS * spacing)
     heights = surface.layers * (layer_gap / 2) * share
+    raised = np.zeros(len(heights))
     for index, panel in enumerate(cut.panels):
         ids = np.unique(surface.faces[surface.face_panels == index])
         if panel.layer == 2:
@@ -139,8 +144,8 @@ def _compute_heights(
             distance = _measure_distances(surface, cut, hinges)
             heights[ids] += layer_gap * _rise(distance[ids], _FLAP_BLEND)
         if cut.compute_raise is not None:
-            heights[ids] += layer_gap * cut.compute_raise(surface.flat[ids], panel.name)
-    return heights
+            raised[ids] = np.maximum(raised[ids], cut.compute_raise(surface.flat[ids], panel.name))
+    return heights + layer_gap * raised * _rise(from_seams, _OVERLAP_BLEND)
 
 
 def _measure_distances(surface: SewnSurface, cut: Cut, names: list[str]) -> np.ndarray:
@@ -165,5 +170,35 @@ def _compute_canonical(surface: SewnSurface, cut: Cut) -> np.ndarray:
     # Resampled seams lie on chords, micrometres off their curves; their coordinate is known exactly.
     for seam, axis, value in cut.exact:
         canonical[surface.seams[seam], axis] = value
+    _untangle(canonical, surface)
     canonical[:, 2] = surface.layers
     return canonical.astype(np.float32)
+
+
+def _untangle(canonical: np.ndarray, surface: SewnSurface) -> None:
+    """Even out (u, v) where the mesh is too coarse for the map, so that no triangle is turned over; in place.
+
+    The map itself is injective, but where it is steep, such as beside the corner of a square neckline, the straight edges
+    of a triangle may cross its boundary.
+    """
+    is_fixed = np.zeros(len(canonical), dtype=bool)
+    for ids in surface.seams.values():
+        is_fixed[ids] = True
+    is_fixed[list(surface.pins.values())] = True
+    faces = surface.faces
+    centre = surface.layers[faces].sum(axis=1)
+    sign = np.sign(centre)
+    neighbours: dict[int, np.ndarray] = {}
+    for _ in range(_UNTANGLING_ROUNDS):
+        corners = canonical[faces, :2]
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) * sign
+        turned = np.unique(faces[area < _LEAST_CANONICAL_AREA])
+        turned = turned[~is_fixed[turned]]
+        if not len(turned):
+            return
+        for vertex in turned.tolist():
+            if vertex not in neighbours:
+                touching = np.unique(faces[(faces == vertex).any(axis=1)])
+                neighbours[vertex] = touching[touching != vertex]
+            canonical[vertex, :2] = canonical[neighbours[vertex], :2].mean(axis=0)

@@ -10,20 +10,19 @@ import numpy as np
 
 from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.garments.garment import Garment
-from dgl_assets.garments.tops import top as tops
 from dgl_assets.garments.tops.sampling import sample_top
-from dgl_assets.garments.tops.top import make_top
+from dgl_assets.garments.tops.garment import LONG_SLEEVE, make_top
 
 Split = Literal["train", "test"]
 
 _SPLITS: dict[str, range] = {"train": range(8000), "test": range(8000, 10000)}
 
 
-def _make_random_top(rng: np.random.Generator, *, spacing: float, name: str) -> Garment:
+def _make_random_top(rng: np.random.Generator, *, spacing: float | None, name: str) -> Garment:
     return make_top(sample_top(rng), spacing=spacing, name=name)
 
 
-_GENERATORS: dict[str, Callable[..., Garment]] = {tops.CATEGORY: _make_random_top}
+_GENERATORS: dict[str, Callable[..., Garment]] = {LONG_SLEEVE: _make_random_top}
 
 
 def list_categories() -> tuple[str, ...]:
@@ -55,7 +54,7 @@ def garment_ids(category: str, split: Split, *, count: int | None = None) -> tup
     return tuple(f"{category}/{number:06d}" for number in numbers[:count])
 
 
-def load_garment(garment_id: str, *, spacing: float = 0.013) -> Garment:
+def load_garment(garment_id: str, *, spacing: float | None = None) -> Garment:
     """Make the garment of an id.
 
     Args:

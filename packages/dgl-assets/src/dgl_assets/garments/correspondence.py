@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import KDTree
+from trimesh.triangles import closest_point, points_to_barycentric
 
 from dgl_assets.garments.garment import Garment
 
@@ -50,8 +51,7 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
         nearest = np.argmin(distance, axis=1)
         return corners[np.arange(len(places)), nearest].astype(np.int32)
     if places.ndim == 2 and places.shape[1] == 3 and np.issubdtype(places.dtype, np.floating):
-        layers = np.where(places[:, 2] < 0, -1, 1)
-        corners, weights = _locate(source.rest_vertices, source, places[:, :2], layers)
+        corners, weights, layers = _project(source, places)
         on_source = _interpolate(source.vertices, corners, weights)
         distance = np.linalg.norm(on_source - places, axis=1)
         if len(places) and distance.max() > _MAX_DISTANCE:
@@ -66,6 +66,26 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
         "places must be integer ids of shape (N,) or float points of shape (N, 3); got shape "
         f"{places.shape} and dtype {places.dtype}"
     )
+
+
+def _project(
+    garment: Garment, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nearest places on the lying-flat garment: vertex ids and weights, both (N, 3), and layers, (N,)."""
+    triangles = garment.vertices[garment.faces].astype(np.float64)
+    count = min(_CANDIDATES, len(triangles))
+    candidates = KDTree(triangles.mean(axis=1)).query(points, k=count)[1].reshape(-1, count)
+    repeated = np.repeat(points.astype(np.float64), count, axis=0)
+    chosen = triangles[candidates.ravel()]
+    closest = closest_point(chosen, repeated)
+    distance = np.linalg.norm(closest - repeated, axis=1).reshape(-1, count)
+    best = np.argmin(distance, axis=1) if len(points) else np.zeros(0, dtype=int)
+    rows = np.arange(len(points))
+    faces = candidates[rows, best]
+    weights = points_to_barycentric(triangles[faces], closest.reshape(-1, count, 3)[rows, best])
+    weights = np.clip(weights, 0.0, None)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return garment.faces[faces], weights, np.where(garment.face_layers[faces] < 0, -1, 1)
 
 
 def _locate(

@@ -104,12 +104,17 @@ def divide_curves(curves: dict[str, Curve], *, spacing: float) -> dict[str, Seam
     return seams
 
 
+def trace_outline(curves: dict[str, Curve], panel: Panel) -> np.ndarray:
+    """Join the curves around a panel, counter-clockwise [m], shape (N, 2)."""
+    steps = ((edge.removeprefix("-"), -1 if edge.startswith("-") else 1) for edge in panel.edges)
+    return np.concatenate([curves[name].points[::step] for name, step in steps])
+
+
 def measure_area(curves: dict[str, Curve], panels: tuple[Panel, ...]) -> float:
     """Compute the area of all panels together [m^2]."""
     total = 0.0
     for panel in panels:
-        runs = [curves[edge.removeprefix("-")].points[:: -1 if edge[0] == "-" else 1] for edge in panel.edges]
-        x, y = np.concatenate(runs).T
+        x, y = trace_outline(curves, panel).T
         total += float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
     return total
 

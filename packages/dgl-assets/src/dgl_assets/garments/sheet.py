@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _OVERSAMPLING = 3
 _BACKGROUND = (246, 244, 240)
 _SEAM, _INSIDE, _MARK = (40, 38, 36), 0.62, (220, 30, 40)
+_FLAP_LIGHT = 0.10  # a leaf of a collar catches more light than the front below it
 _MARGIN = 0.06  # of a cell
 
 
@@ -155,6 +156,8 @@ def _shade(garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarr
     light = 0.93 + 0.5 * (np.abs(normal) @ [0.0, 0.0, 1.0] - 1) + 0.25 * normal[:, 0] * np.sign(normal[:, 2])
     is_inside = garment.canonical[garment.faces, 2].sum(axis=1) < 0
     light = np.where(is_inside, _INSIDE, light)
+    flaps = [index for index, name in enumerate(garment.panels) if name.endswith("_flap")]
+    light = np.where(np.isin(garment.face_panels, flaps), light + _FLAP_LIGHT, light)
     image[row, column] = np.clip(colour * light[face, None], 0, 255).astype(np.uint8)
     return image
 
@@ -189,7 +192,7 @@ def _draw_seams(
     centres = pixels[garment.faces].mean(axis=1)
     for ends, face in zip(half[is_drawn], owner[is_drawn], strict=True):
         if _is_seen(faces, int(face), centres[face]):
-            pen.line(pixels[ends].ravel().tolist(), fill=120, width=_OVERSAMPLING - 1)
+            pen.line(pixels[ends].ravel().tolist(), fill=150, width=_OVERSAMPLING - 1)
     image.paste(_SEAM, mask=lines)
 
 

@@ -49,7 +49,7 @@ class Flap:
         for _ in range(45):  # the point passes from one side of the ruling to the other once
             middle = 0.5 * (low + high)
             start, end = self._ruling(middle)
-            is_before = _cross(end - start, points - start) > 0
+            is_before = _cross(end - start, points - start) < 0
             high, low = np.where(is_before, middle, high), np.where(is_before, low, middle)
         share = 0.5 * (low + high)
         start, end = self._ruling(share)

@@ -31,7 +31,7 @@ NECK_RANGES: dict[str, tuple[float, float]] = {
     "half_width": (0.045, 0.17),
     "front_depth": (0.02, 0.52),
     "back_depth": (0.004, 0.20),
-    "roundness": (0.9, 8.0),
+    "roundness": (0.9, 5.0),
     "height": (0.0, 0.34),
     "spread": (-0.01, 0.07),
     "leaf_width": (0.0, 0.12),
@@ -120,7 +120,7 @@ class Neck:
         half_width: Centre to the highest point of the shoulder [m].
         front_depth: Fall of the front neckline at the centre, or at the opening [m].
         back_depth: Fall of the back neckline at the centre [m].
-        roundness: Exponent of the front neckline, 1 (V) through 2 (round) to 8 (square).
+        roundness: Exponent of the front neckline, 1 (V) through 2 (round) to 5 (square).
         finish: "plain", "stand" (mock and turtlenecks), "fold" (shirt and polo collars: a leaf folded over onto the front,
             its back standing), "hood" (spread above the neck), or "lapel" (a leaf along the whole roll line, open fronts
             only).
@@ -159,6 +159,11 @@ class Neck:
             raise ValueError(
                 "leaf_width must be at least 0.025 m for finishes 'fold' and 'lapel' and 0 for others; "
                 f"got {self.leaf_width} for {self.finish!r}"
+            )
+        if has_leaf and self.spread > 1.2 * self.height:
+            raise ValueError(
+                f"spread of a folded collar must be at most 1.2 times its height ({self.height}), or its "
+                f"corner is too sharp; got {self.spread}"
             )
         if self.back_depth > self.front_depth + 0.02:
             raise ValueError(

@@ -16,6 +16,7 @@ _SAMPLES = 400
 _ROUNDING = {"set_in": 0.06, "raglan": 0.11}  # of shoulder and sleeve that the round shoulder takes [m]
 _ARMHOLE_BOW = 0.06  # depth of the armhole curve, share of its length
 _LEAST_UNDERARM = 0.035  # [m]
+_STEEPEST_WIDTH = 1.8
 
 
 def compute_armhole_width(body: Body, neck: Neck, *, sleeve_angle: float) -> float:
@@ -81,6 +82,13 @@ class SleevePattern:
             )
         knots = self._armpit_a + underarm * np.array([0.0, 0.25, 0.8, 1.0])
         widths = [self._armpit_c, sleeve.upper_width, sleeve.lower_width, sleeve.cuff_width]
+        slopes = np.abs(np.diff(widths) / np.diff(knots))[1:]
+        if slopes.max() > _STEEPEST_WIDTH:
+            raise ValueError(
+                f"the width of a sleeve may change by at most {_STEEPEST_WIDTH} times the length over "
+                f"which it does; got {slopes.max():.2f} from widths {widths[1:]} on an underarm seam of "
+                f"{underarm:.3f} m"
+            )
         self._underside = PchipInterpolator(knots, widths)
 
         a = np.linspace(self._upper_a[0], sleeve.length, _SAMPLES)
