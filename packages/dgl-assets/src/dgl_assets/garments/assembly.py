@@ -101,9 +101,7 @@ def assemble(
         raise ValueError(f"spacing must be in [0.006, 0.025] m; got {spacing}")
     if not 0.0 <= layer_gap <= 0.03:
         raise ValueError(f"layer_gap must be in [0, 0.03] m; got {layer_gap}")
-    surface = sew_panels(
-        divide_curves(cut.curves, spacing=spacing), cut.panels, spacing=spacing
-    )
+    surface = sew_panels(divide_curves(cut.curves, spacing=spacing), cut.panels, spacing=spacing)
     low, high = surface.flat.min(axis=0), surface.flat.max(axis=0)
     flat = (surface.flat - (low + high) / 2).astype(np.float32)
     height = _compute_heights(surface, cut, spacing=spacing, layer_gap=layer_gap)

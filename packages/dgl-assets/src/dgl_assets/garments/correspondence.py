@@ -68,9 +68,7 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
     )
 
 
-def _project(
-    garment: Garment, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _project(garment: Garment, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nearest places on the lying-flat garment: vertex ids and weights, both (N, 3), and layers, (N,)."""
     triangles = garment.vertices[garment.faces].astype(np.float64)
     count = min(_CANDIDATES, len(triangles))
@@ -128,6 +126,9 @@ def _compute_barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarra
     second = triangles[..., 2, :] - triangles[..., 0, :]
     offset = points[:, None] - triangles[..., 0, :]
     area = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    area = np.where(
+        np.abs(area) < 1e-15, np.inf, area
+    )  # a triangle on a line holds its first corner only
     b1 = (offset[..., 0] * second[..., 1] - offset[..., 1] * second[..., 0]) / area
     b2 = (first[..., 0] * offset[..., 1] - first[..., 1] * offset[..., 0]) / area
     return np.stack([1 - b1 - b2, b1, b2], axis=-1)

@@ -38,7 +38,9 @@ def draw_until_valid(
         except ValueError:
             continue  # the next draw is independent
         return measures
-    raise RuntimeError(f"no valid garment in {_ATTEMPTS} draws; the ranges of the sampler are broken")
+    raise RuntimeError(
+        f"no valid garment in {_ATTEMPTS} draws; the ranges of the sampler are broken"
+    )
 
 
 def pick(rng: np.random.Generator, shares: Mapping[str, float]) -> str:

@@ -153,7 +153,11 @@ def _shade(garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarr
     edge = garment.vertices[garment.faces].astype(np.float64)
     normal = np.cross(edge[:, 1] - edge[:, 0], edge[:, 2] - edge[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    light = 0.93 + 0.5 * (np.abs(normal) @ [0.0, 0.0, 1.0] - 1) + 0.25 * normal[:, 0] * np.sign(normal[:, 2])
+    light = (
+        0.93
+        + 0.5 * (np.abs(normal) @ [0.0, 0.0, 1.0] - 1)
+        + 0.25 * normal[:, 0] * np.sign(normal[:, 2])
+    )
     is_inside = garment.canonical[garment.faces, 2].sum(axis=1) < 0
     light = np.where(is_inside, _INSIDE, light)
     flaps = [index for index, name in enumerate(garment.panels) if name.endswith("_flap")]

@@ -49,7 +49,9 @@ def sample_dress(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> D
 
     def check(dress: DressParameters) -> None:
         if sizes == "reach" and (dress.span > REACH_SPAN or dress.body.length > REACH_LENGTH):
-            raise ValueError(f"a dress in reach must be smaller; got {dress.span}, {dress.body.length}")
+            raise ValueError(
+                f"a dress in reach must be smaller; got {dress.span}, {dress.body.length}"
+            )
         check_upper(cut_dress(dress), DRESS_PINS)
 
     return draw_until_valid(rng, lambda r: _draw(r, sizes=sizes), check)
@@ -61,7 +63,9 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> DressParameters:
     body = _draw_body(rng, size, fit)
     neck = draw_neck(rng, _NECKS, body=size)
     is_short = rng.random() < 0.35
-    length = SCALE * size.arm_length * (span(rng, 0.26, 0.52) if is_short else rng.normal(1.04, 0.03))
+    length = (
+        SCALE * size.arm_length * (span(rng, 0.26, 0.52) if is_short else rng.normal(1.04, 0.03))
+    )
     length = max(length - 0.8 * (fit.shoulder - fit.natural_shoulder), 0.12)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.08, is_short=is_short)
     return DressParameters(body=body, neck=neck, sleeve=sleeve)
@@ -73,7 +77,14 @@ def _draw_body(rng: np.random.Generator, size: BodySize, fit: Fit) -> Body:
     length = SCALE * size.stature * span(rng, *lengths[kind][0])
     line = pick(
         rng,
-        {"straight": 0.2, "a_line": 0.24, "fit_and_flare": 0.24, "empire": 0.13, "sheath": 0.12, "trapeze": 0.07},
+        {
+            "straight": 0.2,
+            "a_line": 0.24,
+            "fit_and_flare": 0.24,
+            "empire": 0.13,
+            "sheath": 0.12,
+            "trapeze": 0.07,
+        },
     )
     natural = SCALE * size.back_length * span(rng, 0.97, 1.06)
     waist = SCALE * size.waist / 4
@@ -99,7 +110,9 @@ def _draw_body(rng: np.random.Generator, size: BodySize, fit: Fit) -> Body:
     else:
         waist_width = fit.chest * span(rng, 1.12, 1.25)
         hem = waist_width + skirt * span(rng, 0.2, 0.34)
-    if line in ("a_line", "fit_and_flare", "empire") and rng.random() < 0.6:  # a skirt of straight seams
+    if (
+        line in ("a_line", "fit_and_flare", "empire") and rng.random() < 0.6
+    ):  # a skirt of straight seams
         share = 0.17 / (length - seam)
         hip_width = waist_width + (hem - waist_width) * share * span(rng, 1.0, 1.5)
     curve = span(rng, *_draw_curve(rng))

@@ -1,7 +1,8 @@
 """Scarves: measures, making, and random ones.
 
-A scarf is one layer of cloth that lies along x. Canonical coordinates: u from the left end (-1) to the right end (1), v from
-the lower (0) to the upper (1) long edge; at the ends u follows their shape. Its one layer counts as the front.
+A scarf is one layer of cloth that lies along x. Canonical coordinates: u from the left tip (-1) to the right tip (1), v from
+the lower (0) to the upper (1) long edge; along an end |u| falls from 1 at its middle to 1 - `U_CORNER` at its corners,
+whatever its shape. Its one layer counts as the front.
 
 Landmarks: `left_end` and `right_end` (a little inside of the middle of the ends, where they are held), `left_tip` and
 `right_tip` (the middle of the ends), `centre`, `left_quarter` and `right_quarter`, `lower_centre` and `upper_centre`.
@@ -34,6 +35,9 @@ SCARF_RANGES: dict[str, tuple[float, float]] = {
     "bow": (-0.04, 0.04),
 }
 """Smallest and largest accepted value of each measure, in its own unit."""
+
+U_CORNER = 0.03
+"""How far |u| falls along an end, so that no triangle in the corner of a pointed one lies on a line."""
 
 _HELD = 0.93  # |u| of the landmarks `left_end` and `right_end`
 _SAMPLES = 400
@@ -91,7 +95,9 @@ class ScarfPattern:
         """Long edge from the left to the right corner [m], shape (N, 2): the upper one for sign +1."""
         v = np.array([1.0 if sign > 0 else 0.0])
         start, end = self._evaluate_end(v, -1)[0], self._evaluate_end(v, 1)[0]
-        x = np.linspace(start, end, 2 * _SAMPLES + 1)
+        x = np.concatenate(
+            [np.linspace(start, 0, _SAMPLES + 1), np.linspace(0, end, _SAMPLES + 1)[1:]]
+        )
         return np.stack([x, self._columns(x)[0][:, 1 if sign > 0 else 0]], axis=1)
 
     def cut_end(self, sign: int) -> np.ndarray:
@@ -123,7 +129,8 @@ class ScarfPattern:
 
     def _rows(self, v: np.ndarray) -> Knots:
         ends = [self._evaluate_end(v, -1), np.zeros(len(v)), self._evaluate_end(v, 1)]
-        return np.stack(ends, axis=1), np.tile([-1.0, 0.0, 1.0], (len(v), 1))
+        u = 1 - U_CORNER * np.abs(2 * v - 1)
+        return np.stack(ends, axis=1), np.stack([-u, np.zeros(len(v)), u], axis=1)
 
 
 def make_scarf(
@@ -159,7 +166,6 @@ def make_scarf(
         for edge, half in (("lower", points[: _SAMPLES + 1]), ("upper", points[_SAMPLES:][::-1])):
             name_ = f"{hand}_{edge}_end"
             curves[name_] = Curve(start=f"{hand}_{edge}", end=f"{hand}_tip", points=half)
-            exact.append((name_, 0, float(sign)))
     edges = ("lower_left", "-lower_right", "right_lower_end", "-right_upper_end")
     edges += ("upper_right", "-upper_left", "left_upper_end", "-left_lower_end")
     places = {"centre": 0.0, "left_quarter": -0.5, "right_quarter": 0.5}
@@ -196,7 +202,12 @@ def sample_scarf(rng: np.random.Generator | int) -> ScarfParameters:
 def _draw(rng: np.random.Generator) -> ScarfParameters:
     end = pick(rng, {"straight": 0.45, "pointed": 0.2, "rounded": 0.2, "slanted": 0.15})
     width = span(rng, 0.2, 0.4)
-    depth = {"straight": (0.0, 0.0), "pointed": (0.2, 0.6), "rounded": (0.15, 0.5), "slanted": (0.15, 0.5)}
+    depth = {
+        "straight": (0.0, 0.0),
+        "pointed": (0.2, 0.6),
+        "rounded": (0.15, 0.5),
+        "slanted": (0.15, 0.5),
+    }
     is_shaped = rng.random() < 0.4
     return ScarfParameters(
         length=span(rng, 1.2, 1.5),

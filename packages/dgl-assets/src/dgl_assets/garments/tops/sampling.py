@@ -144,14 +144,26 @@ def _draw_front_open(rng: np.random.Generator, *, sizes: Sizes) -> FrontOpenPara
     size = draw_body(rng, populations=_ADULTS if sizes == "reach" else _ALL)
     fit = draw_fit(rng, size, ease=(1.10, 1.50))
     lengths = {"jacket": 0.28, "hip": 0.34, "thigh": 0.22, "knee": 0.16}
-    necks = {"crew": 0.13, "v": 0.1, "deep_v": 0.1, "mock": 0.09, "funnel": 0.06, "shirt": 0.1, "camp": 0.12}
+    necks = {
+        "crew": 0.13,
+        "v": 0.1,
+        "deep_v": 0.1,
+        "mock": 0.09,
+        "funnel": 0.06,
+        "shirt": 0.1,
+        "camp": 0.12,
+    }
     necks |= {"hood": 0.12, "lapel": 0.22}
-    body = _draw_body_part(rng, size, fit, armhole=fit.armhole, lengths=lengths, table=_COAT_LENGTHS)
+    body = _draw_body_part(
+        rng, size, fit, armhole=fit.armhole, lengths=lengths, table=_COAT_LENGTHS
+    )
     neck = draw_neck(rng, necks, body=size)
     length = SCALE * size.arm_length * rng.normal(1.08, 0.03)
     length -= 0.8 * (fit.shoulder - fit.natural_shoulder)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.14)
-    return FrontOpenParameters(body=body, neck=neck, sleeve=sleeve, opening=_draw_opening(rng, neck))
+    return FrontOpenParameters(
+        body=body, neck=neck, sleeve=sleeve, opening=_draw_opening(rng, neck)
+    )
 
 
 def _draw_opening(rng: np.random.Generator, neck: Neck) -> Opening:
@@ -190,11 +202,23 @@ _STRAPS: dict[str, tuple[tuple[float, float], ...]] = {
 def _draw_sleeveless(rng: np.random.Generator, *, sizes: Sizes) -> SleevelessParameters:
     size = draw_body(rng, populations=_ADULTS if sizes == "reach" else _ALL)
     fit = draw_fit(rng, size, ease=(0.98, 1.34))
-    kind = pick(rng, {"tank": 0.3, "strap": 0.1, "racer": 0.1, "vest": 0.24, "muscle": 0.16, "halter": 0.1})
+    kind = pick(
+        rng, {"tank": 0.3, "strap": 0.1, "racer": 0.1, "vest": 0.24, "muscle": 0.16, "halter": 0.1}
+    )
     share, front, back, squareness = (span(rng, *bounds) for bounds in _STRAPS[kind])
     necks: Mapping[str, float] = {
-        "crew": 0.22, "wide_crew": 0.08, "scoop": 0.22, "v": 0.14, "square": 0.08, "boat": 0.04, "mock": 0.05,
-        "turtle": 0.03, "polo": 0.05, "shirt": 0.04, "camp": 0.02, "hood": 0.04,
+        "crew": 0.22,
+        "wide_crew": 0.08,
+        "scoop": 0.22,
+        "v": 0.14,
+        "square": 0.08,
+        "boat": 0.04,
+        "mock": 0.05,
+        "turtle": 0.03,
+        "polo": 0.05,
+        "shirt": 0.04,
+        "camp": 0.02,
+        "hood": 0.04,
     }
     if kind in ("strap", "racer"):
         necks = {"scoop": 0.55, "v": 0.25, "square": 0.2}
@@ -203,14 +227,18 @@ def _draw_sleeveless(rng: np.random.Generator, *, sizes: Sizes) -> SleevelessPar
     neck = draw_neck(rng, necks, body=size)
     natural = max(fit.natural_shoulder, neck.half_width + 0.06)
     shoulder = neck.half_width + max(share * (natural - neck.half_width), 0.028)
-    armhole = fit.armhole * span(rng, 0.86, 1.0) + (SCALE * span(rng, 0.02, 0.07) if kind == "muscle" and rng.random() < 0.5 else 0.0)
+    armhole = fit.armhole * span(rng, 0.86, 1.0) + (
+        SCALE * span(rng, 0.02, 0.07) if kind == "muscle" and rng.random() < 0.5 else 0.0
+    )
     lengths = {"cropped": 0.14, "waist": 0.14, "hip": 0.42, "long": 0.2, "tunic": 0.10}
     fit = fit._replace(shoulder=min(shoulder, fit.chest + 0.01))
     body = _draw_body_part(rng, size, fit, armhole=armhole, lengths=lengths)
     return SleevelessParameters(
         body=body,
         neck=neck,
-        armhole=Armhole(front_scoop=front, back_scoop=max(back, front * 0.5), squareness=squareness),
+        armhole=Armhole(
+            front_scoop=front, back_scoop=max(back, front * 0.5), squareness=squareness
+        ),
     )
 
 
@@ -223,7 +251,9 @@ def _draw_body_part(
     lengths: Mapping[str, float],
     table: Mapping[str, tuple[float, float]] = _LENGTHS,
 ) -> Body:
-    kind = pick(rng, {"straight": 0.36, "shaped": 0.24, "a_line": 0.18, "cocoon": 0.14, "peplum": 0.08})
+    kind = pick(
+        rng, {"straight": 0.36, "shaped": 0.24, "a_line": 0.18, "cocoon": 0.14, "peplum": 0.08}
+    )
     silhouette = SILHOUETTES[kind]
     length = SCALE * size.stature * span(rng, *table[pick(rng, lengths)])
     curve, tilt = draw_hem(rng)

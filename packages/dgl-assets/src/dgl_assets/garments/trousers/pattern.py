@@ -119,7 +119,9 @@ class LegPattern:
 
         def compute_v(curve: np.ndarray) -> np.ndarray:
             knots, values = columns(curve[:, 0])
-            return np.array([np.interp(y, k, w) for y, k, w in zip(curve[:, 1], knots, values, strict=True)])
+            return np.array(
+                [np.interp(y, k, w) for y, k, w in zip(curve[:, 1], knots, values, strict=True)]
+            )
 
         v_out, v_in = compute_v(self.outseam), compute_v(self.inseam)
         v_out[0], v_out[-1], v_in[0], v_in[-1] = 0.0, 1.0, 0.0, V_CROTCH

@@ -25,7 +25,9 @@ _LEGS: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, fl
 }
 
 
-def sample_trousers(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> TrousersParameters:
+def sample_trousers(
+    rng: np.random.Generator | int, *, sizes: Sizes = "reach"
+) -> TrousersParameters:
     """Draw the measures of random trousers or shorts.
 
     Body, leg shape, length, rise and waist are drawn separately, so that trousers differ in cut and not only in size.
@@ -50,13 +52,17 @@ def _check(parameters: TrousersParameters, *, sizes: Sizes) -> None:
 
 
 def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
-    body = draw_body(rng, populations=("women", "men") if sizes == "reach" else ("children", "women", "men"))
+    body = draw_body(
+        rng, populations=("women", "men") if sizes == "reach" else ("children", "women", "men")
+    )
     kind = pick(rng, _LENGTHS)
     leg = pick(rng, _SHORT_LEGS if kind in ("shorts", "bermuda") else _LONG_LEGS)
     is_tight = leg == "skinny"
     hip = SCALE * body.hip / 4 * (span(rng, -0.06, 0.02) + 1 if is_tight else span(rng, 1.03, 1.18))
     rise_kind = span(rng, 0.0, 1.0)  # 0 on the hips, 1 high
-    rise = SCALE * body.rise * (0.78 + 0.36 * rise_kind) + (span(rng, 0.03, 0.06) if leg == "balloon" else 0.0)
+    rise = SCALE * body.rise * (0.78 + 0.36 * rise_kind) + (
+        span(rng, 0.03, 0.06) if leg == "balloon" else 0.0
+    )
     gathered = rng.random() < (0.9 if leg == "jogger" else 0.25)
     waist = SCALE * body.waist / 4 * (1.0 - 0.04 * gathered) * span(rng, 0.98, 1.06)
     waist += (1 - rise_kind) * 0.55 * max(hip - waist, 0.0)
@@ -68,8 +74,16 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
     if leg not in _GATHERED:
         ankle = knee + (hem - knee) * span(rng, 0.72, 0.9)
     if kind in ("shorts", "bermuda"):
-        knee, ankle, hem = (thigh + (w - thigh) * s for w, s in zip((knee, ankle, hem), (0.5 * reached, 0.9 * reached, reached), strict=True))
-    needed = max((width / 2 - thigh / 2 + 0.012) / (share * inseam) for width, share in zip((knee, ankle, hem), (0.5, 0.9, 1.0), strict=True))
+        knee, ankle, hem = (
+            thigh + (w - thigh) * s
+            for w, s in zip(
+                (knee, ankle, hem), (0.5 * reached, 0.9 * reached, reached), strict=True
+            )
+        )
+    needed = max(
+        (width / 2 - thigh / 2 + 0.012) / (share * inseam)
+        for width, share in zip((knee, ankle, hem), (0.5, 0.9, 1.0), strict=True)
+    )
     angle = max(span(rng, 0.03, 0.14), needed + span(rng, 0.01, 0.03))
     return TrousersParameters(
         waist_half_width=float(min(waist, hip)),
@@ -84,7 +98,9 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
         hem_width=float(hem),
         leg_angle=float(angle),
         leg_angle_difference=float(np.clip(rng.normal(0, 0.012), -0.03, 0.03)),
-        pocket_bulge=float(span(rng, 0.006, 0.02) if inseam > 0.3 and rng.random() < 0.15 and not is_tight else 0.0),
+        pocket_bulge=float(
+            span(rng, 0.006, 0.02) if inseam > 0.3 and rng.random() < 0.15 and not is_tight else 0.0
+        ),
         hem_slant=float(span(rng, -0.008, 0.012)),
     )
 
@@ -105,5 +121,10 @@ _SHORT_LEGS = {"straight": 0.35, "tapered": 0.2, "skinny": 0.1, "wide": 0.2, "fl
 
 
 def _draw_inseam(rng: np.random.Generator, kind: str, body: BodySize) -> float:
-    shares = {"long": (0.92, 1.04), "cropped": (0.62, 0.85), "bermuda": (0.3, 0.45), "shorts": (0.1, 0.25)}
+    shares = {
+        "long": (0.92, 1.04),
+        "cropped": (0.62, 0.85),
+        "bermuda": (0.3, 0.45),
+        "shorts": (0.1, 0.25),
+    }
     return SCALE * body.inside_leg * span(rng, *shares[kind])

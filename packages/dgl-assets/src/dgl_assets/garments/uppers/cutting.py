@@ -51,7 +51,11 @@ class _UpperCutter:
     def cut(self) -> Cut:
         for hand in HANDS:
             self._cut_half(hand)
-        panels = tuple(self._place_pins([*self._cut_sleeves(), *self._cut_hood(), *self._cut_flaps(), *self._cut_bodies()]))
+        panels = tuple(
+            self._place_pins(
+                [*self._cut_sleeves(), *self._cut_hood(), *self._cut_flaps(), *self._cut_bodies()]
+            )
+        )
         overlap = self._cuts.opening.overlap if self._cuts.opening is not None else 0.0
         return Cut(
             curves=self._curves,
@@ -118,7 +122,9 @@ class _UpperCutter:
                 self._exact.append((f"{hand}_hood_top", 1, 1 + V_HOOD))
                 return
             if layer > 0 and half.collar_edge is not None:
-                self._add(hand, f"{hand}_collar_edge", centre, f"{hand}_collar_front", half.collar_edge)
+                self._add(
+                    hand, f"{hand}_collar_edge", centre, f"{hand}_collar_front", half.collar_edge
+                )
                 centre, edge[-1] = f"{hand}_collar_front", half.collar_edge[-1]
             self._add(hand, f"{face}_{hand}_neck", top, centre, edge)
         else:
@@ -136,13 +142,19 @@ class _UpperCutter:
                     collar = (f"-{hand}_collar_edge",) if self._finish == "stand" else ()
                     edges = (*runs[hand], *collar, f"-{hand}_opening")
                     edges = edges if hand == "right" else _reverse(edges)
-                    panels.append(Panel(name=f"{face}_{hand}_body", layer=layer, edges=edges, pins={}))
+                    panels.append(
+                        Panel(name=f"{face}_{hand}_body", layer=layer, edges=edges, pins={})
+                    )
                 continue
             gap: tuple[str, ...] = ()
             if layer > 0 and self._finish == "hood":
                 gap = ("front_neck_gap",)
-                points = np.stack([self._curves[f"front_{h}_neck"].points[-1] for h in ("right", "left")])
-                self._curves[gap[0]] = Curve(start="right_hood_front", end="left_hood_front", points=points)
+                points = np.stack(
+                    [self._curves[f"front_{h}_neck"].points[-1] for h in ("right", "left")]
+                )
+                self._curves[gap[0]] = Curve(
+                    start="right_hood_front", end="left_hood_front", points=points
+                )
             edges = (*runs["right"], *gap, *_reverse(runs["left"]))
             panels.append(Panel(name=f"{face}_body", layer=layer, edges=edges, pins={}))
         return panels
@@ -165,10 +177,18 @@ class _UpperCutter:
         shoulder = ("{}_shoulder",) if self._cuts.sleeve.seam == "raglan" else ()
         for face, layer in LAYERS.items():
             for hand in HANDS:
-                edges = ("{}_underarm", f"-{face}_{{}}_cuff", "-{}_upper", *shoulder, f"{face}_{{}}_armhole")
+                edges = (
+                    "{}_underarm",
+                    f"-{face}_{{}}_cuff",
+                    "-{}_upper",
+                    *shoulder,
+                    f"{face}_{{}}_armhole",
+                )
                 edges = tuple(edge.format(hand) for edge in edges)
                 edges = edges if hand == "right" else _reverse(edges)
-                panels.append(Panel(name=f"{face}_{hand}_sleeve", layer=layer, edges=edges, pins={}))
+                panels.append(
+                    Panel(name=f"{face}_{hand}_sleeve", layer=layer, edges=edges, pins={})
+                )
         return panels
 
     def _cut_hood(self) -> list[Panel]:
@@ -187,7 +207,12 @@ class _UpperCutter:
             outer, shares = half.flap.outer, (0.0, *half.flap.corners, 1.0)
             names: list[str] = []
             last = start
-            is_pointed = np.linalg.norm(outer[0] - self._curves[f"front_{hand}_neck"].points[-1] * [HANDS[hand], 1]) > 0.005
+            is_pointed = (
+                np.linalg.norm(
+                    outer[0] - self._curves[f"front_{hand}_neck"].points[-1] * [HANDS[hand], 1]
+                )
+                > 0.005
+            )
             if is_pointed:
                 tip = f"{hand}_collar_tip"
                 hinge = self._curves[f"front_{hand}_neck"].points[-1] * [float(HANDS[hand]), 1.0]
@@ -244,7 +269,9 @@ class _UpperCutter:
                 if mine.any() and half.flap is not None:
                     result[mine] = half.flap.to_canonical(points[mine] * mirror) * mirror
                 continue
-            mapped = half.to_canonical(points[mine] * mirror, layer=layer, is_sleeve=panel.endswith("sleeve"))
+            mapped = half.to_canonical(
+                points[mine] * mirror, layer=layer, is_sleeve=panel.endswith("sleeve")
+            )
             result[mine] = mapped * mirror
         return result
 

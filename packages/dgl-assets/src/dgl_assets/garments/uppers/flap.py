@@ -41,7 +41,9 @@ class Flap:
         at_edge = _cross(np.diff(outer, axis=0), rulings[:-1])
         is_wide = np.linalg.norm(rulings[:-1], axis=1) > 0.004
         if np.any(at_hinge[is_wide] >= 0) or np.any(at_edge[is_wide] >= 0):
-            raise ValueError("the leaf of the collar folds over itself: it is too wide for its neckline")
+            raise ValueError(
+                "the leaf of the collar folds over itself: it is too wide for its neckline"
+            )
 
     def to_canonical(self, points: np.ndarray) -> np.ndarray:
         """Map points of the leaf [m], shape (N, 2), to (u, v), shape (N, 2)."""

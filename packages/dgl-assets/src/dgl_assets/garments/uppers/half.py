@@ -33,10 +33,16 @@ U_STRAP = 0.15
 
 _SAMPLES = 400
 _HIP_BELOW_WAIST = 0.17  # [m]
-_UPPER_CHEST, _CHEST_ROOM = (0.70, 0.82), 0.012  # place that raglan seams keep clear of, by so much [m]
+_UPPER_CHEST, _CHEST_ROOM = (
+    (0.70, 0.82),
+    0.012,
+)  # place that raglan seams keep clear of, by so much [m]
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
 _LEAST_STEP = 0.035  # between heights that shape the side seam [m]
-_SOFT_ARMPIT, _SOFT_WAIST = 0.8, 0.45  # highest share of a column where a deep neckline pushes these levels down
+_SOFT_ARMPIT, _SOFT_WAIST = (
+    0.8,
+    0.45,
+)  # highest share of a column where a deep neckline pushes these levels down
 _HOOD_START = 0.35  # of the neck's half width: where the front edges of a hood meet the neckline
 
 
@@ -120,7 +126,9 @@ class HalfPattern:
 
     def body_to_canonical(self, points: np.ndarray, *, layer: int) -> np.ndarray:
         """Map points of body, collar and hood [m], shape (N, 2), to (u, v), shape (N, 2)."""
-        straight = points / np.stack([self.neckline.scale(points[:, 1]), np.ones(len(points))], axis=1)
+        straight = points / np.stack(
+            [self.neckline.scale(points[:, 1]), np.ones(len(points))], axis=1
+        )
         return self._maps[layer].to_canonical(straight)
 
     def body_to_pattern(self, canonical: np.ndarray, *, layer: int) -> np.ndarray:
@@ -238,7 +246,12 @@ class HalfPattern:
         angle = np.linspace(0.0, math.pi / 2, _SAMPLES)
         x = start[0] + (end[0] - start[0]) * (1 - np.cos(angle)) ** (1 / armhole.squareness)
         y = start[1] + (end[1] - start[1]) * np.sin(angle)
-        x -= (armhole.front_scoop if layer > 0 else armhole.back_scoop) * np.sin(angle) ** 2 * np.sin(2 * angle) * 1.3
+        x -= (
+            (armhole.front_scoop if layer > 0 else armhole.back_scoop)
+            * np.sin(angle) ** 2
+            * np.sin(2 * angle)
+            * 1.3
+        )
         x[-1], y[-1] = end
         if x.min() < self.cuts.neck.half_width + 0.02:
             raise ValueError(
@@ -293,10 +306,12 @@ class HalfPattern:
         end_angle = math.atan2(last[1], last[0])
         angle = -neck.leaf_angle + share * (end_angle + neck.leaf_angle)
         is_lapel = neck.finish == "lapel"
-        knots, corners = (_LAPEL if is_lapel else _LEAF)
+        knots, corners = _LAPEL if is_lapel else _LEAF
         end_width = float(np.linalg.norm(last)) / neck.leaf_width
         places, widths = np.array(knots).T
-        width = neck.leaf_width * np.interp(share, np.append(places, 1.0), np.append(widths, end_width))
+        width = neck.leaf_width * np.interp(
+            share, np.append(places, 1.0), np.append(widths, end_width)
+        )
         outer = hinge + width[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         outer[-1] = side[-1]
         places = np.stack([hinge[:, 0], hinge[:, 1]], axis=1)
@@ -331,7 +346,9 @@ class HalfPattern:
         v_top = np.where(is_neck, neckline.evaluate_v(x, layer=layer), 1.0)
         armpit = np.minimum(-body.armhole_depth, hem + _SOFT_ARMPIT * (top - hem))
         # Without a collar nothing lies above the upper edge, and the last knot is never reached.
-        has_collar = is_neck & neckline.has_collar(layer) | is_neck & (self.cuts.neck.finish == "hood")
+        has_collar = is_neck & neckline.has_collar(layer) | is_neck & (
+            self.cuts.neck.finish == "hood"
+        )
         collar = np.where(has_collar, neckline.evaluate_edge(x, layer=layer), top + 1.0)
         v_collar = np.where(has_collar, neckline.evaluate_edge_v(x, layer=layer), v_top + 1.0)
         heights = [hem, armpit, top, collar]
@@ -404,4 +421,7 @@ class HalfPattern:
 
 # Width of a leaf as shares of `leaf_width` at shares along its hinge; the last point is the collar's side seam.
 _LEAF = ((0.0, 1.15), (0.25, 1.0), (0.7, 0.92)), ()
-_LAPEL = ((0.0, 0.0), (0.06, 0.3), (0.56, 1.1), (0.62, 0.66), (0.68, 0.95), (0.85, 0.85)), (0.56, 0.62, 0.68)
+_LAPEL = (
+    ((0.0, 0.0), (0.06, 0.3), (0.56, 1.1), (0.62, 0.66), (0.68, 0.95), (0.85, 0.85)),
+    (0.56, 0.62, 0.68),
+)

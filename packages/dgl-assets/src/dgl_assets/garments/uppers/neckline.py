@@ -54,7 +54,7 @@ class Neckline:
         return -depth * (1 - self._share(x) ** power)
 
     def evaluate_v(self, x: np.ndarray, *, layer: int) -> np.ndarray:
-        """v of the neckline at x'."""
+        """Value of v on the neckline at x'."""
         return 1 - self._dip[layer] * (1 - self._share(x, layer) ** 2)
 
     def evaluate_edge(self, x: np.ndarray, *, layer: int) -> np.ndarray:
@@ -68,13 +68,13 @@ class Neckline:
         return height - opening * (1 - share**2)
 
     def evaluate_edge_v(self, x: np.ndarray, *, layer: int) -> np.ndarray:
-        """v of the upper edge of collar or hood at x'."""
+        """Value of v on the upper edge of collar or hood at x'."""
         if self.neck.finish == "hood":
             return np.full(len(x), 1 + V_HOOD)
         return 1 + V_COLLAR - _OPENING_DIP[layer] * (1 - self._share(x, layer) ** 2)
 
     def scale(self, y: np.ndarray) -> np.ndarray:
-        """x over x' at height y; 1 below the neck."""
+        """Ratio of x to x' at height y; 1 below the neck."""
         neck = self.neck
         if neck.height == 0:
             return np.ones(len(y))
@@ -109,7 +109,9 @@ class Neckline:
         neck = self.neck
         width = neck.half_width + neck.spread - 0.05
         top = neck.height - _FACE_RIM
-        knots = np.array([start, [width, start[1] + 0.35 * (top - start[1])], [width, top], [0, top]])
+        knots = np.array(
+            [start, [width, start[1] + 0.35 * (top - start[1])], [width, top], [0, top]]
+        )
         t = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
         weights = np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3])
         return weights @ knots

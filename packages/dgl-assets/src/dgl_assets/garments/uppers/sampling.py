@@ -44,10 +44,22 @@ NECK_STYLES: dict[str, NeckStyle] = {
     "boat": NeckStyle("plain", (0.125, 0.165), (0.04, 0.075), (0.012, 0.03), (1.7, 2.6)),
     "square": NeckStyle("plain", (0.095, 0.13), (0.10, 0.15), (0.015, 0.05), (3.6, 4.8)),
     "mock": NeckStyle(
-        "stand", (0.075, 0.09), (0.06, 0.085), (0.01, 0.02), (2.0, 2.4), (0.03, 0.05), (-0.004, 0.006)
+        "stand",
+        (0.075, 0.09),
+        (0.06, 0.085),
+        (0.01, 0.02),
+        (2.0, 2.4),
+        (0.03, 0.05),
+        (-0.004, 0.006),
     ),
     "turtle": NeckStyle(
-        "stand", (0.07, 0.088), (0.06, 0.08), (0.01, 0.02), (2.0, 2.4), (0.065, 0.09), (-0.006, 0.012)
+        "stand",
+        (0.07, 0.088),
+        (0.06, 0.08),
+        (0.01, 0.02),
+        (2.0, 2.4),
+        (0.065, 0.09),
+        (-0.006, 0.012),
     ),
     "funnel": NeckStyle(
         "stand", (0.09, 0.115), (0.07, 0.10), (0.01, 0.03), (2.0, 2.6), (0.06, 0.095), (0.01, 0.035)
@@ -86,7 +98,13 @@ NECK_STYLES: dict[str, NeckStyle] = {
         (0.45, 0.9),
     ),
     "hood": NeckStyle(
-        "hood", (0.082, 0.10), (0.075, 0.105), (0.012, 0.022), (1.9, 2.4), (0.28, 0.35), (0.035, 0.06)
+        "hood",
+        (0.082, 0.10),
+        (0.075, 0.105),
+        (0.012, 0.022),
+        (1.9, 2.4),
+        (0.28, 0.35),
+        (0.035, 0.06),
     ),
     "lapel": NeckStyle(
         "lapel",
@@ -230,7 +248,11 @@ def draw_sleeve(
     kind = pick(rng, _SHORT_SLEEVE_SHARES if is_short else _SLEEVE_SHARES)
     upper, lower, cuff = (width * span(rng, *bounds) for bounds in _SLEEVES[kind])
     if is_short and kind in ("straight", "tapered"):  # it ends where a long one is still wide
-        upper, lower, cuff = width * span(rng, 0.92, 1.0), width * span(rng, 0.84, 0.96), width * span(rng, 0.78, 0.95)
+        upper, lower, cuff = (
+            width * span(rng, 0.92, 1.0),
+            width * span(rng, 0.84, 0.96),
+            width * span(rng, 0.78, 0.95),
+        )
     return Sleeve(
         length=length,
         angle=angle,
@@ -252,4 +274,6 @@ def check_upper(cuts: Cuts, pins: Pins) -> None:
     cut = cut_upper(cuts, pins)
     count = measure_area(cut.curves, cut.panels) / (math.sqrt(0.75) * SPACING_LIMITS[1] ** 2)
     if count > _MOST_VERTICES:
-        raise ValueError(f"the garment must have at most {_MOST_VERTICES} vertices; got {count:.0f}")
+        raise ValueError(
+            f"the garment must have at most {_MOST_VERTICES} vertices; got {count:.0f}"
+        )

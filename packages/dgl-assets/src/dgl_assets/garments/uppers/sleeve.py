@@ -13,7 +13,10 @@ V_ARMPIT = 0.6
 """v of the armpit and of the underarm seam."""
 
 _SAMPLES = 400
-_ROUNDING = {"set_in": 0.06, "raglan": 0.11}  # of shoulder and sleeve that the round shoulder takes [m]
+_ROUNDING = {
+    "set_in": 0.06,
+    "raglan": 0.11,
+}  # of shoulder and sleeve that the round shoulder takes [m]
 _ARMHOLE_BOW = 0.06  # depth of the armhole curve, share of its length
 _LEAST_UNDERARM = 0.035  # [m]
 _STEEPEST_WIDTH = 1.8
@@ -58,9 +61,7 @@ class SleevePattern:
         self._along = np.array([math.cos(angle), -math.sin(angle)])
         self._across = np.array([-math.sin(angle), -math.cos(angle)])
         seam = body.shoulder_half_width - neck.half_width
-        self._origin = np.array(
-            [body.shoulder_half_width, -seam * math.tan(body.shoulder_slope)]
-        )
+        self._origin = np.array([body.shoulder_half_width, -seam * math.tan(body.shoulder_slope)])
         self._length = sleeve.length
         rounding = min(_ROUNDING[sleeve.seam], 0.45 * seam, 0.4 * sleeve.length)
         slope = np.array([math.cos(body.shoulder_slope), -math.sin(body.shoulder_slope)])
