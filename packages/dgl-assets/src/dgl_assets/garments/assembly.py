@@ -27,8 +27,13 @@ DEFAULT_SPACING = 0.013
 SPACING_LIMITS = (0.0112, 0.0141)
 """Edge lengths that small and large garments may get [m]; beyond, too many edges would leave 8 to 18 mm."""
 _VERTEX_LIMITS = (1650, 7700)  # aimed at, within the 1,500 to 8,000 that a garment may have
+_COUNT_LIMITS = (
+    1620,
+    7850,
+)  # of the estimate from the area; seams and boundaries add or take a few in a hundred
 _BLEND_ROWS = 3.5  # spacings from a seam over which a layer rises to its height
 _UNTANGLING_ROUNDS = 20
+_UNTANGLING_STEPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # of the way to the mean of the neighbours
 _LEAST_CANONICAL_AREA = 2e-6  # twice the area of a triangle in (u, v); usual ones have some 1e-3
 _FLAP_BLEND = 0.06  # distance from its seam over which a flap rises above the front [m]
 _OVERLAP_BLEND = 0.10  # distance from a seam over which one front rises above the other [m]
@@ -67,6 +72,20 @@ def choose_spacing(area: float) -> float:
     """
     low, high = (math.sqrt(area / (math.sqrt(0.75) * count)) for count in reversed(_VERTEX_LIMITS))
     return float(np.clip(np.clip(DEFAULT_SPACING, low, high), *SPACING_LIMITS))
+
+
+def check_size(area: float) -> None:
+    """Refuse garments that would have fewer than 1,500 or more than 8,000 vertices at any spacing that may be chosen.
+
+    Raises:
+        ValueError: If an estimate from the area of the cloth [m^2] says so.
+    """
+    count = area / (math.sqrt(0.75) * choose_spacing(area) ** 2)
+    if not _COUNT_LIMITS[0] <= count <= _COUNT_LIMITS[1]:
+        raise ValueError(
+            f"a garment must have about {_COUNT_LIMITS[0]} to {_COUNT_LIMITS[1]} vertices; got {count:.0f} "
+            f"from {area:.2f} m^2 of cloth"
+        )
 
 
 def assemble(
@@ -184,19 +203,25 @@ def _untangle(canonical: np.ndarray, surface: SewnSurface) -> None:
         is_fixed[ids] = True
     is_fixed[list(surface.pins.values())] = True
     faces = surface.faces
-    centre = surface.layers[faces].sum(axis=1)
-    sign = np.sign(centre)
-    neighbours: dict[int, np.ndarray] = {}
-    for _ in range(_UNTANGLING_ROUNDS):
-        corners = canonical[faces, :2]
+    sign = np.sign(surface.layers[faces].sum(axis=1))
+
+    def measure(chosen: np.ndarray) -> np.ndarray:
+        corners = canonical[faces[chosen], :2]
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) * sign
-        turned = np.unique(faces[area < _LEAST_CANONICAL_AREA])
+        return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) * sign[chosen]
+
+    for _ in range(_UNTANGLING_ROUNDS):
+        turned = np.unique(faces[measure(np.arange(len(faces))) < _LEAST_CANONICAL_AREA])
         turned = turned[~is_fixed[turned]]
         if not len(turned):
             return
         for vertex in turned.tolist():
-            if vertex not in neighbours:
-                touching = np.unique(faces[(faces == vertex).any(axis=1)])
-                neighbours[vertex] = touching[touching != vertex]
-            canonical[vertex, :2] = canonical[neighbours[vertex], :2].mean(axis=0)
+            touching = np.flatnonzero((faces == vertex).any(axis=1))
+            neighbours = np.setdiff1d(faces[touching], vertex)
+            here = canonical[vertex, :2].copy()
+            step = canonical[neighbours, :2].mean(axis=0) - here
+            smallest = []
+            for share in _UNTANGLING_STEPS:
+                canonical[vertex, :2] = here + share * step
+                smallest.append(measure(touching).min())
+            canonical[vertex, :2] = here + _UNTANGLING_STEPS[int(np.argmax(smallest))] * step

@@ -33,7 +33,7 @@ def find_cached(folder: Path, garment_id: str) -> Garment | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             text = bytes(archive["text"]).decode()
             arrays = {name: archive[name] for name in _ARRAYS}
         entry = json.loads(text)

@@ -57,13 +57,8 @@ def make_trousers(
         ValueError: If the measures contradict each other, or spacing or gap are out of range.
         MeshingError: If a panel cannot be filled at this spacing.
     """
-    half = parameters.leg_angle_difference / 2
-    legs = {
-        hand: LegPattern(parameters, angle=parameters.leg_angle - sign * half)
-        for hand, sign in _HANDS.items()
-    }
     return assemble(
-        _cut(legs),
+        cut_trousers(parameters),
         name=name,
         category=CATEGORY,
         parameters=parameters,
@@ -72,7 +67,17 @@ def make_trousers(
     )
 
 
-def _cut(legs: dict[str, LegPattern]) -> Cut:
+def cut_trousers(parameters: TrousersParameters) -> Cut:
+    """Cut trousers.
+
+    Raises:
+        ValueError: If the measures contradict each other.
+    """
+    half = parameters.leg_angle_difference / 2
+    legs = {
+        hand: LegPattern(parameters, angle=parameters.leg_angle - sign * half)
+        for hand, sign in _HANDS.items()
+    }
     curves: dict[str, Curve] = {}
     panels, exact = [], []
     for hand, sign in _HANDS.items():

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from dgl_assets.garments.assembly import check_size
 from dgl_assets.garments.drawing import draw_until_valid, pick, span
+from dgl_assets.garments.sewing import measure_area
 from dgl_assets.garments.sizes import SCALE, BodySize, Sizes, draw_body
+from dgl_assets.garments.trousers.garment import cut_trousers
 from dgl_assets.garments.trousers.parameters import TrousersParameters
-from dgl_assets.garments.trousers.pattern import LegPattern
 
 REACH_LENGTH = 1.0
 """Longest trousers that the robots fold [m]; the paper's demonstration garment is 0.905 m long."""
@@ -46,9 +48,8 @@ def _check(parameters: TrousersParameters, *, sizes: Sizes) -> None:
     length = parameters.rise + parameters.inseam_length
     if sizes == "reach" and length > REACH_LENGTH:
         raise ValueError(f"the length must be at most {REACH_LENGTH} m; got {length}")
-    half = parameters.leg_angle_difference / 2
-    for angle in (parameters.leg_angle - half, parameters.leg_angle + half):
-        LegPattern(parameters, angle=angle)
+    cut = cut_trousers(parameters)
+    check_size(measure_area(cut.curves, cut.panels))
 
 
 def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -112,7 +113,7 @@ class _UpperCutter:
             elif self._finish == "hood":
                 centre = f"{hand}_hood_front"
         line = half.neckline
-        if layer < 0 and self._finish != "plain" or self._finish == "stand":
+        if (layer < 0 and self._finish != "plain") or self._finish == "stand":
             name = f"{hand}_collar"
             self._add(hand, name, base, top, line.cut_side())
             self._exact.append((name, 0, sign * U_NECK))
@@ -164,7 +165,7 @@ class _UpperCutter:
         is_raglan = self._cuts.sleeve is not None and self._cuts.sleeve.seam == "raglan"
         shoulder = () if is_raglan else (f"{hand}_shoulder",)
         neck: tuple[str, ...] = (f"{face}_{hand}_neck",)
-        if face == "back" and self._finish != "plain" or self._finish == "stand":
+        if (face == "back" and self._finish != "plain") or self._finish == "stand":
             neck = (f"{hand}_collar", *neck)
         if face == "back" and self._finish == "hood":
             neck = (f"{hand}_collar", f"{hand}_hood_top")
@@ -204,22 +205,17 @@ class _UpperCutter:
             if half.flap is None:
                 continue
             start = f"{hand}_opening_top" if half.opening is not None else "front_neck_centre"
-            outer, shares = half.flap.outer, (0.0, *half.flap.corners, 1.0)
+            leaf = half.flap.leaf
+            outer, shares = leaf.outer, (0.0, *leaf.corners, 1.0)
             names: list[str] = []
             last = start
-            is_pointed = (
-                np.linalg.norm(
-                    outer[0] - self._curves[f"front_{hand}_neck"].points[-1] * [HANDS[hand], 1]
-                )
-                > 0.005
-            )
-            if is_pointed:
+            if leaf.is_pointed:
                 tip = f"{hand}_collar_tip"
-                hinge = self._curves[f"front_{hand}_neck"].points[-1] * [float(HANDS[hand]), 1.0]
-                self._add(hand, f"{hand}_leaf_tip", last, tip, np.stack([hinge, outer[0]]))
+                edge = np.stack([leaf.hinge[0], leaf.outer[0]])
+                self._add(hand, f"{hand}_leaf_tip", last, tip, edge)
                 names.append(f"{hand}_leaf_tip")
                 last = tip
-            for k, (low, high) in enumerate(zip(shares[:-1], shares[1:], strict=True)):
+            for k, (low, high) in enumerate(itertools.pairwise(shares)):
                 part = outer[round(low * (len(outer) - 1)) : round(high * (len(outer) - 1)) + 1]
                 following = f"{hand}_collar_top" if high == 1.0 else f"{hand}_leaf_corner_{k}"
                 self._add(hand, f"{hand}_leaf_{k}", last, following, part)
@@ -258,7 +254,7 @@ class _UpperCutter:
         return placed
 
     def _to_canonical(self, panel: str, points: np.ndarray) -> np.ndarray:
-        layer = LAYERS[panel.split("_")[0]]
+        layer = LAYERS[panel.split("_", maxsplit=1)[0]]
         result = np.empty((len(points), 2))
         named = [hand for hand in HANDS if f"_{hand}_" in panel]
         for hand, sign in HANDS.items():

@@ -18,11 +18,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from dgl_assets.garments.shear import Knots, ShearMap, tabulate_edge
-from dgl_assets.garments.uppers.flap import Flap
+from dgl_assets.garments.uppers.flap import Flap, cut_leaf
 from dgl_assets.garments.uppers.neckline import U_NECK, Neckline
+from dgl_assets.garments.uppers.outline import (
+    SAMPLES,
+    cut_armhole,
+    cut_collar_edge,
+    cut_hem,
+    cut_opening,
+    cut_side,
+    evaluate_hem,
+)
 from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening, Sleeve
 from dgl_assets.garments.uppers.sleeve import V_ARMPIT, SleevePattern
 
@@ -31,18 +39,12 @@ U_OPENING = 0.05
 U_STRAP = 0.15
 """How far u of an armhole without sleeve falls from the armpit to the shoulder."""
 
-_SAMPLES = 400
-_HIP_BELOW_WAIST = 0.17  # [m]
 _UPPER_CHEST, _CHEST_ROOM = (
     (0.70, 0.82),
     0.012,
 )  # place that raglan seams keep clear of, by so much [m]
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
-_LEAST_STEP = 0.035  # between heights that shape the side seam [m]
-_SOFT_ARMPIT, _SOFT_WAIST = (
-    0.8,
-    0.45,
-)  # highest share of a column where a deep neckline pushes these levels down
+_ROOM_BELOW_NECK = 0.06  # between a deep neckline and the level of the armpit [m]
 _HOOD_START = 0.35  # of the neck's half width: where the front edges of a hood meet the neckline
 
 
@@ -103,21 +105,27 @@ class HalfPattern:
         if cuts.sleeve is not None:
             angle = cuts.sleeve.angle - sign * cuts.sleeve.angle_difference / 2
             self.sleeve = SleevePattern(body, neck, cuts.sleeve, angle=angle)
-        self._hem_half = body.hem_half_width
-        self.side = self._cut_side()
+        self.side = cut_side(body, sign=sign)
         self.shoulder = self._cut_shoulder()
         self.armholes = {layer: self._cut_armhole(layer) for layer in (1, -1)}
-        self.opening = self._cut_opening()
-        self.collar_edge = self._cut_collar_edge()
-        self.hem = {layer: self._cut_hem(layer) for layer in (1, -1)}
+        self.opening: np.ndarray | None = None
+        self.collar_edge: np.ndarray | None = None
+        if cuts.opening is not None:
+            self.opening = cut_opening(cuts.opening, self.neckline, body, sign=sign)
+            if neck.finish == "stand":
+                self.collar_edge = cut_collar_edge(self.opening, self.neckline)
+        front = float(self.opening[0, 0]) if self.opening is not None else 0.0
+        self.hem = {
+            layer: cut_hem(body, sign=sign, start=front if layer > 0 else 0.0) for layer in (1, -1)
+        }
         self._maps = {layer: self._map(layer) for layer in (1, -1)}
         if self.sleeve is not None:
             self._check_clearance()
-        self.flap = self._cut_flap() if neck.leaf_width > 0 else None
+        self.flap = self._make_flap() if neck.leaf_width > 0 else None
 
     @property
     def neck_end(self) -> float:
-        """x' of the inner end of the front neckline [m]: 0, or the edge of an open front or of a hood."""
+        """Place x' of the inner end of the front neckline [m]: 0, or the edge of an open front or of a hood."""
         if self.cuts.opening is not None:
             return self.cuts.opening.top_gap
         if self.cuts.neck.finish == "hood":
@@ -163,7 +171,7 @@ class HalfPattern:
         if sleeve is None or sleeve.seam == "set_in":
             return self.armholes[layer]
         start, end = self.shoulder[-1], self.side[-1]
-        t = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
+        t = np.linspace(0.0, 1.0, SAMPLES)[:, None]
         # A raglan seam leaves the neck steeply and arrives at the armpit along the armhole. It is bowed as far as a vertex
         # on the upper chest, where landmarks are, needs room beside it.
         chest = self.body_to_pattern(np.array([_UPPER_CHEST]), layer=1)
@@ -208,27 +216,6 @@ class HalfPattern:
                 f"{neck.back_depth}"
             )
 
-    def _cut_side(self) -> np.ndarray:
-        body = self.cuts.body
-        start = -body.length + body.hem_curve + self._sign * body.hem_tilt
-        knots = [(start, body.hem_half_width)]
-        hip = body.waist_depth + _HIP_BELOW_WAIST
-        for depth, width in ((hip, body.hip_half_width), (body.waist_depth, body.waist_half_width)):
-            # Levels beyond the hem, or almost on another one, do not shape the seam.
-            if width > 0 and -depth > knots[-1][0] + _LEAST_STEP:
-                knots.append((-depth, width))
-        if knots[-1][0] > -body.armhole_depth - _LEAST_STEP and len(knots) > 1:
-            knots.pop()
-        knots.append((-body.armhole_depth, body.chest_half_width))
-        y, x = np.array(knots).T
-        if y[-1] - y[0] < 0.05:
-            raise ValueError(
-                f"the side seam must be at least 0.05 m long; got {y[-1] - y[0]:.3f} from length "
-                f"{body.length}, hem_curve {body.hem_curve} and armhole_depth {body.armhole_depth}"
-            )
-        heights = np.linspace(y[0], y[-1], _SAMPLES)
-        return np.stack([PchipInterpolator(y, x)(heights), heights], axis=1)
-
     def _cut_shoulder(self) -> np.ndarray:
         body, neck = self.cuts.body, self.cuts.neck
         end = np.array([[neck.half_width, 0.0]])
@@ -240,111 +227,39 @@ class HalfPattern:
     def _cut_armhole(self, layer: int) -> np.ndarray:
         if self.sleeve is not None:
             return self.sleeve.armhole
-        armhole = self.cuts.armhole
+        armhole, neck = self.cuts.armhole, self.cuts.neck.half_width
         assert armhole is not None
-        start, end = self.shoulder[0], self.side[-1]
-        angle = np.linspace(0.0, math.pi / 2, _SAMPLES)
-        x = start[0] + (end[0] - start[0]) * (1 - np.cos(angle)) ** (1 / armhole.squareness)
-        y = start[1] + (end[1] - start[1]) * np.sin(angle)
-        x -= (
-            (armhole.front_scoop if layer > 0 else armhole.back_scoop)
-            * np.sin(angle) ** 2
-            * np.sin(2 * angle)
-            * 1.3
+        return cut_armhole(armhole, self.shoulder[0], self.side[-1], layer=layer, neck=neck)
+
+    def _make_flap(self) -> Flap:
+        leaf = cut_leaf(self.neckline, start=self.neck_end)
+        return Flap(
+            leaf,
+            canonical=self.body_to_canonical(leaf.hinge, layer=1),
+            v_edge=self.neckline.evaluate_edge_v(leaf.hinge[:, 0], layer=1),
         )
-        x[-1], y[-1] = end
-        if x.min() < self.cuts.neck.half_width + 0.02:
-            raise ValueError(
-                f"the armhole reaches the neck: front_scoop {armhole.front_scoop} and back_scoop "
-                f"{armhole.back_scoop} are too deep for shoulder_half_width "
-                f"{self.cuts.body.shoulder_half_width}"
-            )
-        return np.stack([x, y], axis=1)
-
-    def _cut_opening(self) -> np.ndarray | None:
-        opening, body, neck = self.cuts.opening, self.cuts.body, self.cuts.neck
-        if opening is None:
-            return None
-        if opening.top_gap > 0.6 * neck.half_width:
-            raise ValueError(
-                f"top_gap must be at most 0.6 of the neck's half width ({neck.half_width}); got "
-                f"{opening.top_gap}"
-            )
-        top = float(self.neckline.evaluate(np.array([opening.top_gap]), layer=1)[0])
-        bottom = float(self._evaluate_hem(np.array([opening.hem_gap]))[0])
-        y = np.linspace(bottom, top, _SAMPLES)
-        x = opening.hem_gap + (opening.top_gap - opening.hem_gap) * (y - bottom) / (top - bottom)
-        if opening.corner_radius > 0:
-            share = np.clip((bottom + opening.corner_radius - y) / opening.corner_radius, 0.0, 1.0)
-            x += opening.corner_radius * (1 - np.sqrt(1 - 0.96 * share**2))
-            y[0] = self._evaluate_hem(x[:1])[0]
-        return np.stack([x, y], axis=1)
-
-    def _cut_collar_edge(self) -> np.ndarray | None:
-        if self.opening is None or self.cuts.neck.finish != "stand":
-            return None
-        x, y = self.opening[-1:].T
-        rise = np.linspace(y[0], self.neckline.evaluate_edge(x, layer=1)[0], 60)
-        return np.stack([x * self.neckline.scale(rise), rise], axis=1)
-
-    def _cut_hem(self, layer: int) -> np.ndarray:
-        start = self.opening[0, 0] if layer > 0 and self.opening is not None else 0.0
-        x = np.linspace(start, self._hem_half, _SAMPLES)
-        return np.stack([x, self._evaluate_hem(x)], axis=1)
-
-    def _cut_flap(self) -> Flap:
-        neck = self.cuts.neck
-        hinge = self.neckline.cut(1, x_end=self.neck_end)[::-1]
-        step = np.linalg.norm(np.diff(hinge, axis=0), axis=1)
-        share = np.concatenate([[0.0], np.cumsum(step)]) / step.sum()
-        hinge = np.stack(
-            [np.interp(np.linspace(0, 1, _SAMPLES), share, hinge[:, k]) for k in range(2)], axis=1
-        )
-        share = np.linspace(0.0, 1.0, _SAMPLES)
-        side = self.neckline.cut_side()
-        last = side[-1] - side[0]
-        end_angle = math.atan2(last[1], last[0])
-        angle = -neck.leaf_angle + share * (end_angle + neck.leaf_angle)
-        is_lapel = neck.finish == "lapel"
-        knots, corners = _LAPEL if is_lapel else _LEAF
-        end_width = float(np.linalg.norm(last)) / neck.leaf_width
-        places, widths = np.array(knots).T
-        width = neck.leaf_width * np.interp(
-            share, np.append(places, 1.0), np.append(widths, end_width)
-        )
-        outer = hinge + width[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        outer[-1] = side[-1]
-        places = np.stack([hinge[:, 0], hinge[:, 1]], axis=1)
-        canonical = self.body_to_canonical(places, layer=1)
-        u, v = canonical.T
-        # v tells the width of the leaf, except where it joins the side seam, so that its corners stay corners.
-        relative = width / (neck.leaf_width * max(widths))
-        joins = np.clip((share - 0.85) / 0.15, 0.0, 1.0)
-        v_edge = self.neckline.evaluate_edge_v(hinge[:, 0], layer=1)
-        v_edge = v + (v_edge - v) * (relative + (1 - relative) * joins)
-
-        def get_span(query: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            return tuple(np.interp(query, share, values) for values in (u, v, v_edge))  # type: ignore[return-value]
-
-        return Flap(hinge, outer, corners=corners, get_span=get_span)
-
-    def _evaluate_hem(self, x: np.ndarray) -> np.ndarray:
-        body = self.cuts.body
-        share = np.clip(x / self._hem_half, 0.0, 1.0)
-        return -body.length + body.hem_curve * share**2 + self._sign * body.hem_tilt * share
 
     def _evaluate_shoulder(self, x: np.ndarray) -> np.ndarray:
         """Height of the shoulder seam over x, continued level beyond the shoulder."""
         return np.interp(x, *self.shoulder[::-1].T)
 
+    def _evaluate_armpit(self, x: np.ndarray, *, layer: int) -> np.ndarray:
+        """Height of v = `V_ARMPIT` over x: level, or sagging towards the centre where a deep neckline needs room."""
+        body, neck = self.cuts.body, self.cuts.neck
+        depth = neck.front_depth if layer > 0 else neck.back_depth
+        room = min(_ROOM_BELOW_NECK, 0.3 * body.armhole_depth)
+        sag = max(0.0, depth + room - body.armhole_depth)
+        share = np.clip(x / body.chest_half_width, 0.0, 1.0)
+        return -body.armhole_depth - sag * (1 - share**2)
+
     def _columns(self, x: np.ndarray, *, layer: int) -> Knots:
         """Heights [m] and their v along the columns at x': hem, waist, armpit, neckline or shoulder, collar."""
         body, neckline = self.cuts.body, self.neckline
         is_neck = x <= self.cuts.neck.half_width + 1e-9
-        hem = self._evaluate_hem(x)
+        hem = evaluate_hem(body, x, sign=self._sign)
         top = np.where(is_neck, neckline.evaluate(x, layer=layer), self._evaluate_shoulder(x))
         v_top = np.where(is_neck, neckline.evaluate_v(x, layer=layer), 1.0)
-        armpit = np.minimum(-body.armhole_depth, hem + _SOFT_ARMPIT * (top - hem))
+        armpit = self._evaluate_armpit(x, layer=layer)
         # Without a collar nothing lies above the upper edge, and the last knot is never reached.
         has_collar = is_neck & neckline.has_collar(layer) | is_neck & (
             self.cuts.neck.finish == "hood"
@@ -354,7 +269,7 @@ class HalfPattern:
         heights = [hem, armpit, top, collar]
         values = [np.zeros(len(x)), np.full(len(x), V_ARMPIT), v_top, v_collar]
         if self.cuts.has_waist:
-            waist = np.minimum(-body.waist_depth, hem + _SOFT_WAIST * (top - hem))
+            waist = np.minimum(-body.waist_depth, hem + 0.75 * (armpit - hem))
             heights.insert(1, waist)
             values.insert(1, np.full(len(x), V_WAIST))
         return np.stack(heights, axis=1), np.stack(values, axis=1)
@@ -387,6 +302,9 @@ class HalfPattern:
             low = np.interp(v, *inner) if inner is not None else np.zeros(len(v))
             u_low = np.full(len(v), U_OPENING if inner is not None else 0.0)
             u_high = self._get_outer_u(v)
+            if self.cuts.neck.finish == "hood":  # above the face opening it reaches the centre
+                fade = np.clip((1.15 - v) / 0.15, 0.0, 1.0)
+                low, u_low = low * fade, u_low * fade
             # Below the armpit the columns spread to equal shares of the hem, whatever the width of the neck.
             share = np.clip(v / V_ARMPIT, 0.0, 1.0)
             even = low + (width - low) * (U_NECK - u_low) / (1 - u_low)
@@ -399,7 +317,7 @@ class HalfPattern:
         return ShearMap(columns=columns, rows=rows)
 
     def _get_outer_u(self, v: np.ndarray) -> np.ndarray:
-        """u of the side seam and of the armhole at v."""
+        """Value of u on the side seam and on the armhole at v."""
         if self.sleeve is not None:
             return np.ones(len(v))
         # Side and free armhole meet in a corner, which a triangle may fill; it must not lie on one line.
@@ -417,11 +335,3 @@ class HalfPattern:
                 f"a sleeve lies on the body: angle {self.cuts.sleeve and self.cuts.sleeve.angle} is too "
                 f"steep for hem_half_width {self.cuts.body.hem_half_width} and the widths of the sleeve"
             )
-
-
-# Width of a leaf as shares of `leaf_width` at shares along its hinge; the last point is the collar's side seam.
-_LEAF = ((0.0, 1.15), (0.25, 1.0), (0.7, 0.92)), ()
-_LAPEL = (
-    ((0.0, 0.0), (0.06, 0.3), (0.56, 1.1), (0.62, 0.66), (0.68, 0.95), (0.85, 0.85)),
-    (0.56, 0.62, 0.68),
-)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dgl_assets.garments.assembly import SPACING_LIMITS
+from dgl_assets.garments.assembly import check_size
 from dgl_assets.garments.drawing import pick, span
 from dgl_assets.garments.sewing import measure_area
 from dgl_assets.garments.sizes import SCALE, BodySize
@@ -16,8 +16,6 @@ from dgl_assets.garments.uppers.cutting import Pins, cut_upper
 from dgl_assets.garments.uppers.half import Cuts
 from dgl_assets.garments.uppers.parameters import Body, Neck, Sleeve, SleeveSeam
 from dgl_assets.garments.uppers.sleeve import compute_armhole_width
-
-_MOST_VERTICES = 7900
 
 Bounds = tuple[float, float]
 
@@ -266,14 +264,10 @@ def draw_sleeve(
 
 
 def check_upper(cuts: Cuts, pins: Pins) -> None:
-    """Refuse garments that cannot be cut, or would have more than about 7,900 vertices at the coarsest spacing.
+    """Refuse garments that cannot be cut, or that are too small or too large to be meshed.
 
     Raises:
         ValueError: If it is so.
     """
     cut = cut_upper(cuts, pins)
-    count = measure_area(cut.curves, cut.panels) / (math.sqrt(0.75) * SPACING_LIMITS[1] ** 2)
-    if count > _MOST_VERTICES:
-        raise ValueError(
-            f"the garment must have at most {_MOST_VERTICES} vertices; got {count:.0f}"
-        )
+    check_size(measure_area(cut.curves, cut.panels))
