@@ -34,7 +34,7 @@ def test_a_cached_garment_is_the_garment(built):
 
 
 def test_a_cached_garment_is_read_and_not_made_again(built, monkeypatch):
-    monkeypatch.setattr("dgl_assets.garments.catalogue._make", lambda *_, **__: pytest.fail())
+    monkeypatch.setattr("dgl_assets.garments.catalogue._make", lambda *_, **__: 1 / 0)
     assert load_garment(SCARF, cache=built).name == SCARF
 
 
@@ -124,7 +124,7 @@ def test_a_build_of_wrong_ids_begins_nothing(tmp_path):
 
 
 def test_a_cache_and_a_spacing_do_not_go_together(tmp_path):
-    with pytest.raises(ValueError, match="default spacing; got spacing 0.02"):
+    with pytest.raises(ValueError, match=r"default spacing; got spacing 0\.02"):
         load_garment(SCARF, cache=tmp_path, spacing=0.02)
 
 

@@ -39,10 +39,8 @@ U_OPENING = 0.05
 U_STRAP = 0.15
 """How far u of an armhole without sleeve falls from the armpit to the shoulder."""
 
-_UPPER_CHEST, _CHEST_ROOM = (
-    (0.70, 0.82),
-    0.012,
-)  # place that raglan seams keep clear of, by so much [m]
+_CHEST_PLACES = ((0.70, 0.82), (0.56, 0.945))  # that raglan seams keep clear of; the second only of open fronts
+_CHEST_ROOM = 0.012  # by so much [m]
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
 _ROOM_BELOW_NECK = 0.06  # between a deep neckline and the level of the armpit [m]
 _HOOD_START = 0.35  # of the neck's half width: where the front edges of a hood meet the neckline
@@ -172,14 +170,15 @@ class HalfPattern:
             return self.armholes[layer]
         start, end = self.shoulder[-1], self.side[-1]
         t = np.linspace(0.0, 1.0, SAMPLES)[:, None]
-        # A raglan seam leaves the neck steeply and arrives at the armpit along the armhole. It is bowed as far as a vertex
-        # on the upper chest, where landmarks are, needs room beside it.
-        chest = self.body_to_pattern(np.array([_UPPER_CHEST]), layer=1)
+        # A raglan seam leaves the neck steeply and arrives at the armpit along the armhole. It is bowed as far as vertices
+        # on the chest, where landmarks are, need room beside it.
+        places = np.array(_CHEST_PLACES if self.opening is not None else _CHEST_PLACES[:1])
+        chest = self.body_to_pattern(places, layer=1)
         best, room = np.empty((0, 2)), -1.0
         for across, down in _RAGLAN_BOWS:
             control = start + np.array([across, down]) * (end - start)
             seam = (1 - t) ** 2 * start + 2 * t * (1 - t) * control + t**2 * end
-            distance = float(np.linalg.norm(seam - chest, axis=1).min())
+            distance = float(np.linalg.norm(seam - chest[:, None], axis=2).min())
             if distance > room:
                 best, room = seam, distance
             if room > _CHEST_ROOM:
