@@ -33,7 +33,14 @@ _COUNT_LIMITS = (
 )  # of the estimate from the area; seams and boundaries add or take a few in a hundred
 _BLEND_ROWS = 3.5  # spacings from a seam over which a layer rises to its height
 _UNTANGLING_ROUNDS = 20
-_UNTANGLING_STEPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # of the way to the mean of the neighbours
+# Moves that a vertex tries, in units of the spread of its neighbours: none, and three lengths in eight directions.
+_UNTANGLING_MOVES = np.array(
+    [
+        (length * math.cos(k * math.pi / 4), length * math.sin(k * math.pi / 4))
+        for length in (0.0, 0.1, 0.3, 0.8)
+        for k in range(8)
+    ]
+)[7:]
 _LEAST_CANONICAL_AREA = 2e-6  # twice the area of a triangle in (u, v); usual ones have some 1e-3
 _FLAP_BLEND = 0.06  # distance from its seam over which a flap rises above the front [m]
 _OVERLAP_BLEND = 0.10  # distance from a seam over which one front rises above the other [m]
@@ -218,10 +225,11 @@ def _untangle(canonical: np.ndarray, surface: SewnSurface) -> None:
         for vertex in turned.tolist():
             touching = np.flatnonzero((faces == vertex).any(axis=1))
             neighbours = np.setdiff1d(faces[touching], vertex)
-            here = canonical[vertex, :2].copy()
-            step = canonical[neighbours, :2].mean(axis=0) - here
+            around = canonical[neighbours, :2]
+            here, size = canonical[vertex, :2].copy(), around.std(axis=0)
+            moves = np.concatenate([_UNTANGLING_MOVES * size, [around.mean(axis=0) - here]])
             smallest = []
-            for share in _UNTANGLING_STEPS:
-                canonical[vertex, :2] = here + share * step
+            for move in moves:
+                canonical[vertex, :2] = here + move
                 smallest.append(measure(touching).min())
-            canonical[vertex, :2] = here + _UNTANGLING_STEPS[int(np.argmax(smallest))] * step
+            canonical[vertex, :2] = here + moves[int(np.argmax(smallest))]

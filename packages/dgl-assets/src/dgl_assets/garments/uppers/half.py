@@ -39,7 +39,10 @@ U_OPENING = 0.05
 U_STRAP = 0.15
 """How far u of an armhole without sleeve falls from the armpit to the shoulder."""
 
-_CHEST_PLACES = ((0.70, 0.82), (0.56, 0.945))  # that raglan seams keep clear of; the second only of open fronts
+_CHEST_PLACES = (
+    (0.70, 0.82),
+    (0.56, 0.945),
+)  # that raglan seams keep clear of; the second only of open fronts
 _CHEST_ROOM = 0.012  # by so much [m]
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
 _ROOM_BELOW_NECK = 0.06  # between a deep neckline and the level of the armpit [m]
