@@ -11,7 +11,7 @@ import dgl_assets
 from dgl_assets import AssetNotFoundError, garment_ids, list_categories, load_garment
 from dgl_assets.garments.registry import get_category
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "make_top.py"
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def test_the_same_id_gives_the_same_arrays():
@@ -106,14 +106,24 @@ def test_exports_resolve():
     assert {"Garment", "TopParameters", "make_top", "sample_top", "correspond"} <= set(names)
 
 
-def test_the_example_runs(tmp_path):
-    spec = importlib.util.spec_from_file_location("make_top_example", EXAMPLE)
+def _load_example(name: str):
+    spec = importlib.util.spec_from_file_location(f"{name}_example", EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    path = module.main(tmp_path / "top.obj")
+    return module
+
+
+def test_the_example_of_a_top_runs(tmp_path):
+    path = _load_example("make_top").main(tmp_path / "top.obj")
     lines = path.read_text().splitlines()
     top = load_garment("Tops_LongSleeve/000123")
     assert sum(line.startswith("v ") for line in lines) == len(top.vertices)
     assert sum(line.startswith("f ") for line in lines) == len(top.faces)
+
+
+def test_the_example_of_the_catalogue_runs(tmp_path):
+    paths = _load_example("draw_catalogue").main(tmp_path, count=1, size=32)
+    assert [path.stem for path in paths] == list(list_categories())
+    assert all(path.exists() for path in paths)
