@@ -116,9 +116,7 @@ def test_contradicting_measures_of_the_neck_are_refused(accepted, refused, messa
         (TopParameters(neck=Neck(front_depth=0.21)), "front_depth must be at most"),
         (TopParameters(neck=Neck(finish="lapel", height=0.03, leaf_width=0.07)), "open front"),
         (
-            TopParameters(
-                    body=Body(waist_depth=0.3, waist_half_width=0.4, hem_half_width=0.6)
-                ),
+            TopParameters(body=Body(waist_depth=0.3, waist_half_width=0.4, hem_half_width=0.6)),
             "a sleeve lies on the body",
         ),
         (TopParameters(body=Body(length=0.30, hem_curve=0.06)), "side seam must be at least"),
