@@ -1,5 +1,6 @@
 """The catalogue, the package's exports, and the example."""
 
+import dataclasses
 import importlib.util
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import pytest
 
 import dgl_assets
 from dgl_assets import AssetNotFoundError, garment_ids, list_categories, load_garment
+from dgl_assets.garments.registry import get_category
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "make_top.py"
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def test_the_same_id_gives_the_same_arrays():
@@ -26,22 +28,62 @@ def test_ids_differ_in_their_garments():
     assert first.parameters != second.parameters
 
 
-def test_splits_are_disjoint():
+def test_splits_and_sizes_are_disjoint():
     for category in list_categories():
-        train, test = garment_ids(category, "train"), garment_ids(category, "test")
-        assert len(set(train)) == 8000
-        assert len(set(test)) == 2000
-        assert not set(train) & set(test)
+        groups = [
+            set(garment_ids(category, split, sizes=sizes))
+            for split in ("train", "test")
+            for sizes in ("reach", "all")
+        ]
+        assert [len(group) for group in groups] == [8000, 8000, 2000, 2000]
+        assert len(set().union(*groups)) == 20000
+        train = garment_ids(category, "train")
         assert garment_ids(category, "train", count=100) == train[:100]
 
 
 @pytest.mark.parametrize(
+    ("category", "train", "everything"),
+    [
+        ("Tops_LongSleeve", 100, 247),
+        ("Tops_NoSleeve", 100, 217),
+        ("Tops_FrontOpen", 40, 78),
+        ("Dress_LongSleeve", 26, 38),
+        ("Trousers", 100, 317),
+        ("Scarf", 8, 8),
+    ],
+)
+def test_the_papers_counts_are_a_named_subset(category, train, everything):
+    seen = garment_ids(category, "train", subset="paper")
+    unseen = garment_ids(category, "test", subset="paper")
+    assert len(seen) == train
+    assert len(seen) + len(unseen) == everything
+    assert not set(seen) & set(unseen)
+
+
+def test_there_are_at_least_2500_distinct_garments():
+    ids = [i for c in list_categories() for s in ("train", "test") for i in garment_ids(c, s)]
+    assert len(set(ids)) >= 2500
+    for category in list_categories():  # measures differ: equal ones would make equal garments
+        sample = get_category(category).sample
+        drawn = {sample(np.random.default_rng(number), "all") for number in range(40)}
+        assert len(drawn) == 40
+
+
+@pytest.mark.parametrize(
     "garment_id",
-    ["Tops_LongSleeve", "Tops_LongSleeve/12", "Tops_LongSleeve/010000", "Tops_LongSleeve/00000a"],
+    ["Tops_LongSleeve", "Tops_LongSleeve/12", "Tops_LongSleeve/020000", "Trousers/00000a"],
 )
 def test_unknown_numbers_are_refused(garment_id):
-    with pytest.raises(AssetNotFoundError, match="six digits from 000000 to 009999"):
+    with pytest.raises(AssetNotFoundError, match="six digits from 000000 to 019999"):
         load_garment(garment_id)
+
+
+def test_a_category_whose_counts_contradict_each_other_is_refused():
+    scarf = get_category("Scarf")
+    with pytest.raises(ValueError, match="paper_train must be in"):
+        dataclasses.replace(scarf, paper_train=9)
+    with pytest.raises(ValueError, match="must fit into 4 for training"):
+        dataclasses.replace(scarf, train_count=4)
 
 
 def test_unknown_categories_and_splits_are_refused():
@@ -53,6 +95,10 @@ def test_unknown_categories_and_splits_are_refused():
         garment_ids("Tops_LongSleeve", "all")
     with pytest.raises(ValueError, match=r"count must be in \[0, 2000\].* got 2001"):
         garment_ids("Tops_LongSleeve", "test", count=2001)
+    with pytest.raises(ValueError, match="sizes must be 'reach' or 'all'; got 'huge'"):
+        garment_ids("Scarf", "train", sizes="huge")
+    with pytest.raises(ValueError, match="subset must be None or 'paper'; got 'mine'"):
+        garment_ids("Scarf", "train", subset="mine")
 
 
 def test_exports_resolve():
@@ -60,14 +106,24 @@ def test_exports_resolve():
     assert {"Garment", "TopParameters", "make_top", "sample_top", "correspond"} <= set(names)
 
 
-def test_the_example_runs(tmp_path):
-    spec = importlib.util.spec_from_file_location("make_top_example", EXAMPLE)
+def _load_example(name: str):
+    spec = importlib.util.spec_from_file_location(f"{name}_example", EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    path = module.main(tmp_path / "top.obj")
+    return module
+
+
+def test_the_example_of_a_top_runs(tmp_path):
+    path = _load_example("make_top").main(tmp_path / "top.obj")
     lines = path.read_text().splitlines()
     top = load_garment("Tops_LongSleeve/000123")
     assert sum(line.startswith("v ") for line in lines) == len(top.vertices)
     assert sum(line.startswith("f ") for line in lines) == len(top.faces)
+
+
+def test_the_example_of_the_catalogue_runs(tmp_path):
+    paths = _load_example("draw_catalogue").main(tmp_path, count=1, size=32)
+    assert [path.stem for path in paths] == list(list_categories())
+    assert all(path.exists() for path in paths)

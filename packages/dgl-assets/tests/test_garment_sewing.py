@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dgl_assets import MeshingError
-from dgl_assets.meshing import (
+from dgl_assets.garments.meshing import (
     compute_boundary_loops,
     compute_edges,
     compute_segment_distances,
@@ -13,7 +13,7 @@ from dgl_assets.meshing import (
     mesh_outline,
     resample_polyline,
 )
-from dgl_assets.sewing import Panel, Seam, sew_panels
+from dgl_assets.garments.sewing import Panel, Seam, sew_panels
 
 SQUARE = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]])
 

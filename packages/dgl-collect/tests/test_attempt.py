@@ -113,7 +113,7 @@ def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path):
 @pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_the_garment_can_be_chosen(tmp_path):
-    garment = "Tops_LongSleeve/000019"
+    garment = "Tops_LongSleeve/001294"
     made = DemonstrationAttempts(TASK_ID, garment=garment)
     try:
         result = run(made, tmp_path / "chosen", seed=3)

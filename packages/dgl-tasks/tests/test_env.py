@@ -10,7 +10,7 @@ from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
 from dgl_tasks.grasps import wrist_to_grasp
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
-GARMENT = "Tops_LongSleeve/000019"
+GARMENT = "Tops_LongSleeve/001294"
 
 
 @pytest.fixture(scope="module")

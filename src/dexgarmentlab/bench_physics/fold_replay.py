@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ClothReplay", "FoldRecord", "make_fold_env", "record_fold", "replay_cloth"]
 
-GARMENT = "Tops_LongSleeve/000019"
+GARMENT = "Tops_LongSleeve/001294"
 """The garment that the demonstration was given on."""
 TASK = "FoldTops-v1"
 

@@ -11,3 +11,7 @@ class AssetNotFoundError(AssetError):
 
 class MeshingError(AssetError):
     """Raised when an outline cannot be filled with triangles of the requested size."""
+
+
+class CacheError(AssetError):
+    """Raised when a file in a cache of garments cannot be used."""

@@ -11,7 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_assets.meshing import mesh_outline
+from dgl_assets.garments.meshing import mesh_outline, resample_polyline
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A seam line as it is drawn, before it is divided into edges.
+
+    Attributes:
+        start: Name of the junction where it begins.
+        end: Name of the junction where it ends.
+        points: Dense polyline [m], shape (N, 2), pattern frame.
+        is_even: Divide into an even number of edges, so that a vertex lies at its middle.
+    """
+
+    start: str
+    end: str
+    points: np.ndarray
+    is_even: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +52,8 @@ class Panel:
 
     Attributes:
         name: Unique name.
-        layer: +1 for the front (upper) layer, -1 for the back (lower) layer.
+        layer: +1 for the front (upper) layer, -1 for the back (lower) layer, +2 for a flap: a piece that is folded over
+            an edge of the front layer and lies on it, face down.
         edges: Seam names in counter-clockwise order around the panel, seen from above; a leading "-" walks the
             seam backwards.
         pins: Named points inside that become vertices [m], each of shape (2,), pattern frame.
@@ -54,8 +72,8 @@ class SewnSurface:
     Attributes:
         flat: Vertex positions [m], shape (V, 2), float64, pattern frame.
         faces: Triangles, shape (F, 3), int32; counter-clockwise from above on the front layer, clockwise on the
-            back layer, so that normals point outward.
-        layers: +1 front, -1 back, 0 shared by both, per vertex, shape (V,), int8.
+            back layer and on flaps, so that neighbours agree and normals point outward.
+        layers: +1 front or flap, -1 back, 0 shared by front and back, per vertex, shape (V,), int8.
         face_panels: Index into `panels` per face, shape (F,), int8.
         panels: Panel names.
         junctions: Vertex id of each junction.
@@ -71,6 +89,34 @@ class SewnSurface:
     junctions: dict[str, int]
     seams: dict[str, np.ndarray]
     pins: dict[str, int]
+
+
+def divide_curves(curves: dict[str, Curve], *, spacing: float) -> dict[str, Seam]:
+    """Divide curves into edges of about `spacing` [m]."""
+    seams = {}
+    for name, curve in curves.items():
+        length = np.linalg.norm(np.diff(curve.points, axis=0), axis=1).sum()
+        count = max(1, round(length / spacing))
+        if curve.is_even:
+            count = max(2, 2 * round(length / spacing / 2))
+        points = resample_polyline(curve.points, count)
+        seams[name] = Seam(start=curve.start, end=curve.end, points=points)
+    return seams
+
+
+def trace_outline(curves: dict[str, Curve], panel: Panel) -> np.ndarray:
+    """Join the curves around a panel, counter-clockwise [m], shape (N, 2)."""
+    steps = ((edge.removeprefix("-"), -1 if edge.startswith("-") else 1) for edge in panel.edges)
+    return np.concatenate([curves[name].points[::step] for name, step in steps])
+
+
+def measure_area(curves: dict[str, Curve], panels: tuple[Panel, ...]) -> float:
+    """Compute the area of all panels together [m^2]."""
+    total = 0.0
+    for panel in panels:
+        x, y = trace_outline(curves, panel).T
+        total += float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
+    return total
 
 
 def sew_panels(seams: dict[str, Seam], panels: tuple[Panel, ...], *, spacing: float) -> SewnSurface:
@@ -117,7 +163,7 @@ def sew_panels(seams: dict[str, Seam], panels: tuple[Panel, ...], *, spacing: fl
         positions.append(points[len(outline) :])
         ids = np.concatenate([outline_ids, inner])
         pins.update(zip(panel.pins, inner[: len(panel.pins)].tolist(), strict=True))
-        faces.append(ids[triangles if panel.layer > 0 else triangles[:, ::-1]])
+        faces.append(ids[triangles if panel.layer == 1 else triangles[:, ::-1]])
         face_panels.append(np.full(len(triangles), index))
         touched[panel.layer < 0].update(ids.tolist())
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import KDTree
+from trimesh.triangles import closest_point, points_to_barycentric
 
-from dgl_assets.garment import Garment
+from dgl_assets.garments.garment import Garment
 
 _CANDIDATES = 24  # triangles with the nearest centroids that are searched for the containing one
 _MAX_DISTANCE = 0.05  # how far from the lying-flat garment a source point may be [m]
@@ -50,8 +51,7 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
         nearest = np.argmin(distance, axis=1)
         return corners[np.arange(len(places)), nearest].astype(np.int32)
     if places.ndim == 2 and places.shape[1] == 3 and np.issubdtype(places.dtype, np.floating):
-        layers = np.where(places[:, 2] < 0, -1, 1)
-        corners, weights = _locate(source.rest_vertices, source, places[:, :2], layers)
+        corners, weights, layers = _project(source, places)
         on_source = _interpolate(source.vertices, corners, weights)
         distance = np.linalg.norm(on_source - places, axis=1)
         if len(places) and distance.max() > _MAX_DISTANCE:
@@ -66,6 +66,24 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
         "places must be integer ids of shape (N,) or float points of shape (N, 3); got shape "
         f"{places.shape} and dtype {places.dtype}"
     )
+
+
+def _project(garment: Garment, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nearest places on the lying-flat garment: vertex ids and weights, both (N, 3), and layers, (N,)."""
+    triangles = garment.vertices[garment.faces].astype(np.float64)
+    count = min(_CANDIDATES, len(triangles))
+    candidates = KDTree(triangles.mean(axis=1)).query(points, k=count)[1].reshape(-1, count)
+    repeated = np.repeat(points.astype(np.float64), count, axis=0)
+    chosen = triangles[candidates.ravel()]
+    closest = closest_point(chosen, repeated)
+    distance = np.linalg.norm(closest - repeated, axis=1).reshape(-1, count)
+    best = np.argmin(distance, axis=1) if len(points) else np.zeros(0, dtype=int)
+    rows = np.arange(len(points))
+    faces = candidates[rows, best]
+    weights = points_to_barycentric(triangles[faces], closest.reshape(-1, count, 3)[rows, best])
+    weights = np.clip(weights, 0.0, None)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return garment.faces[faces], weights, np.where(garment.face_layers[faces] < 0, -1, 1)
 
 
 def _locate(
@@ -108,6 +126,9 @@ def _compute_barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarra
     second = triangles[..., 2, :] - triangles[..., 0, :]
     offset = points[:, None] - triangles[..., 0, :]
     area = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    area = np.where(
+        np.abs(area) < 1e-15, np.inf, area
+    )  # a triangle on a line holds its first corner only
     b1 = (offset[..., 0] * second[..., 1] - offset[..., 1] * second[..., 0]) / area
     b2 = (first[..., 0] * offset[..., 1] - first[..., 1] * offset[..., 0]) / area
     return np.stack([1 - b1 - b2, b1, b2], axis=-1)

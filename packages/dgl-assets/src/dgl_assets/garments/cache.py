@@ -1,0 +1,79 @@
+"""Built garments on disk: one file each, which appears whole or not at all.
+
+A file is a NumPy archive of plain arrays and one JSON text, without pickled objects.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from dgl_assets.errors import CacheError
+from dgl_assets.garments.garment import Garment
+
+GENERATOR_VERSION = 2
+"""Raised whenever an id gives another garment than before; files of other versions are refused."""
+
+_ARRAYS = ("vertices", "faces", "rest_vertices", "canonical", "face_panels")
+
+
+def find_cached(folder: Path, garment_id: str) -> Garment | None:
+    """Read a garment from a cache, or return None where it has not been built.
+
+    Raises:
+        CacheError: If the file is damaged, of another garment, or of another version of the generator.
+    """
+    path = _get_path(folder, garment_id)
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            text = bytes(archive["text"]).decode()
+            arrays = {name: archive[name] for name in _ARRAYS}
+        entry = json.loads(text)
+        if entry["generator_version"] != GENERATOR_VERSION:
+            raise CacheError(
+                f"{path} is of version {entry['generator_version']} of the generator, expected "
+                f"{GENERATOR_VERSION}; delete it to have it built again"
+            )
+        content = entry["garment"]
+        content["panels"] = tuple(content["panels"])
+        garment = Garment(**arrays, **content)
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as err:
+        raise CacheError(f"{path} is damaged ({err}); delete it to have it built again") from err
+    if garment.name != garment_id:
+        raise CacheError(f"{path} must hold {garment_id}; got {garment.name}")
+    return garment
+
+
+def store_garment(folder: Path, garment: Garment) -> Path:
+    """Write a garment into a cache; the file is written beside and renamed.
+
+    Returns:
+        Where it is.
+    """
+    path = _get_path(folder, garment.name)
+    content = {f.name: getattr(garment, f.name) for f in fields(garment) if f.name not in _ARRAYS}
+    text = json.dumps({"generator_version": GENERATOR_VERSION, "garment": content})
+    arrays = {name: getattr(garment, name) for name in _ARRAYS}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, text=np.frombuffer(text.encode(), dtype=np.uint8), **arrays)
+        Path(beside).replace(path)
+    except BaseException:
+        Path(beside).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def _get_path(folder: Path, garment_id: str) -> Path:
+    category, _, number = garment_id.partition("/")
+    return Path(folder) / category / f"{number}.npz"

@@ -1,0 +1,127 @@
+"""Garments by id: each id is a seed, so the catalogue needs no files."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from dgl_assets.errors import AssetNotFoundError
+from dgl_assets.garments.cache import find_cached, store_garment
+from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.registry import CATEGORIES, Category, get_category
+from dgl_assets.garments.sizes import Sizes
+
+Split = Literal["train", "test"]
+Subset = Literal["paper"]
+
+_SPLITS = ("train", "test")
+
+
+def list_categories() -> tuple[str, ...]:
+    """Names of the categories of garments."""
+    return tuple(CATEGORIES)
+
+
+def garment_ids(
+    category: str,
+    split: Split,
+    *,
+    sizes: Sizes = "reach",
+    subset: Subset | None = None,
+    count: int | None = None,
+) -> tuple[str, ...]:
+    """List ids of generated garments.
+
+    Args:
+        category: One of `list_categories()`.
+        split: "train" or "test". No id is in both.
+        sizes: "reach" for garments that both robots reach, "all" for others from children to XXL. No id is in both.
+        subset: "paper" for as many as the paper used: those it collected with ("train") and the others it evaluated on
+            as well ("test"). None for all.
+        count: Only the first so many of them.
+
+    Returns:
+        Ids such as "Tops_LongSleeve/000123": 8,000 for training and 2,000 for testing, for each choice of sizes.
+
+    Raises:
+        AssetNotFoundError: If the category does not exist.
+        ValueError: If the split, the sizes or the subset do not exist, or there are fewer than `count` garments.
+    """
+    entry = get_category(category)
+    if split not in _SPLITS:
+        raise ValueError(f"split must be one of {sorted(_SPLITS)}; got {split!r}")
+    if sizes not in ("reach", "all"):
+        raise ValueError(f"sizes must be 'reach' or 'all'; got {sizes!r}")
+    if subset not in (None, "paper"):
+        raise ValueError(f"subset must be None or 'paper'; got {subset!r}")
+    start = 0 if sizes == "reach" else entry.train_count + entry.test_count
+    available, paper = entry.train_count, entry.paper_train
+    if split == "test":
+        start += entry.train_count
+        available, paper = entry.test_count, entry.paper_all - entry.paper_train
+    if subset == "paper":
+        available = paper
+    if count is not None and not 0 <= count <= available:
+        raise ValueError(f"count must be in [0, {available}] for split {split}; got {count}")
+    numbers = range(start, start + (available if count is None else count))
+    return tuple(f"{category}/{number:06d}" for number in numbers)
+
+
+def load_garment(
+    garment_id: str, *, spacing: float | None = None, cache: Path | None = None
+) -> Garment:
+    """Make the garment of an id.
+
+    Args:
+        garment_id: Category and six digits, such as "Tops_LongSleeve/000123".
+        spacing: Target edge length [m]; None for 13 mm, adapted to very small and large garments.
+        cache: Folder of built garments, see `build_garments`; a garment that is not there yet is made and added.
+
+    Returns:
+        The garment; the same arrays each time.
+
+    Raises:
+        AssetNotFoundError: If the category or the number does not exist.
+        CacheError: If the file in the cache is damaged, or of another version of the generator.
+        ValueError: If `spacing` is given together with `cache`, which holds garments of the default spacing.
+    """
+    entry, number = _parse_id(garment_id)
+    if cache is None:
+        return _make(entry, number, garment_id, spacing=spacing)
+    if spacing is not None:
+        raise ValueError(f"a cache holds garments of the default spacing; got spacing {spacing}")
+    garment = find_cached(cache, garment_id)
+    if garment is None:
+        garment = _make(entry, number, garment_id, spacing=None)
+        store_garment(cache, garment)
+    return garment
+
+
+def check_id(garment_id: str) -> None:
+    """Check that an id exists, without making its garment.
+
+    Raises:
+        AssetNotFoundError: If the category or the number does not exist.
+    """
+    _parse_id(garment_id)
+
+
+def _make(entry: Category, number: int, name: str, *, spacing: float | None) -> Garment:
+    # The category takes part in the seed, so that number 7 of two categories is not one body.
+    rng = np.random.default_rng([zlib.crc32(entry.name.encode()), number])
+    sizes: Sizes = "reach" if number < entry.train_count + entry.test_count else "all"
+    return entry.make(entry.sample(rng, sizes), spacing=spacing, name=name)
+
+
+def _parse_id(garment_id: str) -> tuple[Category, int]:
+    name, _, digits = garment_id.partition("/")
+    entry = get_category(name)
+    last = 2 * (entry.train_count + entry.test_count) - 1
+    if not (len(digits) == 6 and digits.isascii() and digits.isdigit() and int(digits) <= last):
+        raise AssetNotFoundError(
+            f"expected {name}/ followed by six digits from 000000 to {last:06d}; got {garment_id!r}"
+        )
+    return entry, int(digits)

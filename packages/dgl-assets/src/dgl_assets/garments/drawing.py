@@ -1,0 +1,54 @@
+"""Drawing measures at random until they fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import numpy as np
+
+_ATTEMPTS = 2000
+
+T = TypeVar("T")
+
+
+def draw_until_valid(
+    rng: np.random.Generator | int,
+    draw: Callable[[np.random.Generator], T],
+    check: Callable[[T], None],
+) -> T:
+    """Draw measures until they contradict each other no more.
+
+    Args:
+        rng: Generator, advanced by this call, or a seed.
+        draw: Draws measures; may raise `ValueError`.
+        check: Raises `ValueError` for measures that cannot be cut.
+
+    Returns:
+        The first measures that pass.
+
+    Raises:
+        RuntimeError: If 2,000 draws fail, which means that the ranges of the sampler are broken.
+    """
+    generator = np.random.default_rng(rng) if isinstance(rng, int | np.integer) else rng
+    for _ in range(_ATTEMPTS):
+        try:
+            measures = draw(generator)
+            check(measures)
+        except ValueError:
+            continue  # the next draw is independent
+        return measures
+    raise RuntimeError(
+        f"no valid garment in {_ATTEMPTS} draws; the ranges of the sampler are broken"
+    )
+
+
+def pick(rng: np.random.Generator, shares: Mapping[str, float]) -> str:
+    """Draw one of some names, each with its share."""
+    weights = np.array(list(shares.values()))
+    return list(shares)[int(rng.choice(len(weights), p=weights / weights.sum()))]
+
+
+def span(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number between two."""
+    return float(rng.uniform(low, high))

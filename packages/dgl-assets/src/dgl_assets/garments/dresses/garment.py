@@ -1,0 +1,69 @@
+"""Make dresses: cut the pattern, sew it, lay it flat.
+
+Landmarks are those of long-sleeved tops and, with `left_` or `right_`, `waist` (at the side of the waist), `side` (on the
+skirt, where a long dress is folded) and `skirt` (further out on the skirt).
+"""
+
+from __future__ import annotations
+
+from dgl_assets.garments.assembly import assemble
+from dgl_assets.garments.dresses.parameters import DressParameters
+from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.tops.garment import V_CUFF
+from dgl_assets.garments.uppers.cutting import Pins, cut_upper
+from dgl_assets.garments.uppers.half import V_WAIST, Cuts
+
+CATEGORY = "Dress_LongSleeve"
+
+DRESS_PINS: Pins = {
+    "{}_cuff": (1.90, V_CUFF, 1),
+    "{}_sleeve_joint": (1.11, 0.85, 1),
+    "{}_shoulder": (0.90, 0.92, 1),
+    "{}_upper_chest": (0.70, 0.82, 1),
+    "{}_waist": (0.86, V_WAIST, 1),
+    "{}_side": (0.68, 0.21, 1),
+    "{}_skirt": (0.86, 0.20, 1),
+    "{}_hem": (0.80, 0.05, 1),
+    "centre": (0.0, 0.42, 1),
+    "collar": (0.0, 0.925, -1),
+}
+"""Canonical (|u|, v, side) of landmarks, after the demonstration points of the paper's fold, fling and hang tasks."""
+
+
+def cut_dress(parameters: DressParameters) -> Cuts:
+    """Compose a dress of its parts."""
+    return Cuts(
+        body=parameters.body, neck=parameters.neck, sleeve=parameters.sleeve, has_waist=True
+    )
+
+
+def make_dress(
+    parameters: DressParameters,
+    *,
+    spacing: float | None = None,
+    layer_gap: float = 0.012,
+    name: str = "dress",
+) -> Garment:
+    """Make a dress.
+
+    Args:
+        parameters: Measures.
+        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to very small and large garments.
+        layer_gap: Distance between the two layers while it lies flat [m], 0 to 0.03. They meet at the seams.
+        name: Name of the garment.
+
+    Returns:
+        One welded surface with four openings: neck, hem and both cuffs.
+
+    Raises:
+        ValueError: If the measures contradict each other, or spacing or gap are out of range.
+        MeshingError: If a panel cannot be filled at this spacing.
+    """
+    return assemble(
+        cut_upper(cut_dress(parameters), DRESS_PINS),
+        name=name,
+        category=CATEGORY,
+        parameters=parameters,
+        spacing=spacing,
+        layer_gap=layer_gap,
+    )
