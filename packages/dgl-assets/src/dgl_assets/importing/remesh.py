@@ -31,8 +31,8 @@ from dgl_assets.importing.topology import (
     label_pieces,
 )
 
-_ROUNDS = 12
-_FINAL_ROUNDS = 8  # without splits and collapses
+_ROUNDS = 7
+_FINAL_ROUNDS = 5  # without splits and collapses
 _LONGEST, _SHORTEST = 1.30, 0.78  # of the spacing
 _STRENGTH = 0.8
 _PIN_REACH = 0.9  # spacings that a vertex may be moved to a pinned point
