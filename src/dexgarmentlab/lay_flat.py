@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ FRAMES = 150
 """Frames of 1/60 s in all."""
 _FALL, _PRESS = 60, 45  # frames of falling, then of pressing; the rest is for coming to rest
 _PRESS_GRAVITY = 8.0  # as if the cloth were so much heavier
+_FRICTION = 0.05  # so that it spreads instead of wrinkling
 _START = 0.006  # height of the lowest point above the table [m]
 
 
@@ -41,9 +43,10 @@ def lay_flat(
     """
     from dgl_physics import ModelBuilder, SolverXPBD, get_fabric
 
+    slippery = replace(get_fabric("knit_cotton"), friction=_FRICTION)
     builder = ModelBuilder()
     lifted = vertices - [0.0, 0.0, vertices[:, 2].min() - _START]
-    builder.add_garment(lifted, faces, rest=rest_vertices, material=get_fabric("knit_cotton"))
+    builder.add_garment(lifted, faces, rest=rest_vertices, material=slippery)
     builder.add_ground()
     model = builder.build(device="cpu")
     state, solver = model.make_state(), SolverXPBD(model)

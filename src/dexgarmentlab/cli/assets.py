@@ -1,5 +1,7 @@
 """Verb `dgl assets`."""
 
+import sys
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -122,7 +124,8 @@ def _lay_flat(
 ) -> "np.ndarray":
     from dexgarmentlab.lay_flat import FRAMES, lay_flat
 
-    with console.progress("laying it flat", FRAMES) as bar:
+    # Warp announces itself on standard output, which is for the result.
+    with redirect_stdout(sys.stderr), console.progress("laying it flat", FRAMES) as bar:
         return lay_flat(vertices, faces, rest_vertices, on_frame=bar.advance)
 
 

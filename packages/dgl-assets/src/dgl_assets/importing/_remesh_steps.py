@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from dgl_assets.importing.topology import EdgeTable, compute_edge_table, compute_normals
 
@@ -321,4 +321,4 @@ def _collapse(state: MeshState, pairs: np.ndarray, target: np.ndarray, place: np
 def _adjacency(count: int, pairs: np.ndarray) -> csr_matrix:
     both = np.concatenate([pairs, pairs[:, ::-1]])
     weights = np.ones(len(both), dtype=np.int32)
-    return coo_matrix((weights, (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
+    return csr_matrix((weights, (both[:, 0], both[:, 1])), shape=(count, count))

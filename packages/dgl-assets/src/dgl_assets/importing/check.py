@@ -110,7 +110,7 @@ def _find_sound_faces(
     corners = vertices[faces[keep]]
     _, areas = compute_normals(vertices, faces[keep])
     longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
-    slivers = np.flatnonzero(2 * areas < _SLIVER * longest)
+    slivers = np.flatnonzero(2 * areas <= _SLIVER * longest)
     if len(slivers) > _MAX_SLIVERS * len(keep):
         raise BrokenMeshError(
             f"{name}: {len(slivers)} of {len(keep)} faces have no area, the first is face {keep[slivers[0]]} "

@@ -99,10 +99,17 @@ def find_frame(
             "the openings lie on one line, so that left and right cannot be told apart"
         )
     x /= size
-    rotation = _snap(np.stack([x, y, np.cross(x, y)]))
+    rotation = np.stack([x, y, np.cross(x, y)])
+    snapped = _snap(rotation)
     if openings.pair is not None:
-        rotation, more = _turn_front_up(rotation, vertices, faces, openings, towards)
+        if snapped is None:  # the openings alone are some degrees off: necklines lean forward
+            rotation = _align_depth(rotation, vertices)
+        rotation, more = _turn_front_up(
+            rotation if snapped is None else snapped, vertices, faces, openings, towards
+        )
         notes += more
+    elif snapped is not None:
+        rotation = snapped
     found, how = _name_up(rotation, vertices, stated)
     if up is None:
         how = how if declared_up is None else "as the file states"
@@ -218,8 +225,19 @@ def _turn_front_up(
     ]
 
 
-def _snap(rotation: np.ndarray) -> np.ndarray:
-    """The nearest rotation along the axes of the file, if it is near."""
+def _align_depth(rotation: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Turn about x, so that the garment is thinnest along z."""
+    side = (vertices - vertices.mean(axis=0)) @ rotation[1:].T
+    along = np.linalg.svd(side, full_matrices=False)[2][0]
+    along = along * np.sign(along[0])
+    if along[0] < _SNAP:  # as deep as long: the openings know better
+        return rotation
+    y, z = rotation[1:]
+    return np.stack([rotation[0], along[0] * y + along[1] * z, along[0] * z - along[1] * y])
+
+
+def _snap(rotation: np.ndarray) -> np.ndarray | None:
+    """The rotation along the axes of the file that is near, if one is."""
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             candidate = np.zeros((3, 3))
@@ -227,7 +245,7 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
             cosines = (candidate * rotation).sum(axis=1)
             if np.linalg.det(candidate) > 0 and cosines.min() > _SNAP:
                 return candidate
-    return rotation
+    return None
 
 
 def _name_up(rotation: np.ndarray, vertices: np.ndarray, stated: str | None) -> tuple[str, str]:

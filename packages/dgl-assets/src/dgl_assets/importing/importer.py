@@ -326,6 +326,7 @@ def _finish(
     landmarks = (
         {} if points is None else dict(zip(points.names, remeshed.pins.tolist(), strict=True))
     )
+    size = np.ptp(vertices, axis=0)
     report = ImportReport(
         folder=target,
         name=target.name,
@@ -337,7 +338,7 @@ def _finish(
         vertex_count=len(vertices),
         face_count=len(remeshed.faces),
         area=float(compute_normals(rest, remeshed.faces)[1].sum()),
-        extent=tuple(float(x) for x in np.ptp(vertices, axis=0)),
+        extent=(float(size[0]), float(size[1]), float(size[2])),
         openings=placed.openings,
         even_edges=even_edges,
         even_angles=even_angles,
@@ -398,7 +399,19 @@ def _lay_flat(lay_flat: LayFlat, rest: np.ndarray, mesh: Remeshed) -> np.ndarray
         raise BrokenMeshError(
             f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; import it as it is"
         )
-    return _centre(positions)
+    return _centre(_face_as(positions, rest))
+
+
+def _face_as(positions: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Turn a garment about the vertical, as far as it turned while it fell."""
+    before, after = (p[:, :2] - p[:, :2].mean(axis=0) for p in (rest, positions))
+    cosine, sine = (
+        (before * after).sum(),
+        (after[:, 0] * before[:, 1] - after[:, 1] * before[:, 0]).sum(),
+    )
+    angle = np.arctan2(sine, cosine)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.column_stack([positions[:, :2] @ turn.T, positions[:, 2]])
 
 
 def _centre(vertices: np.ndarray) -> np.ndarray:

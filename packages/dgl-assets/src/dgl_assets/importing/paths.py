@@ -9,6 +9,9 @@ from urllib.parse import unquote
 from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
 from dgl_assets.importing.raw import MAX_FILE_BYTES
 
+TEXTURE_HINT = ", or import without textures"
+"""Way out when a picture cannot be had."""
+
 KINDS: dict[str, str] = {
     ".obj": "obj",
     ".ply": "ply",
@@ -24,13 +27,14 @@ KINDS: dict[str, str] = {
 """Kind of file that each suffix promises."""
 
 
-def resolve_reference(folder: Path, reference: str, *, named_by: str) -> Path:
+def resolve_reference(folder: Path, reference: str, *, named_by: str, hint: str = "") -> Path:
     """Find a file that another one refers to.
 
     Args:
         folder: Folder of the file that refers.
         reference: What it says.
         named_by: Name of the file that refers, for messages.
+        hint: Way out, for messages.
 
     Returns:
         Path of an existing file inside the folder.
@@ -44,8 +48,8 @@ def resolve_reference(folder: Path, reference: str, *, named_by: str) -> Path:
     is_outside = path.is_absolute() or ".." in path.parts or "\0" in text or "://" in text
     if is_outside or PureWindowsPath(reference).drive or text.startswith("file:"):
         raise UnsafePathError(
-            f"{named_by} refers to {reference[:120]!r}, which is not inside its own folder; put the file beside it, "
-            "or import without textures"
+            f"{named_by} refers to {reference[:120]!r}, which is not inside its own folder; put the file beside it"
+            + hint
         )
     target = folder / path
     try:
@@ -59,7 +63,7 @@ def resolve_reference(folder: Path, reference: str, *, named_by: str) -> Path:
         )
     if not text or not is_file:
         raise UnreadableFileError(
-            f"{named_by} refers to {reference[:120]!r}, which does not exist; add it, or import without textures"
+            f"{named_by} refers to {reference[:120]!r}, which does not exist; add it{hint}"
         )
     return target
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,7 +98,7 @@ def check_size(vertices: int, faces: int, name: str) -> None:
         )
 
 
-def triangulate(polygons: list[tuple[int, ...]]) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(polygons: Sequence[Sequence[object]]) -> tuple[np.ndarray, np.ndarray]:
     """Cut polygons into fans of triangles.
 
     Args:

@@ -17,7 +17,7 @@ import trimesh
 from trimesh.resolvers import Resolver
 
 from dgl_assets.importing.errors import UnreadableFileError
-from dgl_assets.importing.paths import parse_json, read_bytes, resolve_reference
+from dgl_assets.importing.paths import TEXTURE_HINT, parse_json, read_bytes, resolve_reference
 from dgl_assets.importing.raw import RawMesh, Texture, check_size
 from dgl_assets.importing.textures import encode_texture, load_texture
 
@@ -78,8 +78,8 @@ class _Files(Resolver):
     def __init__(self, files: dict[str, bytes]) -> None:
         self._files = files
 
-    def get(self, name: str) -> bytes:
-        return self._files[name]
+    def get(self, key: str) -> bytes:
+        return self._files[key]
 
     def write(self, name: str, data: object) -> None:
         raise NotImplementedError("this resolver only reads")
@@ -149,7 +149,7 @@ def _check(
     _check_nodes(path.name, tree.get("nodes", []))
     for image in tree.get("images", []):
         if use_textures and image.get("uri") is not None:
-            load_texture(_fetch(path, image["uri"], files), f"of {path.name}")
+            load_texture(_fetch(path, image["uri"], files, TEXTURE_HINT), f"of {path.name}")
         elif use_textures:
             view = views[image["bufferView"]]
             if view["buffer"] == 0 and blob is not None:
@@ -222,7 +222,7 @@ def _check_nodes(name: str, nodes: list[Any]) -> None:
                 raise UnreadableFileError(f"{name}: nodes are nested more than 1,000 deep")
 
 
-def _fetch(path: Path, uri: str, files: dict[str, bytes]) -> bytes:
+def _fetch(path: Path, uri: str, files: dict[str, bytes], hint: str = "") -> bytes:
     if uri.startswith("data:"):
         head, _, body = uri.partition(",")
         try:
@@ -230,7 +230,7 @@ def _fetch(path: Path, uri: str, files: dict[str, bytes]) -> bytes:
         except binascii.Error as err:
             raise UnreadableFileError(f"{path.name}: data of a buffer is broken ({err})") from err
         return files[uri]
-    files[uri] = read_bytes(resolve_reference(path.parent, uri, named_by=path.name))
+    files[uri] = read_bytes(resolve_reference(path.parent, uri, named_by=path.name, hint=hint))
     return files[uri]
 
 
@@ -249,7 +249,9 @@ def _collect(name: str, scene: trimesh.Scene, *, use_textures: bool) -> RawMesh:
             raise UnreadableFileError(
                 f"{name}: mesh {geometry!r} uses vertex {triangles.max()} of {len(points)}"
             )
-        vertices.append(points @ np.asarray(matrix)[:3, :3].T + np.asarray(matrix)[:3, 3])
+        with np.errstate(invalid="ignore", over="ignore"):  # judged with all vertices
+            points = points @ np.asarray(matrix)[:3, :3].T + np.asarray(matrix)[:3, 3]
+        vertices.append(points)
         faces.append(triangles + offset)
         offset += len(points)
         uv = getattr(mesh.visual, "uv", None)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dgl_assets.importing.errors import UnreadableFileError
-from dgl_assets.importing.paths import read_bytes, resolve_reference
+from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
 from dgl_assets.importing.raw import (
     MAX_FACES,
     MAX_VERTICES,
@@ -141,7 +141,7 @@ class _Parser:
     def _read_texture(self, path: Path) -> tuple[Texture | None, list[str]]:
         pictures: dict[str, Path] = {}
         for library in self._libraries:
-            target = resolve_reference(path.parent, library, named_by=path.name)
+            target = resolve_reference(path.parent, library, named_by=path.name, hint=TEXTURE_HINT)
             pictures |= _read_materials(target)
         counts = Counter(pictures[name] for name in self._materials if name in pictures)
         if not counts:
@@ -168,7 +168,9 @@ def _read_materials(path: Path) -> dict[str, Path]:
             reference = line.split(None, 1)[1].strip()
             if words[1].startswith("-"):  # options such as -s 1 1 1 come first
                 reference = words[-1]
-            pictures[name] = resolve_reference(path.parent, reference, named_by=path.name)
+            pictures[name] = resolve_reference(
+                path.parent, reference, named_by=path.name, hint=TEXTURE_HINT
+            )
     return pictures
 
 

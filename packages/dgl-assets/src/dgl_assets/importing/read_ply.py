@@ -34,7 +34,7 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
         faces = faces.astype(np.int64).reshape(-1, 3)
     except Exception as err:  # the decoder raises anything on broken bodies
         raise UnreadableFileError(
-            f"{path.name} cannot be decoded as PLY ({type(err).__name__}: {str(err)[:100]})"
+            f"{path.name} cannot be decoded as PLY, it may be cut off ({type(err).__name__}: {str(err)[:100]})"
         ) from err
     if vertices.shape != (counts["vertex"], 3):
         raise UnreadableFileError(

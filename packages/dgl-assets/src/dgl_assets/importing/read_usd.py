@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
+import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
-from dgl_assets.importing.paths import read_bytes, resolve_reference
+from dgl_assets.importing.errors import (
+    AssetImportError,
+    UnreadableFileError,
+    UnsafePathError,
+)
+from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
 from dgl_assets.importing.raw import RawMesh, Texture, check_size
 from dgl_assets.importing.textures import load_texture
 
@@ -27,14 +34,9 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
     Limitations:
         Subdivision is not applied; the cage is the mesh.
     """
+    pxr = _load_library(path.name)
     try:
-        from pxr import Sdf, Tf, Usd, UsdGeom
-    except ImportError as err:
-        raise UnreadableFileError(
-            f"{path.name} is USD, which needs the extra: pip install 'dgl-assets[usd]'"
-        ) from err
-    try:
-        layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
+        layer = pxr.Sdf.Layer.FindOrOpen(str(path.resolve()))
         if layer is None:
             raise UnreadableFileError(f"{path.name} cannot be read as USD; it may be cut off")
         others = [name for name in layer.GetCompositionAssetDependencies() if name]
@@ -42,18 +44,41 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
             raise UnsafePathError(
                 f"{path.name} is composed of other files ({', '.join(others)[:100]}); flatten it to one file"
             )
-        stage = Usd.Stage.Open(layer)
-        prims = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-        return _collect(path, stage, prims, use_textures=use_textures)
-    except Tf.ErrorException as err:
+        stage = pxr.Usd.Stage.Open(layer)
+        prims = [prim for prim in stage.Traverse() if prim.IsA(pxr.UsdGeom.Mesh)]
+        return _collect(path, pxr, stage, prims, use_textures=use_textures)
+    except AssetImportError:
+        raise
+    except Exception as err:  # broken text makes the library raise anything
         raise UnreadableFileError(
-            f"{path.name} cannot be read as USD ({' '.join(str(err).split())[:120]})"
+            f"{path.name} cannot be read as USD, it may be cut off ({_shorten(err)})"
         ) from err
 
 
-def _collect(path: Path, stage: Any, prims: list[Any], *, use_textures: bool) -> RawMesh:
-    from pxr import UsdGeom
+def _shorten(error: Exception) -> str:
+    """What the library says, without where in its own code."""
+    text = " ".join(str(error).split())
+    quoted = re.findall(r": '(.*?)'$", text)
+    return (quoted[-1] if quoted else text)[:160]
 
+
+def _load_library(name: str) -> Any:
+    """Modules of Pixar's library, as attributes; they have no types."""
+    try:
+        return SimpleNamespace(
+            **{
+                part: importlib.import_module(f"pxr.{part}")
+                for part in ("Sdf", "Usd", "UsdGeom", "UsdShade")
+            }
+        )
+    except ImportError as err:
+        raise UnreadableFileError(
+            f"{name} is USD, which needs the extra: pip install 'dgl-assets[usd]'"
+        ) from err
+
+
+def _collect(path: Path, pxr: Any, stage: Any, prims: list[Any], *, use_textures: bool) -> RawMesh:
+    UsdGeom = pxr.UsdGeom
     vertices, faces, uvs, notes = [], [], [], []
     offset = polygons = 0
     for prim in prims:
@@ -79,7 +104,7 @@ def _collect(path: Path, stage: Any, prims: list[Any], *, use_textures: bool) ->
         matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(0.0))
         vertices.append(points @ matrix[:3, :3] + matrix[3, :3])  # USD multiplies rows
         faces.append(corners[triangles] + offset)
-        uvs.append(_read_uvs(prim, corners, triangles))
+        uvs.append(_read_uvs(UsdGeom, prim, corners, triangles))
         offset += len(points)
         polygons += int((sizes > 3).sum())
     if not faces:
@@ -89,7 +114,7 @@ def _collect(path: Path, stage: Any, prims: list[Any], *, use_textures: bool) ->
     texture = None
     has_uvs = all(uv is not None for uv in uvs)
     if use_textures and has_uvs:
-        texture, more = _read_texture(path, stage)
+        texture, more = _read_texture(path, pxr, stage)
         notes += more
     return RawMesh(
         vertices=np.concatenate(vertices),
@@ -114,9 +139,9 @@ def _fan(sizes: np.ndarray) -> np.ndarray:
     return np.column_stack([first, first + ordinal + 1, first + ordinal + 2])
 
 
-def _read_uvs(prim: Any, corners: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
-    from pxr import UsdGeom
-
+def _read_uvs(
+    UsdGeom: Any, prim: Any, corners: np.ndarray, triangles: np.ndarray
+) -> np.ndarray | None:
     for name in ("st", "UVMap", "map1", "uv"):
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
         if not primvar or not primvar.HasValue():
@@ -131,19 +156,19 @@ def _read_uvs(prim: Any, corners: np.ndarray, triangles: np.ndarray) -> np.ndarr
     return None
 
 
-def _read_texture(path: Path, stage: Any) -> tuple[Texture | None, list[str]]:
+def _read_texture(path: Path, pxr: Any, stage: Any) -> tuple[Texture | None, list[str]]:
     """A picture that a shader refers to, if it lies beside the file."""
-    from pxr import Sdf, UsdShade
-
     for prim in stage.Traverse():
-        if not prim.IsA(UsdShade.Shader):
+        if not prim.IsA(pxr.UsdShade.Shader):
             continue
         for attribute in prim.GetAttributes():
             value = attribute.Get()
-            if not isinstance(value, Sdf.AssetPath):
+            if not isinstance(value, pxr.Sdf.AssetPath):
                 continue
             if not value.path.lower().endswith((".png", ".jpg", ".jpeg")):
                 continue
-            target = resolve_reference(path.parent, value.path, named_by=path.name)
+            target = resolve_reference(
+                path.parent, value.path, named_by=path.name, hint=TEXTURE_HINT
+            )
             return load_texture(read_bytes(target), target.name), []
     return None, ["no picture beside the file; materials of other libraries are not read"]

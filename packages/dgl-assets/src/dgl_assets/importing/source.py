@@ -79,13 +79,13 @@ def find_source(path: Path) -> Source:
             folder = inner[0]
             mesh = _find_mesh(folder)
     except OSError as err:
-        raise UnreadableFileError(f"{folder} cannot be read: {err.strerror or err}") from err
+        raise UnreadableFileError(f"{folder.name} cannot be read: {err.strerror or err}") from err
     if mesh is None:
-        raise UnreadableFileError(f"{path} holds no mesh ({', '.join(sorted(KINDS))})")
+        raise UnreadableFileError(f"{path.name} holds no mesh ({', '.join(sorted(KINDS))})")
     files = {name: folder / name for name in (KEYPOINTS_FILE, META_FILE)}
     for file in (mesh, *files.values()):
         if file.is_symlink() and not file.resolve().is_relative_to(folder.resolve()):
-            raise UnsafePathError(f"{file.name} in {folder} is a link out of the folder")
+            raise UnsafePathError(f"{file.name} in {folder.name} is a link out of the folder")
     return Source(
         mesh=mesh,
         name=folder.name,
@@ -107,7 +107,7 @@ def _find_mesh(folder: Path) -> Path | None:
         if len(named) != 1:
             names = ", ".join(path.name for path in meshes[:5])
             raise UnreadableFileError(
-                f"{folder} holds {len(meshes)} meshes ({names}{', ...' if len(meshes) > 5 else ''}); name one of them"
+                f"{folder.name} holds {len(meshes)} meshes ({names}{', ...' if len(meshes) > 5 else ''}); name one of them"
             )
         return named[0]
     return meshes[0] if meshes else None
