@@ -102,11 +102,8 @@ def _find_sound_faces(
         )
     if repeated.any():
         notes.append(f"{int(repeated.sum())} faces with two corners in one were dropped")
-    ordered = np.sort(faces[keep], axis=1)
-    _, first = np.unique(ordered, axis=0, return_index=True)
-    if len(first) < len(keep):
-        notes.append(f"{len(keep) - len(first)} faces that were there twice were dropped")
-        keep = keep[np.sort(first)]
+    keep, more = _drop_doubles(faces, keep)
+    notes += more
     corners = vertices[faces[keep]]
     _, areas = compute_normals(vertices, faces[keep])
     longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
@@ -117,6 +114,28 @@ def _find_sound_faces(
             f"with vertices {faces[keep[slivers[0]]].tolist()}"
         )
     return keep, notes
+
+
+def _drop_doubles(faces: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Keep one of faces with the same corners, or none where it would be a third face at an edge."""
+    _, first, group, counts = np.unique(
+        np.sort(faces[keep], axis=1),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    if len(first) == len(keep):
+        return keep, []
+    notes = [f"{len(keep) - len(first)} faces that were there twice were dropped"]
+    kept = np.sort(first)
+    was_double = (counts > 1)[group.reshape(-1)][kept]
+    keep = keep[kept]
+    edges = compute_edge_table(faces[keep])
+    in_the_way = was_double & (edges.counts > 2)[edges.face_edges].any(axis=1)
+    if in_the_way.any():  # corners where front and back are the same triangle
+        notes.append(f"{int(in_the_way.sum())} corners where both layers are one face were dropped")
+    return keep[~in_the_way], notes
 
 
 def _check_edges(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:

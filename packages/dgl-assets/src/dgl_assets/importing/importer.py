@@ -18,9 +18,9 @@ from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.check import CleanMesh, clean_mesh
 from dgl_assets.importing.errors import BrokenMeshError, UnclearGarmentError
 from dgl_assets.importing.frame import AXES, Frame, find_frame, turn_outward
-from dgl_assets.importing.holes import close_small_holes
+from dgl_assets.importing.holes import close_small_holes, compute_perimeter
 from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
-from dgl_assets.importing.openings import find_openings, guess_category, name_openings
+from dgl_assets.importing.openings import SMALLEST, find_openings, guess_category, name_openings
 from dgl_assets.importing.paths import detect_kind, read_bytes
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.read import read_mesh
@@ -247,13 +247,12 @@ def _place(
     if category == "Scarf" and _compute_mean_height(vertices, faces) < 0:
         faces = faces[:, [0, 2, 1]]
         uvs = None if uvs is None else uvs[:, [0, 2, 1]]
-    vertices, faces, uvs, closed = close_small_holes(
-        vertices * factor, faces, uvs, largest=_SMALL_HOLE * spacing
-    )
+    hole = _SMALL_HOLE * spacing
+    if loops:  # never an opening that was counted
+        hole = min(hole, SMALLEST * factor * compute_perimeter(mesh.vertices, loops[0]))
+    vertices, faces, uvs, closed = close_small_holes(vertices * factor, faces, uvs, largest=hole)
     if closed:
-        notes.append(
-            f"{closed} holes of less than {_SMALL_HOLE * spacing * 1e3:.0f} mm around were closed"
-        )
+        notes.append(f"{closed} holes of less than {hole * 1e3:.0f} mm around were closed")
     _check_size(name, vertices, faces, spacing)
     return _Placed(
         mesh=CleanMesh(

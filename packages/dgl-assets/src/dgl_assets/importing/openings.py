@@ -12,7 +12,8 @@ from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.holes import compute_perimeter
 from dgl_assets.importing.topology import find_loops
 
-_SMALLEST = 0.10  # of the longest opening's perimeter; smaller ones are slits and buttonholes
+SMALLEST = 0.10
+"""Perimeter over the longest opening's below which an opening is a slit or a buttonhole."""
 _LONG_SLEEVES = 1.55  # distance of the cuffs over the width of the hem
 _DRESS = 0.75  # length over span
 _TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
@@ -39,9 +40,11 @@ def find_openings(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
         faces: Oriented manifold triangles, shape (F, 3), int.
     """
     loops = find_loops(faces)
+    if not loops:
+        return []
     lengths = np.array([compute_perimeter(vertices, loop) for loop in loops])
     order = np.argsort(-lengths, kind="stable")
-    return [loops[k] for k in order if lengths[k] >= _SMALLEST * lengths.max()]
+    return [loops[k] for k in order if lengths[k] >= SMALLEST * lengths.max()]
 
 
 def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) -> Openings:

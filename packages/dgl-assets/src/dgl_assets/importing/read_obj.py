@@ -119,7 +119,7 @@ class _Parser:
         if used < (1 - _MAX_UNUSED) * len(self._vertices):
             raise UnreadableFileError(
                 f"{self._name} looks cut off: {len(self._vertices) - used} of {len(self._vertices)} vertices "
-                "belong to no face"
+                "belong to no face; if they are loose points, remove them"
             )
         uvs, texture = None, None
         if self._coordinates and (corners[..., 1] >= 0).all():
