@@ -273,3 +273,4 @@ def test_hat_stands_on_its_rim(tmp_path):
     rim = find_loops(garment.faces)[0]
     assert garment.vertices[rim, 2] == pytest.approx(garment.vertices[:, 2].min(), abs=1e-3)
     assert report.extent == pytest.approx((0.18, 0.18, 0.0836), abs=0.004)
+    assert garment.wall_thickness == 0.003

@@ -103,6 +103,7 @@ def load_asset(folder: str | Path) -> ImportedGarment:
             landmarks=landmarks,
             uvs=None if mesh.uvs is None else mesh.uvs.astype(np.float32),
             texture=next((path for path in pictures if path.is_file()), None),
+            wall_thickness=meta.get("wall_thickness"),
             meta=meta,
         )
     except ValueError as err:

@@ -14,6 +14,8 @@ class CategoryFacts:
     size: tuple[float, float]
     """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % of it [m]. The ends
     differ by less than a factor of 2.54, so that inches and centimetres exclude each other."""
+    wall_thickness: float | None = None
+    """None for a sheet of cloth; thickness of the wall that an elastic shell gets [m]."""
 
 
 CATEGORIES: dict[str, CategoryFacts] = {
@@ -31,8 +33,8 @@ CATEGORIES: dict[str, CategoryFacts] = {
     ),
     "Trousers": CategoryFacts(openings=("waist", "left leg", "right leg"), size=(0.48, 1.20)),
     "Scarf": CategoryFacts(openings=("edge",), size=(0.90, 2.25)),
-    "Baseball_Cap": CategoryFacts(openings=("head",), size=(0.15, 0.37)),
-    "Bowl_Hat": CategoryFacts(openings=("head",), size=(0.15, 0.37)),
-    "Glove": CategoryFacts(openings=("wrist",), size=(0.13, 0.32)),
+    "Baseball_Cap": CategoryFacts(openings=("head",), size=(0.15, 0.37), wall_thickness=0.003),
+    "Bowl_Hat": CategoryFacts(openings=("head",), size=(0.15, 0.37), wall_thickness=0.003),
+    "Glove": CategoryFacts(openings=("wrist",), size=(0.13, 0.32), wall_thickness=0.002),
 }
 """Facts of each category."""

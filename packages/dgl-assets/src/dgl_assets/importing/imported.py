@@ -39,6 +39,8 @@ class ImportedGarment:
     """Texture coordinates of each corner, v upwards, shape (F, 3, 2), float32."""
     texture: Path | None = None
     """Picture on the cloth, PNG or JPEG."""
+    wall_thickness: float | None = None
+    """None for a sheet of cloth; for hats and gloves the thickness of the wall [m], whose middle the mesh is."""
     meta: Mapping[str, Any] = field(default_factory=dict)
     """What meta.json says: source, licence, assumptions."""
 

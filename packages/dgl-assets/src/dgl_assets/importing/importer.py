@@ -347,6 +347,7 @@ def _finish(
         assumptions=tuple(notes),
     )
     meta = {key: value for key, value in report.to_dict().items() if key != "folder"}
+    meta["wall_thickness"] = CATEGORIES[placed.category].wall_thickness
     meta |= {"rotation": placed.frame.rotation.tolist(), "spacing": spacing}
     with stage_folder(target, overwrite=overwrite) as folder:
         write_asset(
