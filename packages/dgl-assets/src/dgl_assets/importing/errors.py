@@ -2,9 +2,14 @@
 
 from dgl_assets.errors import AssetError
 
+_LONGEST = 600  # characters
+
 
 class AssetImportError(AssetError):
-    """Base of the errors of importing."""
+    """Base of the errors of importing. Names in files may be strange; the message is one line all the same."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split())[:_LONGEST])
 
 
 class UnreadableFileError(AssetImportError):

@@ -204,6 +204,8 @@ def _turn_front_up(
     if openings.neck is None and np.ptp(along[loop]) > 0.5 * length:
         low, high = along[loop].min(), along[loop].max()
         inside = loop[np.abs(along[loop] - (low + high) / 2) < 0.3 * (high - low)]
+        if not len(inside):
+            raise UnclearGarmentError("where the front opens cannot be told; give the category")
         facing = float(normals[inside].mean())
         return (rotation if facing > 0 else turned), ["front where it opens"]
     front, back = loop[normals[loop] > 0.3], loop[normals[loop] < -0.3]

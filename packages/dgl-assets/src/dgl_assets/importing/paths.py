@@ -56,7 +56,9 @@ def resolve_reference(folder: Path, reference: str, *, named_by: str, hint: str 
         inside = target.resolve().is_relative_to(folder.resolve())
         is_file = target.is_file()
     except (OSError, RuntimeError, ValueError) as err:
-        raise UnsafePathError(f"{named_by} refers to {reference[:120]!r}: {err}") from err
+        raise UnsafePathError(
+            f"{named_by} refers to {reference[:120]!r}, which is no usable path"
+        ) from err
     if not inside:
         raise UnsafePathError(
             f"{named_by} refers to {reference[:120]!r}, a link out of its own folder"

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
+import json
+import os
 import re
+import subprocess
+import sys
+import tempfile
+import zipfile
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
-from dgl_assets.importing.errors import (
-    AssetImportError,
-    UnreadableFileError,
-    UnsafePathError,
-)
+from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
 from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
-from dgl_assets.importing.raw import RawMesh, Texture, check_size
+from dgl_assets.importing.raw import MAX_FACES, MAX_VERTICES, RawMesh, check_size
 from dgl_assets.importing.textures import load_texture
+
+_SECONDS = 120  # that reading may take
+_WORKER = Path(__file__).parent / "_usd_worker.py"
+_COMMAND = "import runpy, sys; runpy.run_path(sys.argv[1])['read_to_file'](*sys.argv[2:])"
 
 
 def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
@@ -32,143 +36,80 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
         UnsafePathError: If the file is composed of others: they could be anywhere.
 
     Limitations:
-        Subdivision is not applied; the cage is the mesh.
+        Subdivision is not applied; the cage is the mesh. Pictures within a .usdz are not read.
     """
-    pxr = _load_library(path.name)
-    try:
-        layer = pxr.Sdf.Layer.FindOrOpen(str(path.resolve()))
-        if layer is None:
-            raise UnreadableFileError(f"{path.name} cannot be read as USD; it may be cut off")
-        others = [name for name in layer.GetCompositionAssetDependencies() if name]
-        if others:
-            raise UnsafePathError(
-                f"{path.name} is composed of other files ({', '.join(others)[:100]}); flatten it to one file"
-            )
-        stage = pxr.Usd.Stage.Open(layer)
-        prims = [prim for prim in stage.Traverse() if prim.IsA(pxr.UsdGeom.Mesh)]
-        return _collect(path, pxr, stage, prims, use_textures=use_textures)
-    except AssetImportError:
-        raise
-    except Exception as err:  # broken text makes the library raise anything
+    places = [_find_package("pxr"), _find_package("numpy")]
+    if places[0] is None:
         raise UnreadableFileError(
-            f"{path.name} cannot be read as USD, it may be cut off ({_shorten(err)})"
-        ) from err
-
-
-def _shorten(error: Exception) -> str:
-    """What the library says, without where in its own code."""
-    text = " ".join(str(error).split())
-    quoted = re.findall(r": '(.*?)'$", text)
-    return (quoted[-1] if quoted else text)[:160]
-
-
-def _load_library(name: str) -> Any:
-    """Modules of Pixar's library, as attributes; they have no types."""
-    try:
-        return SimpleNamespace(
-            **{
-                part: importlib.import_module(f"pxr.{part}")
-                for part in ("Sdf", "Usd", "UsdGeom", "UsdShade")
-            }
+            f"{path.name} is USD, which needs the extra: pip install 'dgl-assets[usd]'"
         )
-    except ImportError as err:
-        raise UnreadableFileError(
-            f"{name} is USD, which needs the extra: pip install 'dgl-assets[usd]'"
-        ) from err
-
-
-def _collect(path: Path, pxr: Any, stage: Any, prims: list[Any], *, use_textures: bool) -> RawMesh:
-    UsdGeom = pxr.UsdGeom
-    vertices, faces, uvs, notes = [], [], [], []
-    offset = polygons = 0
-    for prim in prims:
-        mesh = UsdGeom.Mesh(prim)
-        points = np.array(mesh.GetPointsAttr().Get() or [], dtype=np.float64).reshape(-1, 3)
-        sizes = np.array(mesh.GetFaceVertexCountsAttr().Get() or [], dtype=np.int64)
-        corners = np.array(mesh.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int64)
-        name = str(prim.GetPath())
-        if not len(sizes):
-            continue
-        check_size(len(points), len(corners), path.name)
-        if sizes.min() < 3 or sizes.sum() != len(corners):
-            raise UnreadableFileError(
-                f"{path.name}: {name} has {len(sizes)} faces with {sizes.sum()} corners, but {len(corners)} indices"
-            )
-        if corners.min() < 0 or corners.max() >= len(points):
-            raise UnreadableFileError(
-                f"{path.name}: {name} uses vertices {corners.min()} to {corners.max()} of {len(points)}"
-            )
-        triangles = _fan(sizes)
-        if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
-            triangles = triangles[:, ::-1]
-        matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(0.0))
-        vertices.append(points @ matrix[:3, :3] + matrix[3, :3])  # USD multiplies rows
-        faces.append(corners[triangles] + offset)
-        uvs.append(_read_uvs(UsdGeom, prim, corners, triangles))
-        offset += len(points)
-        polygons += int((sizes > 3).sum())
-    if not faces:
-        raise UnreadableFileError(f"{path.name} holds no mesh")
-    if polygons:
-        notes.append(f"{polygons} polygons of more than three corners were cut into triangles")
+    search = os.pathsep.join(str(place) for place in places if place is not None)
+    with tempfile.TemporaryDirectory(prefix="dgl-usd-") as folder:
+        facts, arrays = _run(path, Path(folder), search)
+    if facts["parts"]:
+        raise UnsafePathError(
+            f"{path.name} is composed of other files ({', '.join(facts['parts'])[:100]}); flatten it to one file"
+        )
+    if facts["problem"] is not None:
+        raise UnreadableFileError(f"{path.name} cannot be read as USD: {facts['problem'][:160]}")
+    check_size(len(arrays["vertices"]), len(arrays["faces"]), path.name)
+    notes = []
+    if facts["polygons"]:
+        notes.append(
+            f"{facts['polygons']} polygons of more than three corners were cut into triangles"
+        )
     texture = None
-    has_uvs = all(uv is not None for uv in uvs)
-    if use_textures and has_uvs:
-        texture, more = _read_texture(path, pxr, stage)
-        notes += more
+    if use_textures and "uvs" in arrays:
+        if facts["picture"] is None:
+            notes.append("no picture; materials of other libraries are not read")
+        else:
+            target = resolve_reference(
+                path.parent, facts["picture"], named_by=path.name, hint=TEXTURE_HINT
+            )
+            texture = load_texture(read_bytes(target), target.name)
     return RawMesh(
-        vertices=np.concatenate(vertices),
-        faces=np.concatenate(faces),
-        uvs=np.concatenate([uv for uv in uvs if uv is not None]) if has_uvs else None,
+        vertices=arrays["vertices"],
+        faces=arrays["faces"],
+        uvs=arrays.get("uvs"),
         texture=texture,
-        unit=float(UsdGeom.GetStageMetersPerUnit(stage))
-        if UsdGeom.StageHasAuthoredMetersPerUnit(stage)
-        else None,
-        up=str(UsdGeom.GetStageUpAxis(stage)).lower(),
+        unit=facts["unit"],
+        up=facts["up"],
         notes=tuple(notes),
     )
 
 
-def _fan(sizes: np.ndarray) -> np.ndarray:
-    """Index of the corner of each triangle in the list of corners, shape (F, 3)."""
-    start = np.cumsum(sizes) - sizes
-    count = sizes - 2
-    owner = np.repeat(np.arange(len(sizes)), count)
-    ordinal = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    first = start[owner]
-    return np.column_stack([first, first + ordinal + 1, first + ordinal + 2])
+def _find_package(name: str) -> Path | None:
+    """Folder to search for a package, which the other process might not know."""
+    try:
+        spec = importlib.util.find_spec(name)
+    except ValueError:  # made impossible to import
+        return None
+    return Path(spec.origin).parent.parent if spec is not None and spec.origin else None
 
 
-def _read_uvs(
-    UsdGeom: Any, prim: Any, corners: np.ndarray, triangles: np.ndarray
-) -> np.ndarray | None:
-    for name in ("st", "UVMap", "map1", "uv"):
-        primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
-        if not primvar or not primvar.HasValue():
-            continue
-        values = np.array(primvar.ComputeFlattened(), dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] != 2:
-            continue
-        if primvar.GetInterpolation() == UsdGeom.Tokens.faceVarying and len(values) == len(corners):
-            return values[triangles]
-        if len(values) > corners.max():
-            return values[corners[triangles]]
-    return None
-
-
-def _read_texture(path: Path, pxr: Any, stage: Any) -> tuple[Texture | None, list[str]]:
-    """A picture that a shader refers to, if it lies beside the file."""
-    for prim in stage.Traverse():
-        if not prim.IsA(pxr.UsdShade.Shader):
-            continue
-        for attribute in prim.GetAttributes():
-            value = attribute.Get()
-            if not isinstance(value, pxr.Sdf.AssetPath):
-                continue
-            if not value.path.lower().endswith((".png", ".jpg", ".jpeg")):
-                continue
-            target = resolve_reference(
-                path.parent, value.path, named_by=path.name, hint=TEXTURE_HINT
-            )
-            return load_texture(read_bytes(target), target.name), []
-    return None, ["no picture beside the file; materials of other libraries are not read"]
+def _run(path: Path, folder: Path, search: str) -> tuple[dict, dict[str, np.ndarray]]:
+    """Read in another process: on some damaged files the library ends its own."""
+    target = folder / "found.npz"
+    words = [_COMMAND, _WORKER, path.resolve(), target, MAX_VERTICES, 4 * MAX_FACES]
+    # Its reports of crashes go where they are removed.
+    environment = {**os.environ, "TMPDIR": str(folder), "PYTHONPATH": search}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", *map(str, words)],
+            capture_output=True,
+            env=environment,
+            timeout=_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as err:
+        raise UnreadableFileError(f"{path.name} cannot be read as USD within {_SECONDS} s") from err
+    try:
+        with np.load(target, allow_pickle=False) as found:
+            arrays = {name: found[name] for name in found.files}
+        return json.loads(str(arrays.pop("facts"))), arrays
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as err:
+        said = re.findall(r" in file \S+ : '(.{3,120})", done.stderr.decode("utf-8", "replace"))
+        reason = " ".join(said[-1].split()) if said else f"its library ended with {done.returncode}"
+        raise UnreadableFileError(
+            f"{path.name} cannot be read as USD, it may be cut off ({reason})"
+        ) from err
