@@ -5,6 +5,7 @@ Needs numpy and that library alone. What it finds goes into one NPZ file: `facts
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 from typing import Any
@@ -29,13 +30,13 @@ def read_to_file(source: str, target: str, most_vertices: str, most_corners: str
     """
     facts, arrays = _read(Path(source), int(most_vertices), int(most_corners))
     with Path(target).open("wb") as file:
-        np.savez(file, facts=np.array(json.dumps(facts)), **arrays)
+        np.savez(file, allow_pickle=False, facts=np.array(json.dumps(facts)), **arrays)
 
 
 def _read(
     path: Path, most_vertices: int, most_corners: int
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    from pxr import Sdf, Usd, UsdGeom  # pyright: ignore[reportMissingImports]
+    Sdf, Usd, UsdGeom = _load("Sdf"), _load("Usd"), _load("UsdGeom")
 
     facts: dict[str, Any] = {"problem": None, "parts": []}
     layer = Sdf.Layer.FindOrOpen(str(path))
@@ -88,6 +89,11 @@ def _read(
     return facts, arrays
 
 
+def _load(part: str) -> Any:
+    """A module of Pixar's library; they have no types."""
+    return importlib.import_module(f"pxr.{part}")
+
+
 def _fan(sizes: np.ndarray) -> np.ndarray:
     """Index of the corner of each triangle in the list of corners, shape (F, 3)."""
     start, count = np.cumsum(sizes) - sizes, sizes - 2
@@ -98,7 +104,7 @@ def _fan(sizes: np.ndarray) -> np.ndarray:
 
 
 def _read_uvs(prim: Any, corners: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
-    from pxr import UsdGeom  # pyright: ignore[reportMissingImports]
+    UsdGeom = _load("UsdGeom")
 
     for name in _UV_NAMES:
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
@@ -116,7 +122,7 @@ def _read_uvs(prim: Any, corners: np.ndarray, triangles: np.ndarray) -> np.ndarr
 
 def _find_picture(stage: Any) -> str | None:
     """The first picture that a shader refers to."""
-    from pxr import Sdf, UsdShade  # pyright: ignore[reportMissingImports]
+    Sdf, UsdShade = _load("Sdf"), _load("UsdShade")
 
     for prim in stage.Traverse():
         if not prim.IsA(UsdShade.Shader):

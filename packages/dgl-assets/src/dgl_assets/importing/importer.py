@@ -6,7 +6,6 @@ import logging
 import re
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +14,16 @@ from dgl_assets.importing import clothesnet
 from dgl_assets.importing.archive import unpack
 from dgl_assets.importing.asset_folder import write_asset
 from dgl_assets.importing.categories import CATEGORIES
-from dgl_assets.importing.check import CleanMesh, clean_mesh
-from dgl_assets.importing.errors import BrokenMeshError, UnclearGarmentError
-from dgl_assets.importing.frame import AXES, Frame, find_frame, turn_outward
-from dgl_assets.importing.holes import close_small_holes, compute_perimeter
+from dgl_assets.importing.errors import BrokenMeshError
+from dgl_assets.importing.frame import AXES
 from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
-from dgl_assets.importing.openings import SMALLEST, find_openings, guess_category, name_openings
 from dgl_assets.importing.paths import detect_kind, read_bytes
+from dgl_assets.importing.placing import Placed, place_surface
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.remesh import Remeshed, remesh_surface
 from dgl_assets.importing.report import ImportReport, measure_evenness
-from dgl_assets.importing.scale import UNITS, find_unit
+from dgl_assets.importing.scale import UNITS
 from dgl_assets.importing.source import Source, find_source
 from dgl_assets.importing.staging import check_target, stage_folder
 from dgl_assets.importing.surface import Surface
@@ -40,25 +37,10 @@ LayFlat = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 NO_LICENCE = "not stated: do not redistribute"
 _SPACINGS = (0.006, 0.025)
-_SMALL_HOLE = 8.0  # spacings around a hole that is closed
-_VERTICES = (60, 40_000)  # that a garment may need at its spacing
 _LEAST_EVEN = 0.95  # share of edges and angles below which the mesh is refused
 _THICK = 0.10  # a garment that is thicker does not lie [m]
 _REACH = 1.2  # width that both robots reach [m]
 _STRETCH = 0.05  # mean strain that laying flat may leave
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Placed:
-    """A clean surface in metres and in the garment frame."""
-
-    mesh: CleanMesh
-    category: str
-    frame: Frame
-    unit: float
-    scale: float
-    openings: int
-    notes: tuple[str, ...]
 
 
 def import_garment(
@@ -120,7 +102,7 @@ def import_garment(
         raw = read_mesh(found.mesh, use_textures=use_textures)
         points = _read_points(found, keypoints, raw)
         hint = found.clothesnet.category if found.clothesnet else None
-        placed = _place(
+        placed = place_surface(
             raw,
             found.mesh.name,
             category=category or meta.get("category") or hint,
@@ -202,89 +184,9 @@ def _describe(
     }
 
 
-def _place(
-    raw: RawMesh,
-    name: str,
-    *,
-    category: str | None,
-    units: str | None,
-    up: str | None,
-    scale: float,
-    spacing: float,
-) -> _Placed:
-    """Check the surface, find out what it is, and bring it to metres in the garment frame."""
-    mesh = clean_mesh(raw, name)
-    notes = [*raw.notes, *mesh.notes]
-    try:
-        loops = find_openings(mesh.vertices, mesh.faces)
-        if category is None:
-            category, why = guess_category(mesh.vertices, loops)
-            notes.append(f"category {category}, {why}")
-        openings = name_openings(mesh.vertices, loops, category)
-        faces, is_turned = turn_outward(mesh.vertices, mesh.faces)
-        if is_turned:
-            notes.append("all faces were turned over, so that normals point outward")
-        frame = find_frame(
-            mesh.vertices,
-            faces,
-            category=category,
-            openings=openings,
-            up=up,
-            declared_up=raw.up,
-        )
-        vertices = mesh.vertices @ frame.rotation.T
-        longest = float(np.ptp(vertices, axis=0).max())
-        unit, how = find_unit(longest, category, units=units, declared=raw.unit)
-    except UnclearGarmentError as err:
-        raise UnclearGarmentError(f"{name}: {err}") from err
-    notes += [*frame.notes, how]
-    if scale != 1:
-        notes.append(f"scaled by {scale:g}")
-    factor = unit * scale
-    uvs = mesh.uvs
-    if is_turned and uvs is not None:
-        uvs = uvs[:, [0, 2, 1]]
-    if category == "Scarf" and _compute_mean_height(vertices, faces) < 0:
-        faces = faces[:, [0, 2, 1]]
-        uvs = None if uvs is None else uvs[:, [0, 2, 1]]
-    hole = _SMALL_HOLE * spacing
-    if loops:  # never an opening that was counted
-        hole = min(hole, SMALLEST * factor * compute_perimeter(mesh.vertices, loops[0]))
-    vertices, faces, uvs, closed = close_small_holes(vertices * factor, faces, uvs, largest=hole)
-    if closed:
-        notes.append(f"{closed} holes of less than {hole * 1e3:.0f} mm around were closed")
-    _check_size(name, vertices, faces, spacing)
-    return _Placed(
-        mesh=CleanMesh(
-            vertices=vertices, faces=faces, uvs=uvs, vertex_ids=mesh.vertex_ids, notes=()
-        ),
-        category=category,
-        frame=frame,
-        unit=unit,
-        scale=factor,
-        openings=len(loops),
-        notes=tuple(notes),
-    )
-
-
-def _compute_mean_height(vertices: np.ndarray, faces: np.ndarray) -> float:
-    normals, areas = compute_normals(vertices, faces)
-    return float((normals[:, 2] * areas).sum())
-
-
-def _check_size(name: str, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> None:
-    area = float(compute_normals(vertices, faces)[1].sum())
-    needed = area / (np.sqrt(0.75) * spacing**2)
-    if not _VERTICES[0] <= needed <= _VERTICES[1]:
-        raise UnclearGarmentError(
-            f"{name} would have {area:.3g} m^2 and need about {needed:,.0f} vertices at spacing {spacing:g} m, where "
-            f"{_VERTICES[0]} to {_VERTICES[1]:,} are possible; check its unit and the spacing"
-        )
-
-
 def _finish(
     raw: RawMesh,
-    placed: _Placed,
+    placed: Placed,
     points: Keypoints | None,
     target: Path,
     *,
@@ -365,7 +267,7 @@ def _finish(
 
 
 def _place_points(
-    placed: _Placed, points: Keypoints | None, surface: Surface, name: str
+    placed: Placed, points: Keypoints | None, surface: Surface, name: str
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Key points in the garment frame [m], and the normals there."""
     if points is None or not len(points.names):
