@@ -1,0 +1,40 @@
+"""What an imported garment of each category must look like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class CategoryFacts:
+    """Facts that tell one category, its unit and its orientation."""
+
+    openings: tuple[str, ...]
+    """Openings that every garment of the category has."""
+    size: tuple[float, float]
+    """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % of it [m]. The ends
+    differ by less than a factor of 2.54, so that inches and centimetres exclude each other."""
+    wall_thickness: float | None = None
+    """None for a sheet of cloth; thickness of the wall that an elastic shell gets [m]."""
+
+
+CATEGORIES: dict[str, CategoryFacts] = {
+    "Tops_LongSleeve": CategoryFacts(
+        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.75, 1.88)
+    ),
+    "Tops_NoSleeve": CategoryFacts(
+        openings=("neck", "hem", "left armhole", "right armhole"), size=(0.36, 0.90)
+    ),
+    "Tops_FrontOpen": CategoryFacts(
+        openings=("front from hem to neck", "left cuff", "right cuff"), size=(0.75, 1.88)
+    ),
+    "Dress_LongSleeve": CategoryFacts(
+        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.72, 1.80)
+    ),
+    "Trousers": CategoryFacts(openings=("waist", "left leg", "right leg"), size=(0.48, 1.20)),
+    "Scarf": CategoryFacts(openings=("edge",), size=(0.90, 2.25)),
+    "Baseball_Cap": CategoryFacts(openings=("head",), size=(0.15, 0.37), wall_thickness=0.003),
+    "Bowl_Hat": CategoryFacts(openings=("head",), size=(0.15, 0.37), wall_thickness=0.003),
+    "Glove": CategoryFacts(openings=("wrist",), size=(0.13, 0.32), wall_thickness=0.002),
+}
+"""Facts of each category."""

@@ -1,0 +1,28 @@
+"""Why something cannot be imported. Each message is one line that names the file, the place and the remedy."""
+
+from dgl_assets.errors import AssetError
+
+_LONGEST = 600  # characters
+
+
+class AssetImportError(AssetError):
+    """Base of the errors of importing. Names in files may be strange; the message is one line all the same."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split())[:_LONGEST])
+
+
+class UnreadableFileError(AssetImportError):
+    """Raised when a file is missing, cut off, too large, or not what it claims to be."""
+
+
+class UnsafePathError(AssetImportError):
+    """Raised when a file or an archive refers to a path outside its own folder."""
+
+
+class BrokenMeshError(AssetImportError):
+    """Raised when a surface is not one sheet of cloth: holes, branches, spikes, loose pieces."""
+
+
+class UnclearGarmentError(AssetImportError):
+    """Raised when category, unit or orientation cannot be told and have to be given."""

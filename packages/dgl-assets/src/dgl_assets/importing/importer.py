@@ -1,0 +1,334 @@
+"""Make an asset of a mesh file: read, check, scale, turn, remesh, lay flat, and write."""
+
+from __future__ import annotations
+
+import logging
+import re
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from dgl_assets.importing import clothesnet
+from dgl_assets.importing.archive import unpack
+from dgl_assets.importing.asset_folder import write_asset
+from dgl_assets.importing.categories import CATEGORIES
+from dgl_assets.importing.errors import BrokenMeshError
+from dgl_assets.importing.frame import AXES
+from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
+from dgl_assets.importing.paths import detect_kind, read_bytes
+from dgl_assets.importing.placing import Placed, place_surface
+from dgl_assets.importing.raw import RawMesh
+from dgl_assets.importing.read import read_mesh
+from dgl_assets.importing.remesh import Remeshed, remesh_surface
+from dgl_assets.importing.report import ImportReport, measure_evenness
+from dgl_assets.importing.scale import UNITS
+from dgl_assets.importing.source import Source, find_source
+from dgl_assets.importing.staging import check_target, stage_folder
+from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.topology import compute_normals, compute_vertex_normals
+from dgl_assets.importing.transfer import MAX_PATCHES, label_patches, transfer_uvs
+
+logger = logging.getLogger(__name__)
+
+LayFlat = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Lays a garment down: (positions, faces, unstrained positions) to positions, [m], shapes (V, 3), (F, 3), (V, 3)."""
+
+NO_LICENCE = "not stated: do not redistribute"
+_SPACINGS = (0.006, 0.025)
+_LEAST_EVEN = 0.95  # share of edges and angles below which the mesh is refused
+_THICK = 0.10  # a garment that is thicker does not lie [m]
+_REACH = 1.2  # width that both robots reach [m]
+_STRETCH = 0.05  # mean strain that laying flat may leave
+
+
+def import_garment(
+    path: str | Path,
+    *,
+    out: str | Path,
+    category: str | None = None,
+    units: str | None = None,
+    up: str | None = None,
+    scale: float | None = None,
+    spacing: float = 0.013,
+    lay_flat: LayFlat | None = None,
+    keypoints: str | Path | None = None,
+    name: str | None = None,
+    licence: str | None = None,
+    source: str | None = None,
+    use_textures: bool = True,
+    overwrite: bool = False,
+) -> ImportReport:
+    """Import one garment.
+
+    Args:
+        path: A mesh file (OBJ, PLY, STL, GLB, glTF, USD), a folder with one and perhaps keypoints.json and meta.json, a
+            model folder of ClothesNet, or a zip archive of one of these.
+        out: Root of assets. The asset is written to `<out>/<category>/<name>`, whole or not at all.
+        category: What it is, one of `CATEGORIES`; guessed from its openings by default, and the report says so.
+        units: "m", "cm", "mm" or "in"; found from the size by default.
+        up: Up axis of the file, such as "y" or "-z"; found from the openings by default.
+        scale: Size over the original's: 1 by default, 0.85 for ClothesNet, so that robots reach both cuffs.
+        spacing: Edge length of the new mesh [m], 0.006 to 0.025.
+        lay_flat: Simulation that lays it down; none by default. This package has no physics.
+        keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices or positions of
+            the mesh file; by default keypoints.json in the folder.
+        name: Name of the asset; that of the file by default.
+        licence: Under which licence you have it. It is recorded, never checked.
+        source: Where it comes from.
+        use_textures: Whether to keep the picture. A picture that is missing is an error then.
+        overwrite: Whether an asset of the same name is replaced.
+
+    Returns:
+        Where it is and what was assumed.
+
+    Raises:
+        ValueError: If an option is out of range.
+        AssetImportError: If it cannot be imported: `UnreadableFileError`, `UnsafePathError`, `BrokenMeshError` or
+            `UnclearGarmentError`, each with the place and what to do. Nothing is left in `out` then.
+
+    Limitations:
+        Layers that pass through each other are kept. Thick surfaces (an inside and an outside) are refused.
+    """
+    _check_options(category=category, units=units, up=up, scale=scale, spacing=spacing)
+    path, out = Path(path), Path(out)
+    with tempfile.TemporaryDirectory(prefix="dgl-import-") as folder:
+        found = find_source(_unpack(path, Path(folder)))
+        asset_name = _make_name(name or (path.stem if path.is_file() else found.name))
+        meta = found.meta
+        if found.clothesnet is not None and scale is None:
+            scale = clothesnet.SCALE
+        raw = read_mesh(found.mesh, use_textures=use_textures)
+        points = _read_points(found, keypoints, raw)
+        hint = found.clothesnet.category if found.clothesnet else None
+        placed = place_surface(
+            raw,
+            found.mesh.name,
+            category=category or meta.get("category") or hint,
+            units=units or meta.get("units"),
+            up=up or meta.get("up"),
+            scale=1.0 if scale is None else scale,
+            spacing=spacing,
+        )
+        target = out / placed.category / asset_name
+        check_target(target, overwrite=overwrite)
+        return _finish(
+            raw,
+            placed,
+            points,
+            target,
+            spacing=spacing,
+            lay_flat=lay_flat,
+            overwrite=overwrite,
+            texts=_describe(found, path, licence=licence, source=source),
+        )
+
+
+def _check_options(
+    *,
+    category: str | None,
+    units: str | None,
+    up: str | None,
+    scale: float | None,
+    spacing: float,
+) -> None:
+    for option, value, valid in (
+        ("category", category, CATEGORIES),
+        ("units", units, UNITS),
+        ("up", up, AXES),
+    ):
+        if value is not None and value not in valid:
+            raise ValueError(f"{option} must be one of {list(valid)}; got {value!r}")
+    if not _SPACINGS[0] <= spacing <= _SPACINGS[1]:
+        raise ValueError(f"spacing must be in {list(_SPACINGS)} m; got {spacing}")
+    if scale is not None and not 0.1 <= scale <= 10:
+        raise ValueError(f"scale must be in [0.1, 10]; got {scale}")
+
+
+def _unpack(path: Path, folder: Path) -> Path:
+    """The path itself, or the folder into which an archive was unpacked."""
+    if not path.is_file():
+        return path
+    if detect_kind(path, read_bytes(path)) != "zip":
+        return path
+    inside = folder / (_make_name(path.stem))
+    inside.mkdir()
+    unpack(path, inside)
+    return inside
+
+
+def _make_name(text: str) -> str:
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")[:80]
+    if not name:
+        raise ValueError(f"name must hold letters or digits; got {text!r}")
+    return name
+
+
+def _read_points(found: Source, given: str | Path | None, raw: RawMesh) -> Keypoints | None:
+    path = Path(given) if given is not None else found.keypoints
+    return None if path is None else read_keypoints(path, raw.vertices)
+
+
+def _describe(
+    found: Source, path: Path, *, licence: str | None, source: str | None
+) -> dict[str, str]:
+    code = found.clothesnet
+    return {
+        "subtype": found.meta.get("subtype") or (code.subtype if code else ""),
+        "source": source or found.meta.get("source") or (clothesnet.SOURCE if code else path.name),
+        "source_id": found.meta.get("source_id") or found.mesh.stem,
+        "licence": licence
+        or found.meta.get("licence")
+        or (clothesnet.LICENCE if code else NO_LICENCE),
+    }
+
+
+def _finish(
+    raw: RawMesh,
+    placed: Placed,
+    points: Keypoints | None,
+    target: Path,
+    *,
+    spacing: float,
+    lay_flat: LayFlat | None,
+    overwrite: bool,
+    texts: dict[str, str],
+) -> ImportReport:
+    """Remesh, carry over what is on the surface, lay flat, and write."""
+    mesh, notes = placed.mesh, list(placed.notes)
+    surface = Surface(mesh.vertices, mesh.faces, spacing=spacing / 2)
+    pins, pin_normals = _place_points(placed, points, surface, target.name)
+    remeshed = remesh_surface(
+        mesh.vertices, mesh.faces, spacing=spacing, pins=pins, pin_normals=pin_normals
+    )
+    even_edges, even_angles = measure_evenness(remeshed.vertices, remeshed.faces, spacing=spacing)
+    if min(even_edges, even_angles) < _LEAST_EVEN:
+        raise BrokenMeshError(
+            f"{target.name}: the surface cannot be meshed evenly at spacing {spacing:g} m: {even_edges:.1%} of edges "
+            f"and {even_angles:.1%} of angles are even; it is crumpled or has folds closer than the spacing"
+        )
+    uvs, texture = None, raw.texture
+    if mesh.uvs is not None:
+        patches, _ = label_patches(mesh.faces, mesh.uvs)
+        if patches <= MAX_PATCHES:
+            uvs = transfer_uvs(surface, mesh.uvs, remeshed.vertices, remeshed.faces)
+        else:
+            texture = None
+            notes.append(
+                f"texture left out: it is cut into {patches} patches, at most {MAX_PATCHES} are kept"
+            )
+    rest = _centre(remeshed.vertices)
+    vertices = rest
+    if lay_flat is not None:
+        vertices = _lay_flat(lay_flat, rest, remeshed)
+        notes.append("laid flat by simulation")
+    notes += _judge(vertices, placed.category)
+    landmarks = (
+        {} if points is None else dict(zip(points.names, remeshed.pins.tolist(), strict=True))
+    )
+    size = np.ptp(vertices, axis=0)
+    report = ImportReport(
+        folder=target,
+        name=target.name,
+        category=placed.category,
+        **texts,
+        unit=placed.unit,
+        scale=placed.scale,
+        up=placed.frame.up,
+        vertex_count=len(vertices),
+        face_count=len(remeshed.faces),
+        area=float(compute_normals(rest, remeshed.faces)[1].sum()),
+        extent=(float(size[0]), float(size[1]), float(size[2])),
+        openings=placed.openings,
+        even_edges=even_edges,
+        even_angles=even_angles,
+        landmarks=tuple(landmarks),
+        has_texture=texture is not None and uvs is not None,
+        is_laid_flat=lay_flat is not None,
+        assumptions=tuple(notes),
+    )
+    meta = {key: value for key, value in report.to_dict().items() if key != "folder"}
+    meta["wall_thickness"] = CATEGORIES[placed.category].wall_thickness
+    meta |= {"rotation": placed.frame.rotation.tolist(), "spacing": spacing}
+    with stage_folder(target, overwrite=overwrite) as folder:
+        write_asset(
+            folder,
+            vertices=vertices,
+            faces=remeshed.faces,
+            rest_vertices=None if lay_flat is None else rest,
+            uvs=uvs,
+            texture=texture,
+            landmarks=landmarks,
+            meta=meta,
+        )
+    logger.info("imported %s: %d vertices", target, len(vertices))
+    return report
+
+
+def _place_points(
+    placed: Placed, points: Keypoints | None, surface: Surface, name: str
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Key points in the garment frame [m], and the normals there."""
+    if points is None or not len(points.names):
+        return None, None
+    positions = points.positions @ placed.frame.rotation.T * placed.scale
+    faces, weights = surface.locate(positions)
+    on_surface = surface.evaluate(faces, weights)
+    distances = np.linalg.norm(on_surface - positions, axis=1) / placed.scale
+    check_on_surface(points, surface.vertices / placed.scale, distances, name)
+    normals = surface.normals[faces]
+    # A vertex of the file says on which layer it is; a position does not.
+    ids = np.where(points.vertex_ids >= 0, placed.mesh.vertex_ids[points.vertex_ids], -1)
+    known = ids >= 0
+    vertex_normals = compute_vertex_normals(surface.vertices, surface.faces)
+    normals[known] = vertex_normals[ids[known]]
+    return on_surface, normals
+
+
+def _lay_flat(lay_flat: LayFlat, rest: np.ndarray, mesh: Remeshed) -> np.ndarray:
+    positions = np.asarray(lay_flat(rest.copy(), mesh.faces.copy(), rest.copy()), dtype=np.float64)
+    if positions.shape != rest.shape or not np.isfinite(positions).all():
+        raise ValueError(
+            f"lay_flat must return finite positions of shape {rest.shape}; got {positions.shape}"
+        )
+    sides = [
+        np.linalg.norm(p[mesh.faces] - p[np.roll(mesh.faces, 1, axis=1)], axis=2)
+        for p in (positions, rest)
+    ]
+    strain = float(np.abs(sides[0] / sides[1] - 1).mean())
+    if strain > _STRETCH:
+        raise BrokenMeshError(
+            f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; import it as it is"
+        )
+    return _centre(_face_as(positions, rest))
+
+
+def _face_as(positions: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Turn a garment about the vertical, as far as it turned while it fell."""
+    before, after = (p[:, :2] - p[:, :2].mean(axis=0) for p in (rest, positions))
+    cosine, sine = (
+        (before * after).sum(),
+        (after[:, 0] * before[:, 1] - after[:, 1] * before[:, 0]).sum(),
+    )
+    angle = np.arctan2(sine, cosine)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.column_stack([positions[:, :2] @ turn.T, positions[:, 2]])
+
+
+def _centre(vertices: np.ndarray) -> np.ndarray:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    return vertices - (low + high) / 2
+
+
+def _judge(vertices: np.ndarray, category: str) -> list[str]:
+    """What a user should know before using it."""
+    extent = np.ptp(vertices, axis=0)
+    notes = []
+    if len(CATEGORIES[category].openings) > 1 and extent[2] > _THICK:
+        notes.append(f"it is {extent[2]:.2f} m thick and does not lie yet; lay it flat")
+    if extent[0] > _REACH and category != "Scarf":
+        notes.append(
+            f"it is {extent[0]:.2f} m wide, more than both robots reach ({_REACH} m); scale it down"
+        )
+    return notes

@@ -1,0 +1,165 @@
+"""Tell the openings of a garment apart, and which garment has such openings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from dgl_assets.importing.categories import CATEGORIES
+from dgl_assets.importing.errors import UnclearGarmentError
+from dgl_assets.importing.holes import compute_perimeter
+from dgl_assets.importing.topology import find_loops
+
+SMALLEST = 0.10
+"""Perimeter over the longest opening's below which an opening is a slit or a buttonhole."""
+_LONG_SLEEVES = 1.55  # distance of the cuffs over the width of the hem
+_DRESS = 0.75  # length over span
+_TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
+_SCARF = 2.5  # length over width
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Openings:
+    """The openings of a garment, by the part that they play."""
+
+    main: np.ndarray
+    """Vertices of the hem of a top, the waist of trousers, the rim of a hat, shape (L,)."""
+    neck: np.ndarray | None
+    """Of garments with a neckline of its own."""
+    pair: tuple[np.ndarray, np.ndarray] | None
+    """Cuffs, armholes or legs."""
+
+
+def find_openings(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """Find the openings that are large enough to be a garment's, longest first.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        faces: Oriented manifold triangles, shape (F, 3), int.
+    """
+    loops = find_loops(faces)
+    if not loops:
+        return []
+    lengths = np.array([compute_perimeter(vertices, loop) for loop in loops])
+    order = np.argsort(-lengths, kind="stable")
+    return [loops[k] for k in order if lengths[k] >= SMALLEST * lengths.max()]
+
+
+def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) -> Openings:
+    """Tell which opening is which.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        loops: Openings, longest first.
+        category: What it is.
+
+    Raises:
+        UnclearGarmentError: If there are not as many openings as the category has.
+    """
+    expected = CATEGORIES[category].openings
+    if len(loops) != len(expected):
+        raise UnclearGarmentError(
+            f"a {category} has {len(expected)} openings ({', '.join(expected)}), this has {len(loops)}"
+            + (
+                "; a closed surface has a thickness of its own, export only one side"
+                if not loops
+                else ""
+            )
+        )
+    if len(loops) == 1:
+        return Openings(main=loops[0], neck=None, pair=None)
+    if len(loops) == 3:
+        left, right, main = _choose_pair(vertices, loops, [])
+        return Openings(main=main, neck=None, pair=(left, right))
+    left, right, neck = _choose_pair(vertices, loops[1:], [loops[0]])
+    return Openings(main=loops[0], neck=neck, pair=(left, right))
+
+
+def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, str]:
+    """Guess what a garment is from its openings and proportions.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        loops: Openings, longest first.
+
+    Returns:
+        Category, and why.
+
+    Raises:
+        UnclearGarmentError: If nothing fits.
+    """
+    extents = _principal_extents(vertices)
+    if len(loops) == 4:
+        found = name_openings(vertices, loops, "Tops_LongSleeve")
+        assert found.pair is not None
+        assert found.neck is not None
+        across = _distance(vertices, *found.pair)
+        hem = np.ptp(vertices[found.main] @ _direction(vertices, *found.pair))
+        ratio = across / hem
+        if ratio < _LONG_SLEEVES:
+            return "Tops_NoSleeve", f"guessed: four openings, armholes {ratio:.2f} hems apart"
+        along = _distance(vertices, found.main, found.neck) / across
+        category = "Dress_LongSleeve" if along > _DRESS else "Tops_LongSleeve"
+        return category, (
+            f"guessed: four openings, cuffs {ratio:.2f} hems apart, length {along:.2f} of that distance"
+        )
+    if len(loops) == 3:
+        found = name_openings(vertices, loops, "Trousers")
+        assert found.pair is not None
+        middle = np.concatenate([vertices[loop] for loop in found.pair])
+        reach = np.linalg.norm(vertices[found.main].mean(axis=0) - middle.mean(axis=0))
+        share = reach / extents[0]
+        category = "Trousers" if share > _TROUSERS else "Tops_FrontOpen"
+        return category, f"guessed: three openings, {share:.2f} of the extent apart"
+    if len(loops) == 1 and extents[0] > _SCARF * extents[1] and extents[2] < 0.1 * extents[1]:
+        return (
+            "Scarf",
+            f"guessed: one flat sheet {extents[0] / extents[1]:.1f} times as long as wide",
+        )
+    raise UnclearGarmentError(
+        f"what this is cannot be told from {len(loops)} openings; give the category, one of "
+        f"{', '.join(sorted(CATEGORIES))}"
+    )
+
+
+def _choose_pair(
+    vertices: np.ndarray, loops: list[np.ndarray], others: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Two loops that mirror each other, and the third."""
+    best, result = np.inf, None
+    for i, j in combinations(range(3), 2):
+        third = loops[3 - i - j]
+        cost = abs(
+            np.log(compute_perimeter(vertices, loops[i]) / compute_perimeter(vertices, loops[j]))
+        )
+        for other in (third, *others):
+            near, far = _distance(vertices, loops[i], other), _distance(vertices, loops[j], other)
+            cost += abs(near - far) / max(near, far, 1e-300)
+        if cost < best:
+            best, result = cost, (loops[i], loops[j], third)
+    assert result is not None
+    return result
+
+
+def _centre(vertices: np.ndarray, loop: np.ndarray) -> np.ndarray:
+    around = vertices[loop]
+    lengths = np.linalg.norm(around - np.roll(around, -1, axis=0), axis=1)
+    weights = (lengths + np.roll(lengths, 1)) / max(2 * lengths.sum(), 1e-300)
+    return (around * weights[:, None]).sum(axis=0)
+
+
+def _distance(vertices: np.ndarray, first: np.ndarray, second: np.ndarray) -> float:
+    return float(np.linalg.norm(_centre(vertices, first) - _centre(vertices, second)))
+
+
+def _direction(vertices: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    along = _centre(vertices, second) - _centre(vertices, first)
+    return along / np.linalg.norm(along)
+
+
+def _principal_extents(vertices: np.ndarray) -> np.ndarray:
+    """Extents along the principal axes, largest first, shape (3,)."""
+    _, _, axes = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)
+    return np.sort(np.ptp(vertices @ axes.T, axis=0))[::-1]

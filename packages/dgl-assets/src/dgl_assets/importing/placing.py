@@ -1,0 +1,126 @@
+"""Check a surface, find out what it is, and bring it to metres in the garment frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_assets.importing.check import CleanMesh, clean_mesh
+from dgl_assets.importing.errors import UnclearGarmentError
+from dgl_assets.importing.frame import Frame, find_frame, turn_outward
+from dgl_assets.importing.holes import close_small_holes, compute_perimeter
+from dgl_assets.importing.openings import SMALLEST, find_openings, guess_category, name_openings
+from dgl_assets.importing.raw import RawMesh
+from dgl_assets.importing.scale import find_unit
+from dgl_assets.importing.topology import compute_normals
+
+_SMALL_HOLE = 8.0  # spacings around a hole that is closed
+_VERTICES = (60, 40_000)  # that a garment may need at its spacing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """A clean surface in metres and in the garment frame."""
+
+    mesh: CleanMesh
+    category: str
+    frame: Frame
+    unit: float
+    scale: float
+    openings: int
+    notes: tuple[str, ...]
+
+
+def place_surface(
+    raw: RawMesh,
+    name: str,
+    *,
+    category: str | None,
+    units: str | None,
+    up: str | None,
+    scale: float,
+    spacing: float,
+) -> Placed:
+    """Check a surface and bring it to metres in the garment frame.
+
+    Args:
+        raw: What was read.
+        name: Of the file, for messages.
+        category: What it is; guessed when None.
+        units: Its unit; found when None.
+        up: Its up axis; found when None.
+        scale: Size over the original's.
+        spacing: Edge length that it will be meshed at [m].
+
+    Raises:
+        BrokenMeshError: If it is not one sheet of cloth.
+        UnclearGarmentError: If something cannot be told and must be given.
+    """
+    mesh = clean_mesh(raw, name)
+    notes = [*raw.notes, *mesh.notes]
+    try:
+        loops = find_openings(mesh.vertices, mesh.faces)
+        if category is None:
+            category, why = guess_category(mesh.vertices, loops)
+            notes.append(f"category {category}, {why}")
+        openings = name_openings(mesh.vertices, loops, category)
+        faces, is_turned = turn_outward(mesh.vertices, mesh.faces)
+        if is_turned:
+            notes.append("all faces were turned over, so that normals point outward")
+        frame = find_frame(
+            mesh.vertices,
+            faces,
+            category=category,
+            openings=openings,
+            up=up,
+            declared_up=raw.up,
+        )
+        vertices = mesh.vertices @ frame.rotation.T
+        longest = float(np.ptp(vertices, axis=0).max())
+        unit, how = find_unit(longest, category, units=units, declared=raw.unit)
+    except UnclearGarmentError as err:
+        raise UnclearGarmentError(f"{name}: {err}") from err
+    notes += [*frame.notes, how]
+    if scale != 1:
+        notes.append(f"scaled by {scale:g}")
+    factor = unit * scale
+    uvs = mesh.uvs
+    if is_turned and uvs is not None:
+        uvs = uvs[:, [0, 2, 1]]
+    if category == "Scarf" and _compute_mean_height(vertices, faces) < 0:
+        faces = faces[:, [0, 2, 1]]
+        uvs = None if uvs is None else uvs[:, [0, 2, 1]]
+    hole = _SMALL_HOLE * spacing
+    if loops:  # never an opening that was counted
+        hole = min(hole, SMALLEST * factor * compute_perimeter(mesh.vertices, loops[0]))
+    vertices, faces, uvs, closed = close_small_holes(vertices * factor, faces, uvs, largest=hole)
+    if closed:
+        notes.append(f"{closed} holes of less than {hole * 1e3:.0f} mm around were closed")
+    _check_size(name, vertices, faces, spacing)
+    return Placed(
+        mesh=CleanMesh(
+            vertices=vertices, faces=faces, uvs=uvs, vertex_ids=mesh.vertex_ids, notes=()
+        ),
+        category=category,
+        frame=frame,
+        unit=unit,
+        scale=factor,
+        openings=len(loops),
+        notes=tuple(notes),
+    )
+
+
+def _compute_mean_height(vertices: np.ndarray, faces: np.ndarray) -> float:
+    normals, areas = compute_normals(vertices, faces)
+    return float((normals[:, 2] * areas).sum())
+
+
+def _check_size(name: str, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> None:
+    area = float(compute_normals(vertices, faces)[1].sum())
+    needed = area / (np.sqrt(0.75) * spacing**2)
+    if not _VERTICES[0] <= needed <= _VERTICES[1]:
+        raise UnclearGarmentError(
+            f"{name} would have {area:.3g} m^2 and need about {needed:,.0f} vertices at spacing {spacing:g} m, where "
+            f"{_VERTICES[0]} to {_VERTICES[1]:,} are possible; check its unit and the spacing"
+        )

@@ -1,0 +1,113 @@
+"""What a file holds, before anything is decided about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_assets.importing.errors import UnreadableFileError
+
+MAX_FILE_BYTES = 256 * 2**20
+"""Largest file that is opened [bytes]."""
+MAX_VERTICES = 1_000_000
+"""Most vertices of a mesh that is imported; garments of games and films have 5,000 to 200,000."""
+MAX_FACES = 2_000_000
+"""Most triangles of a mesh that is imported."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Texture:
+    """A picture on the cloth."""
+
+    data: bytes
+    """The whole picture file."""
+    suffix: str
+    """".png" or ".jpg"."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawMesh:
+    """Triangles as they are in a file, in its own units and axes."""
+
+    vertices: np.ndarray
+    """Positions, shape (V, 3), float64, in the order of the file."""
+    faces: np.ndarray
+    """Triangles, shape (F, 3), int64."""
+    uvs: np.ndarray | None = None
+    """Texture coordinates of each corner, v upwards, shape (F, 3, 2), float64."""
+    texture: Texture | None = None
+    unit: float | None = None
+    """Length of a unit that the file states [m]."""
+    up: str | None = None
+    """Up axis that the file states, "y" or "z"."""
+    notes: tuple[str, ...] = ()
+    """What was left out or assumed."""
+
+
+def check_raw(mesh: RawMesh, name: str) -> None:
+    """Refuse what cannot be a surface.
+
+    Args:
+        mesh: What was read.
+        name: Of the file, for messages.
+
+    Raises:
+        UnreadableFileError: If there are no faces, too many, indices of vertices that do not exist, or positions
+            that are not finite; with the first index and the count.
+    """
+    vertices, faces = mesh.vertices, mesh.faces
+    if not len(vertices) or not len(faces):
+        raise UnreadableFileError(
+            f"{name} holds no surface: {len(vertices)} vertices and {len(faces)} faces"
+        )
+    check_size(len(vertices), len(faces), name)
+    outside = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if len(outside):
+        raise UnreadableFileError(
+            f"{name}: {len(outside)} faces use vertices that do not exist, the first is face {outside[0]} with "
+            f"{faces[outside[0]].tolist()} of {len(vertices)} vertices"
+        )
+    wrong = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(wrong):
+        raise UnreadableFileError(
+            f"{name}: {len(wrong)} vertices are not finite, the first is vertex {wrong[0]} with "
+            f"{vertices[wrong[0]].tolist()}"
+        )
+    largest = float(np.abs(vertices).max())
+    if largest > 1e9:
+        raise UnreadableFileError(f"{name}: coordinates must be below 1e9; got {largest:g}")
+    if mesh.uvs is not None and not np.isfinite(mesh.uvs).all():
+        bad = np.flatnonzero(~np.isfinite(mesh.uvs).all(axis=(1, 2)))
+        raise UnreadableFileError(
+            f"{name}: texture coordinates of {len(bad)} faces are not finite, the first is face {bad[0]}"
+        )
+
+
+def check_size(vertices: int, faces: int, name: str) -> None:
+    """Refuse meshes beyond the limits, from the counts alone.
+
+    Raises:
+        UnreadableFileError: With counts and limits.
+    """
+    if vertices > MAX_VERTICES or faces > MAX_FACES:
+        raise UnreadableFileError(
+            f"{name} has {vertices:,} vertices and {faces:,} faces; at most {MAX_VERTICES:,} and {MAX_FACES:,} "
+            "are imported, so reduce it first"
+        )
+
+
+def triangulate(polygons: Sequence[Sequence[object]]) -> tuple[np.ndarray, np.ndarray]:
+    """Cut polygons into fans of triangles.
+
+    Args:
+        polygons: Corners of each, at least three.
+
+    Returns:
+        Polygon of each triangle, shape (F,), and which of its corners it has, shape (F, 3).
+    """
+    sizes = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    owner = np.repeat(np.arange(len(polygons)), sizes - 2)
+    ordinal = np.arange(len(owner)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+    return owner, np.column_stack([np.zeros_like(ordinal), ordinal + 1, ordinal + 2])
