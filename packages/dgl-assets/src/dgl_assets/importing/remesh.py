@@ -37,7 +37,9 @@ _LONGEST, _SHORTEST = 1.30, 0.78  # of the spacing
 _STRENGTH = 0.8
 _PIN_REACH = 0.9  # spacings that a vertex may be moved to a pinned point
 _OTHER_SIDE = 3.0  # makes vertices of the other layer of cloth count as farther away
-_PIN_ON_CURVE = 0.05  # spacings that a pinned point may lie off the curve of its vertex
+_PIN_BESIDE = 0.25  # spacings beside a line, a corner or another pin below which a point is taken to be there
+_PIN_CANDIDATES = 8  # vertices that are tried
+_PIN_STEPS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,8 +78,8 @@ def remesh_surface(
         BrokenMeshError: If an opening or a piece was lost because it is too small for the spacing.
 
     Limitations:
-        Folds below 60 degrees are rounded within one edge length. A pinned point very near a line that is kept,
-        or beside another pin, takes the nearest vertex instead.
+        Folds below 60 degrees are rounded within one edge length. A pinned point within a quarter of the spacing
+        of a line that is kept, of a corner or of another pin is moved there.
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
     curves = find_curves(vertices, faces, spacing=spacing)
@@ -127,27 +129,65 @@ def _pin(
     *,
     spacing: float,
 ) -> np.ndarray:
-    """Move the nearest vertices onto the pinned points and fix them."""
+    """Move a vertex onto each pinned point and fix it."""
     if pins is None or not len(pins):
         return np.empty(0, dtype=np.int64)
-    vertex_normals = compute_vertex_normals(state.vertices, state.faces)
-    kinds, labels = state.classify(), state.label_vertices()
     found = np.empty(len(pins), dtype=np.int64)
     for index, pin in enumerate(np.asarray(pins, dtype=np.float64)):
         distances = np.linalg.norm(state.vertices - pin, axis=1)
         if normals is not None:
+            vertex_normals = compute_vertex_normals(state.vertices, state.faces)
             distances *= 1 + _OTHER_SIDE * np.maximum(0.3 - vertex_normals @ normals[index], 0.0)
-        found[index] = nearest = int(np.argmin(distances))
-        is_near = np.linalg.norm(state.vertices[nearest] - pin) < _PIN_REACH * spacing
-        if kinds[nearest] == ON_CURVE:  # it may only move along its curve
-            on_curve = projector.project(pin[None], labels[[nearest]])[0]
-            is_near &= np.linalg.norm(on_curve - pin) < _PIN_ON_CURVE * spacing
-        if is_near and not state.fixed[nearest]:
-            positions = state.vertices.copy()
-            positions[nearest] = pin
-            move_vertices(state, positions)
-            state.fixed[nearest] = True
+        nearest = np.argsort(distances, kind="stable")[:_PIN_CANDIDATES]
+        found[index] = nearest[0]
+        near = nearest[distances[nearest] < _PIN_REACH * spacing]
+        for vertex, place in _choose_pinned(state, projector, pin, near, spacing=spacing):
+            if _move_to(state, vertex, place):
+                found[index] = vertex
+                state.fixed[vertex] = True
+                break
     return found
+
+
+def _choose_pinned(
+    state: MeshState, projector: CurveProjector, pin: np.ndarray, near: np.ndarray, *, spacing: float
+) -> list[tuple[int, np.ndarray]]:
+    """Vertices that may take a pinned point, best first, and where each would go.
+
+    A point on a line that is kept, or hardly beside it, goes to a vertex of that line, which may only move along it:
+    a free vertex there would leave a sliver. Any other point goes to a free vertex, even if one of a line is nearer.
+    """
+    kinds, labels = state.classify(), state.label_vertices()
+    held: list[tuple[int, np.ndarray]] = []
+    free: list[tuple[int, np.ndarray]] = []
+    for vertex in near.tolist():
+        if kinds[vertex] == FREE:
+            free.append((vertex, pin))
+            continue
+        place = state.vertices[vertex]
+        if kinds[vertex] == ON_CURVE:
+            place = projector.project(pin[None], labels[[vertex]])[0]
+        if np.linalg.norm(place - pin) < _PIN_BESIDE * spacing:
+            held.append((vertex, place))
+    return held or free
+
+
+def _move_to(state: MeshState, vertex: int, place: np.ndarray) -> bool:
+    """Move one vertex to a place, around others where it must.
+
+    Where the whole way would turn a triangle over, it goes a part of it, and diagonals are flipped before the rest.
+    """
+    for _ in range(_PIN_STEPS):
+        for share in (1.0, 0.5, 0.25):
+            positions = state.vertices.copy()
+            positions[vertex] += share * (place - positions[vertex])
+            move_vertices(state, positions)
+            if np.array_equal(state.vertices[vertex], positions[vertex]):
+                break
+        if np.linalg.norm(state.vertices[vertex] - place) < 1e-12:
+            return True
+        flip_edges(state)
+    return False
 
 
 def _check_openings(before: np.ndarray, after: np.ndarray, *, spacing: float) -> None:
