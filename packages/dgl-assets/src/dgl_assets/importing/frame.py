@@ -7,9 +7,11 @@ from itertools import permutations, product
 
 import numpy as np
 
+from dgl_assets.importing.directions import Directions
 from dgl_assets.importing.errors import UnclearGarmentError
+from dgl_assets.importing.front import turn_front_up
 from dgl_assets.importing.openings import Openings
-from dgl_assets.importing.topology import compute_normals, compute_vertex_normals, find_loops
+from dgl_assets.importing.topology import compute_normals, find_loops
 
 AXES: dict[str, tuple[float, float, float]] = {
     "x": (1, 0, 0),
@@ -21,7 +23,6 @@ AXES: dict[str, tuple[float, float, float]] = {
 }
 """Axes of a file by name."""
 _SNAP = np.cos(np.radians(15))  # directions this near an axis of the file are that axis
-_FRONT_CLEAR = 0.015  # of the length that the neckline must be deeper in front
 _ALIGNED = 0.7  # cosine at which the up axis decides about a direction
 _FLAT = 0.12  # depth over length of a garment that lies flat
 
@@ -67,8 +68,9 @@ def find_frame(
     openings: Openings,
     up: str | None,
     declared_up: str | None,
+    directions: Directions,
 ) -> Frame:
-    """Find the directions of a garment from its openings.
+    """Find the directions of a garment from its openings, and its signs from key points where they tell them.
 
     Args:
         vertices: Positions, shape (V, 3), axes of the file.
@@ -77,6 +79,7 @@ def find_frame(
         openings: Its openings.
         up: Up axis if the user says it, a name of `AXES`.
         declared_up: Up axis that the file states.
+        directions: What the names of key points tell.
 
     Raises:
         ValueError: If `up` is unknown.
@@ -87,27 +90,29 @@ def find_frame(
     stated = up or declared_up
     towards = None if stated is None else np.array(AXES[stated], dtype=np.float64)
     if openings.pair is not None:
-        y, x, notes = _find_body_axes(vertices, openings, towards)
+        y, x, notes = _find_body_axes(vertices, openings, towards, directions)
     elif category == "Scarf":
-        y, x, notes = _find_sheet_axes(vertices)
+        y, x, notes = _find_sheet_axes(vertices, directions)
     else:
         y, x, notes = _find_shell_axes(vertices, faces, category, openings)
-    x = x - y * (x @ y)
-    size = np.linalg.norm(x)
-    if size < 1e-9:
-        raise UnclearGarmentError(
-            "the openings lie on one line, so that left and right cannot be told apart"
-        )
-    x /= size
-    rotation = np.stack([x, y, np.cross(x, y)])
+    notes += directions.notes
+    rotation = _complete(x, y)
+    if openings.pair is not None and directions.axes is not None:
+        rotation = _name_axes(rotation, directions.axes)
     snapped = _snap(rotation)
     if openings.pair is not None:
         if snapped is None:  # the openings alone are some degrees off: necklines lean forward
             rotation = _align_depth(rotation, vertices)
-        rotation, more = _turn_front_up(
-            rotation if snapped is None else snapped, vertices, faces, openings, towards
-        )
-        notes += more
+        rotation = rotation if snapped is None else snapped
+        if directions.right is None:
+            rotation, more = turn_front_up(rotation, vertices, openings, towards)
+            notes += more
+        else:
+            notes.append(
+                "front, left and up are as the names of the key points say"
+                if directions.up is not None
+                else "front and left are as the names of the key points say"
+            )
     elif snapped is not None:
         rotation = snapped
     found, how = _name_up(rotation, vertices, stated)
@@ -119,8 +124,32 @@ def find_frame(
     return Frame(rotation=rotation, up=found, notes=tuple(notes))
 
 
+def _complete(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A rotation whose second row is y [unit vector], the first as near to x as can be."""
+    x = x - y * (x @ y)
+    size = np.linalg.norm(x)
+    if size < 1e-9:
+        raise UnclearGarmentError(
+            "the openings lie on one line, so that left and right cannot be told apart"
+        )
+    return np.stack([x / size, y, np.cross(x / size, y)])
+
+
+def _name_axes(rotation: np.ndarray, named: np.ndarray) -> np.ndarray:
+    """The axes of a garment in the order and signs that its key points tell.
+
+    Openings give exact axes, but may be taken for others; key points lie anywhere on a part, but their names hold.
+    """
+    candidates = [turn @ rotation for turn in _list_turns()]
+    best = max(candidates, key=lambda axes: float((axes * named).sum()))
+    return best if (best * named).sum(axis=1).min() > _ALIGNED else named
+
+
 def _find_body_axes(
-    vertices: np.ndarray, openings: Openings, towards: np.ndarray | None
+    vertices: np.ndarray,
+    openings: Openings,
+    towards: np.ndarray | None,
+    directions: Directions,
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """+y and an x of tops, dresses, coats and trousers."""
     assert openings.pair is not None
@@ -144,7 +173,13 @@ def _find_body_axes(
             y = along * np.sign(along @ y)
     y = y / np.linalg.norm(y)
     notes = []
-    if towards is not None and abs(towards @ y) > _ALIGNED and towards @ y < 0:
+    if directions.right is not None:
+        x = x * np.sign(directions.right @ x)
+    if directions.up is not None:
+        y = y * np.sign(directions.up @ y)
+        if directions.right is None:
+            notes.append("neck and hem, or waist and legs, are as the names of the key points say")
+    elif towards is not None and abs(towards @ y) > _ALIGNED and towards @ y < 0:
         y = -y
         notes.append("turned upside down, after the up axis")
     return y, x, notes
@@ -161,9 +196,14 @@ def _find_neck_end(main: np.ndarray, along: np.ndarray, across: np.ndarray) -> f
     return 1.0 if ends[0] < ends[1] else -1.0
 
 
-def _find_sheet_axes(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _find_sheet_axes(
+    vertices: np.ndarray, directions: Directions
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
     axes = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2]
-    return axes[1], axes[0], ["long side along x"]
+    notes = ["long side along x"]
+    if directions.right is not None and directions.right @ axes[0] < 0:
+        return -axes[1], -axes[0], [*notes, "left is as the names of the key points say"]
+    return axes[1], axes[0], notes
 
 
 def _find_shell_axes(
@@ -188,45 +228,6 @@ def _find_shell_axes(
     return y, np.cross(y, away), ["rim down, the farthest point of the brim towards -y"]
 
 
-def _turn_front_up(
-    rotation: np.ndarray,
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    openings: Openings,
-    towards: np.ndarray | None,
-) -> tuple[np.ndarray, list[str]]:
-    """Make +z the front: where the neckline, or the waist, is lower, or a coat opens."""
-    turned = rotation * np.array([[-1.0], [1.0], [-1.0]])
-    normals = compute_vertex_normals(vertices, faces) @ rotation[2]
-    along = vertices @ rotation[1]
-    length = np.ptp(along)
-    loop = openings.main if openings.neck is None else openings.neck
-    if openings.neck is None and np.ptp(along[loop]) > 0.5 * length:
-        low, high = along[loop].min(), along[loop].max()
-        inside = loop[np.abs(along[loop] - (low + high) / 2) < 0.3 * (high - low)]
-        if not len(inside):
-            raise UnclearGarmentError("where the front opens cannot be told; give the category")
-        facing = float(normals[inside].mean())
-        return (rotation if facing > 0 else turned), ["front where it opens"]
-    front, back = loop[normals[loop] > 0.3], loop[normals[loop] < -0.3]
-    if len(front) and len(back):
-        deeper = along[back].min() - along[front].min()
-        if abs(deeper) > _FRONT_CLEAR * length:
-            return (rotation if deeper > 0 else turned), [
-                "front where the neckline or waist is lower"
-            ]
-    if towards is not None and abs(rotation[2] @ towards) > _ALIGNED:
-        return (rotation if rotation[2] @ towards > 0 else turned), [
-            "front and back look alike; assumed that it lies on its back"
-        ]
-    # Standing bodies look along +z where y is up, along -y where z is up.
-    ahead = np.array([0.0, 0, 1]) if abs(rotation[1][1]) > 0.5 else np.array([0.0, -1, 0])
-    side = rotation[2] @ ahead
-    return (rotation if side >= 0 else turned), [
-        "front and back look alike; the front is assumed as is usual for the axes of the file"
-    ]
-
-
 def _align_depth(rotation: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Turn about x, so that the garment is thinnest along z."""
     side = (vertices - vertices.mean(axis=0)) @ rotation[1:].T
@@ -238,15 +239,23 @@ def _align_depth(rotation: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return np.stack([rotation[0], along[0] * y + along[1] * z, along[0] * z - along[1] * y])
 
 
-def _snap(rotation: np.ndarray) -> np.ndarray | None:
-    """The rotation along the axes of the file that is near, if one is."""
+def _list_turns() -> list[np.ndarray]:
+    """The 24 rotations that take axes to axes."""
+    turns = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             candidate = np.zeros((3, 3))
             candidate[range(3), order] = signs
-            cosines = (candidate * rotation).sum(axis=1)
-            if np.linalg.det(candidate) > 0 and cosines.min() > _SNAP:
-                return candidate
+            if np.linalg.det(candidate) > 0:
+                turns.append(candidate)
+    return turns
+
+
+def _snap(rotation: np.ndarray) -> np.ndarray | None:
+    """The rotation along the axes of the file that is near, if one is."""
+    for candidate in _list_turns():
+        if (candidate * rotation).sum(axis=1).min() > _SNAP:
+            return candidate
     return None
 
 

@@ -73,7 +73,8 @@ def import_garment(
         spacing: Edge length of the new mesh [m], 0.006 to 0.025.
         lay_flat: Simulation that lays it down; none by default. This package has no physics.
         keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices or positions of
-            the mesh file; by default keypoints.json in the folder.
+            the mesh file; by default keypoints.json in the folder. Names such as left_cuff and right_cuff, collar and hem
+            tell how the garment is turned.
         name: Name of the asset; that of the file by default.
         licence: Under which licence you have it. It is recorded, never checked.
         source: Where it comes from.
@@ -110,6 +111,7 @@ def import_garment(
             up=up or meta.get("up"),
             scale=1.0 if scale is None else scale,
             spacing=spacing,
+            keypoints=points,
         )
         target = out / placed.category / asset_name
         check_target(target, overwrite=overwrite)

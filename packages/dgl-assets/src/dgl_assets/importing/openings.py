@@ -12,7 +12,7 @@ from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.holes import compute_perimeter
 from dgl_assets.importing.topology import find_loops
 
-SMALLEST = 0.10
+SMALLEST = 0.07
 """Perimeter over the longest opening's below which an opening is a slit or a buttonhole."""
 _LONG_SLEEVES = 1.55  # distance of the cuffs over the width of the hem
 _DRESS = 0.75  # length over span

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_assets.importing.check import CleanMesh, clean_mesh
+from dgl_assets.importing.directions import find_directions
 from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.frame import Frame, find_frame, turn_outward
 from dgl_assets.importing.holes import close_small_holes, compute_perimeter
+from dgl_assets.importing.keypoints import Keypoints
 from dgl_assets.importing.openings import SMALLEST, find_openings, guess_category, name_openings
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.scale import find_unit
@@ -41,6 +43,7 @@ def place_surface(
     up: str | None,
     scale: float,
     spacing: float,
+    keypoints: Keypoints | None = None,
 ) -> Placed:
     """Check a surface and bring it to metres in the garment frame.
 
@@ -52,6 +55,7 @@ def place_surface(
         up: Its up axis; found when None.
         scale: Size over the original's.
         spacing: Edge length that it will be meshed at [m].
+        keypoints: Named points of the file; known names tell how it is turned.
 
     Raises:
         BrokenMeshError: If it is not one sheet of cloth.
@@ -75,6 +79,7 @@ def place_surface(
             openings=openings,
             up=up,
             declared_up=raw.up,
+            directions=find_directions(keypoints),
         )
         vertices = mesh.vertices @ frame.rotation.T
         longest = float(np.ptp(vertices, axis=0).max())

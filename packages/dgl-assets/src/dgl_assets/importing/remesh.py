@@ -37,7 +37,9 @@ _LONGEST, _SHORTEST = 1.30, 0.78  # of the spacing
 _STRENGTH = 0.8
 _PIN_REACH = 0.9  # spacings that a vertex may be moved to a pinned point
 _OTHER_SIDE = 3.0  # makes vertices of the other layer of cloth count as farther away
-_PIN_BESIDE = 0.25  # spacings beside a line, a corner or another pin below which a point is taken to be there
+_PIN_BESIDE = (
+    0.25  # spacings beside a line, a corner or another pin below which a point is taken to be there
+)
 _PIN_CANDIDATES = 8  # vertices that are tried
 _PIN_STEPS = 4
 
@@ -150,7 +152,12 @@ def _pin(
 
 
 def _choose_pinned(
-    state: MeshState, projector: CurveProjector, pin: np.ndarray, near: np.ndarray, *, spacing: float
+    state: MeshState,
+    projector: CurveProjector,
+    pin: np.ndarray,
+    near: np.ndarray,
+    *,
+    spacing: float,
 ) -> list[tuple[int, np.ndarray]]:
     """Vertices that may take a pinned point, best first, and where each would go.
 
