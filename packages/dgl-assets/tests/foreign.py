@@ -43,14 +43,20 @@ def make_lying_top(seed: int) -> Shape:
     )
 
 
-def make_worn_top(seed: int, *, depth: float = 0.2) -> Shape:
-    """A top that is blown up as if a body were in it."""
-    top = make_top(sample_top(seed), spacing=0.02)
-    flat = top.vertices.astype(np.float64)
-    side = np.sign(top.canonical[:, 2])
+def blow_up(garment, *, depth: float = 0.2) -> np.ndarray:
+    """Positions of a lying garment as if a body were in it [m], shape (V, 3)."""
+    flat = garment.vertices.astype(np.float64)
+    side = np.sign(garment.canonical[:, 2])
     distance = KDTree(flat[side == 0, :2]).query(flat[:, :2])[0]
     share = np.clip(distance / 0.13, 0, 1)
     flat[:, 2] = side * depth / 2 * np.sqrt(share * (2 - share))
+    return flat
+
+
+def make_worn_top(seed: int, *, depth: float = 0.2) -> Shape:
+    """A top that is blown up as if a body were in it."""
+    top = make_top(sample_top(seed), spacing=0.02)
+    flat = blow_up(top, depth=depth)
     uvs = top.rest_vertices.astype(np.float64) / 1.3 + 0.5
     return Shape(vertices=flat, faces=top.faces.astype(np.int64), landmarks=top.landmarks, uvs=uvs)
 

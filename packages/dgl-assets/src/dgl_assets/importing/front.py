@@ -60,8 +60,13 @@ def turn_front_up(
         return (rotation if rotation[2] @ towards > 0 else turned), [
             "front and back look alike; assumed that it lies on its back, a mere guess"
         ]
-    # Standing bodies look along +z where y is up, along -y where z is up.
-    ahead = np.array([0.0, 0, 1]) if abs(rotation[1][1]) > 0.5 else np.array([0.0, -1, 0])
+    # Standing bodies look along +z where y is up, along -y where z is up; others lie on their backs.
+    if abs(rotation[1][1]) > _ALIGNED:
+        ahead = np.array([0.0, 0, 1])
+    elif rotation[1][2] > _ALIGNED:
+        ahead = np.array([0.0, -1, 0])
+    else:
+        ahead = np.eye(3)[np.argmax(np.abs(rotation[2]))]
     side = rotation[2] @ ahead
     return (rotation if side >= 0 else turned), [
         "front and back look alike; the front is assumed as is usual for the axes of the file, a mere guess"

@@ -12,10 +12,14 @@ from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.holes import compute_perimeter
 from dgl_assets.importing.topology import find_loops
 
-SMALLEST = 0.07
-"""Perimeter over the longest opening's below which an opening is a slit or a buttonhole."""
-_LONG_SLEEVES = 1.55  # distance of the cuffs over the width of the hem
-_DRESS = 0.75  # length over span
+_OF_THE_LONGEST, _OF_THE_EXTENT = 0.10, 0.055
+_SLEEVES = 1.15  # distance of the cuffs over the width of the body
+_DRESS = 1.74  # length over the width of the body
+_BODY = (0.5, 0.6)  # levels from hem to neck at which the body is measured, of the length
+_BAND, _GAP = (
+    0.04,
+    0.1,
+)  # half height of such a level, and the gap that parts a sleeve from the body, of the length
 _TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
 _SCARF = 2.5  # length over width
 
@@ -44,7 +48,22 @@ def find_openings(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
         return []
     lengths = np.array([compute_perimeter(vertices, loop) for loop in loops])
     order = np.argsort(-lengths, kind="stable")
-    return [loops[k] for k in order if lengths[k] >= SMALLEST * lengths.max()]
+    smallest = compute_smallest_opening(vertices, loops[order[0]])
+    return [loops[k] for k in order if lengths[k] >= smallest]
+
+
+def compute_smallest_opening(vertices: np.ndarray, longest: np.ndarray) -> float:
+    """Perimeter below which an opening is a slit or a buttonhole, in the units of the vertices.
+
+    A tenth of the longest opening, but cuffs are less where that is a wide hem, or the whole front of a coat: then
+    the extent of the garment counts.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        longest: Vertices of the longest opening, shape (L,).
+    """
+    extent = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return min(_OF_THE_LONGEST * compute_perimeter(vertices, longest), _OF_THE_EXTENT * extent)
 
 
 def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) -> Openings:
@@ -96,14 +115,16 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
         assert found.pair is not None
         assert found.neck is not None
         across = _distance(vertices, *found.pair)
-        hem = np.ptp(vertices[found.main] @ _direction(vertices, *found.pair))
-        ratio = across / hem
-        if ratio < _LONG_SLEEVES:
-            return "Tops_NoSleeve", f"guessed: four openings, armholes {ratio:.2f} hems apart"
-        along = _distance(vertices, found.main, found.neck) / across
-        category = "Dress_LongSleeve" if along > _DRESS else "Tops_LongSleeve"
+        length = _distance(vertices, found.main, found.neck)
+        width = _measure_body(vertices, found, length)
+        apart, slim = across / width, length / width
+        if apart < _SLEEVES:
+            return "Tops_NoSleeve", (
+                f"guessed: four openings, armholes {apart:.2f} widths of the body apart"
+            )
+        category = "Dress_LongSleeve" if slim > _DRESS else "Tops_LongSleeve"
         return category, (
-            f"guessed: four openings, cuffs {ratio:.2f} hems apart, length {along:.2f} of that distance"
+            f"guessed: four openings, cuffs {apart:.2f} widths of the body apart, {slim:.2f} times as long as wide"
         )
     if len(loops) == 3:
         found = name_openings(vertices, loops, "Trousers")
@@ -141,6 +162,27 @@ def _choose_pair(
             best, result = cost, (loops[i], loops[j], third)
     assert result is not None
     return result
+
+
+def _measure_body(vertices: np.ndarray, found: Openings, length: float) -> float:
+    """Width of the body, the least at the levels `_BODY`, without sleeves that hang beside it."""
+    assert found.pair is not None
+    assert found.neck is not None
+    hem = _centre(vertices, found.main)
+    x = _direction(vertices, *found.pair)
+    y = _centre(vertices, found.neck) - hem
+    y -= x * (x @ y)
+    y /= np.linalg.norm(y)
+    along, across = (vertices - hem) @ y, (vertices - hem) @ x
+    widths = []
+    for level in _BODY:
+        there = np.sort(across[np.abs(along - level * length) < _BAND * length])
+        part = np.cumsum(np.diff(there, prepend=there[:1]) > _GAP * length)
+        middle = there[part == part[np.argmin(np.abs(there))]] if len(there) else there
+        if len(middle) < 2:  # too few vertices there; the hem is as wide
+            middle = vertices[found.main] @ x
+        widths.append(float(np.ptp(middle)))
+    return min(widths)
 
 
 def _centre(vertices: np.ndarray, loop: np.ndarray) -> np.ndarray:

@@ -10,9 +10,14 @@ from dgl_assets.importing.check import CleanMesh, clean_mesh
 from dgl_assets.importing.directions import find_directions
 from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.frame import Frame, find_frame, turn_outward
-from dgl_assets.importing.holes import close_small_holes, compute_perimeter
+from dgl_assets.importing.holes import close_small_holes
 from dgl_assets.importing.keypoints import Keypoints
-from dgl_assets.importing.openings import SMALLEST, find_openings, guess_category, name_openings
+from dgl_assets.importing.openings import (
+    compute_smallest_opening,
+    find_openings,
+    guess_category,
+    name_openings,
+)
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.scale import find_unit
 from dgl_assets.importing.topology import compute_normals
@@ -98,7 +103,7 @@ def place_surface(
         uvs = None if uvs is None else uvs[:, [0, 2, 1]]
     hole = _SMALL_HOLE * spacing
     if loops:  # never an opening that was counted
-        hole = min(hole, SMALLEST * factor * compute_perimeter(mesh.vertices, loops[0]))
+        hole = min(hole, factor * compute_smallest_opening(mesh.vertices, loops[0]))
     vertices, faces, uvs, closed = close_small_holes(vertices * factor, faces, uvs, largest=hole)
     if closed:
         notes.append(f"{closed} holes of less than {hole * 1e3:.0f} mm around were closed")
