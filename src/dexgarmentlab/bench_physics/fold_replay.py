@@ -176,7 +176,7 @@ class _Player:
     def run_stage(self, stage: Any, points: dict[str, np.ndarray]) -> None:
         """Grasp, carry and let go as demonstrated."""
         from dgl_collect.demonstration import retarget_waypoints
-        from dgl_collect.execution import LEAVE_SPACING, RELEASE_FRAMES, plan_leave
+        from dgl_collect.execution import RELEASE_FRAMES, plan_leave
 
         motion = self.motion
         shown = self.demonstration.get_stage(stage.name)
@@ -201,8 +201,8 @@ class _Player:
             self.send(motion.move(w.targets, q, spacing=w.spacing))
         self.send(motion.set_hands(dict.fromkeys(grasp, shown.release_pose)))
         self.send(motion.hold(RELEASE_FRAMES))
-        for leave, turned in plan_leave(waypoints[-1].targets, q):
-            self.send(motion.move(leave, turned, spacing=LEAVE_SPACING))
+        for rows in plan_leave(motion, waypoints[-1].targets, q):
+            self.send(rows)
         self.stages[stage.name] = (first, len(self.actions))
         self.send(motion.park())
 

@@ -18,7 +18,8 @@ from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
 from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.grasps import roll_thumb_down, wrist_to_grasp
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
@@ -28,6 +29,8 @@ ROLL = np.radians(60)
 """How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
 ROLL_LIFT = 0.04
 """How far it rises while it rolls [m]."""
+DRAW_BACKS = (0.08, 0.05, 0.02, 0.0)
+"""How far it then draws back, level [m]: the first of these that the arm can reach."""
 CLEARANCE = 0.15
 """How far it then rises [m]."""
 LEAVE_SPACING = 0.005
@@ -166,8 +169,8 @@ class Execution:
         self._send(self.motion.set_hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         self.records.append(recorder.finish())
         self._send(self.motion.hold(RELEASE_FRAMES))
-        for leave, turned in plan_leave(waypoints[-1].targets, orientations):
-            self._send(self.motion.move(leave, turned, spacing=LEAVE_SPACING))
+        for rows in plan_leave(self.motion, waypoints[-1].targets, orientations):
+            self._send(rows)
         self._send(self.motion.park())
 
     def _plan_hand(
@@ -184,8 +187,7 @@ class Execution:
         for waypoint in waypoints:
             target = {side: waypoint.targets[side]}
             self.motion.move(target, orientations, spacing=waypoint.spacing)
-        for leave, turned in plan_leave({side: waypoints[-1].targets[side]}, orientations):
-            self.motion.move(leave, turned, spacing=LEAVE_SPACING)
+        plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations)
 
     # Acting and seeing -----------------------------------------------------------------------
 
@@ -302,14 +304,44 @@ class Execution:
 
 
 def plan_leave(
-    points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
-) -> list[tuple[dict[Side, np.ndarray], dict[Side, np.ndarray]]]:
-    """Grasp points and orientations of hands that leave the cloth.
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+) -> list[np.ndarray]:
+    """Plan how opened hands leave the cloth, from where `motion` is.
 
     The palm looks down, so of an opened hand the thumb is under the cloth and would hook it. So the
-    hand rolls until cloth slides off the thumb, and then goes straight up.
+    hand rolls until cloth slides off the thumb, draws back along its fingers from under what hangs over
+    them, and then goes straight up.
+
+    Args:
+        motion: Plans the arms.
+        points: Grasp point of each hand [m], shape (3,), world frame.
+        orientations: Of `ee` of each hand that leaves, wxyz, shape (4,).
+
+    Returns:
+        Joint targets of each part, shape (N, 60) [rad].
+
+    Raises:
+        UnreachableError: If a hand cannot even go straight up.
     """
     rolled = {side: roll_thumb_down(q, ROLL, side) for side, q in orientations.items()}
-    out = {side: points[side] + np.array([0, 0, ROLL_LIFT]) for side in orientations}
-    up = {side: point + np.array([0, 0, CLEARANCE]) for side, point in out.items()}
-    return [(out, rolled), (up, rolled)]
+    ways: dict[Side, tuple[np.ndarray, ...]] = {}
+    for side in orientations:
+        for length in DRAW_BACKS:
+            out = points[side] + np.array([0, 0, ROLL_LIFT])
+            back = out - length * point_along_fingers(rolled[side])
+            ways[side] = (out, back, back + np.array([0, 0, CLEARANCE]))
+            with motion.rehearsal():
+                try:
+                    for target in ways[side]:
+                        motion.move({side: target}, {side: rolled[side]}, spacing=LEAVE_SPACING)
+                except UnreachableError:
+                    if length == DRAW_BACKS[-1]:
+                        raise
+                else:
+                    break
+    return [
+        motion.move({side: way[k] for side, way in ways.items()}, rolled, spacing=LEAVE_SPACING)
+        for k in range(3)
+    ]

@@ -100,6 +100,19 @@ def roll_thumb_down(quaternion: np.ndarray, angle: float, side: Side) -> np.ndar
     return multiply_quaternions(normalize_quaternion(quaternion), turn)
 
 
+def point_along_fingers(quaternion: np.ndarray) -> np.ndarray:
+    """Compute the level direction in which the fingers of an orientation of `ee` point, shape (3,).
+
+    Raises:
+        ValueError: If they point straight up or down.
+    """
+    along = matrix_from_quaternion(quaternion)[:, 0] * [1.0, 1.0, 0.0]
+    length = float(np.linalg.norm(along))
+    if length < 1e-3:
+        raise ValueError(f"fingers must not point straight up or down; got quaternion {quaternion}")
+    return along / length
+
+
 def _grasp_offset(side: Side) -> np.ndarray:
     if side not in SIDES:
         raise ValueError(f"side must be one of {SIDES}; got {side!r}")

@@ -156,7 +156,7 @@ class BimanualMotion:
             for turn in TURNS:
                 orientation = turn_inward(GRASP_ORIENTATIONS[name][side], turn, side)
                 try:
-                    with self._rehearsal():
+                    with self.rehearsal():
                         rehearse(side, orientation)
                 except UnreachableError as err:
                     first = first or err
@@ -169,7 +169,8 @@ class BimanualMotion:
         return chosen
 
     @contextmanager
-    def _rehearsal(self) -> Iterator[None]:
+    def rehearsal(self) -> Iterator[None]:
+        """Plan without consequences: at the end of the block the targets are put back."""
         target = self.target.copy()
         try:
             yield

@@ -77,13 +77,16 @@ def sample_top(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> Top
 
     Args:
         rng: Generator, advanced by this call, or a seed.
-        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff, "all" for children to XXL.
+        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff without a hood, as the paper's tops with closed front
+            are; "all" for children to XXL, hoods among them.
 
     Returns:
         Measures that make a valid top.
     """
 
     def check(top: TopParameters) -> None:
+        if sizes == "reach" and top.neck.finish == "hood":
+            raise ValueError("tops for the robots have no hood")
         _check_reach(sizes, length=top.body.length, width=top.span)
         check_upper(cut_top(top), TOP_PINS)
 
