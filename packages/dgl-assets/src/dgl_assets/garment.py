@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,14 +19,16 @@ class Garment:
         category: Catalogue category, for example "Tops_LongSleeve".
         vertices: Positions [m], shape (V, 3), float32, garment frame. The front layer is uppermost.
         faces: Triangles, shape (F, 3), int32, normals outward: up on the front layer, down on the back layer.
-        rest_vertices: Positions in the flat panels [m], shape (V, 2), float32. Rest lengths come from these; both
-            layers lie one on the other and seams have one position, so every edge has one rest length.
+        rest_vertices: Sheet of cloth: positions in the flat panels [m], shape (V, 2), float32. Rest lengths come from
+            these; both layers lie one on the other and seams have one position, so every edge has one rest length.
+            Elastic shell: positions of the mid surface at rest [m], shape (V, 3), float32.
         canonical: (u, v, side), shape (V, 3), float32: coordinates of the place within the category, equal for equal
             places on different garments; side is +1 on the front, -1 on the back, 0 on a seam of both.
         face_panels: Index into `panels` per face, shape (F,), int8.
         panels: Names of the panels.
         landmarks: Vertex id of each named point.
         parameters: The measures that it was made from; lengths in [m], angles in [rad].
+        wall_thickness: None for a sheet of cloth; thickness of the wall [m] of an elastic shell.
     """
 
     name: str
@@ -37,13 +40,20 @@ class Garment:
     face_panels: np.ndarray
     panels: tuple[str, ...]
     landmarks: dict[str, int]
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float | str] = field(default_factory=dict)
+    wall_thickness: float | None = None
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
+        if self.wall_thickness is not None and not (
+            math.isfinite(self.wall_thickness) and self.wall_thickness > 0
+        ):
+            raise ValueError(
+                f"wall_thickness must be None or a positive length [m]; got {self.wall_thickness}"
+            )
         for name, columns, dtype in (
             ("vertices", 3, np.float32),
-            ("rest_vertices", 2, np.float32),
+            ("rest_vertices", 2 if self.wall_thickness is None else 3, np.float32),
             ("canonical", 3, np.float32),
         ):
             array = getattr(self, name)
@@ -84,10 +94,12 @@ class Garment:
 
     @property
     def area(self) -> float:
-        """Area of the cloth, both layers [m^2]."""
-        corners = self.rest_vertices[self.faces].astype(np.float64)
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        return float(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2)
+        """Area of the cloth, all layers, or of the mid surface of a shell [m^2]."""
+        flat = np.zeros((len(self.vertices), 3))
+        flat[:, : self.rest_vertices.shape[1]] = self.rest_vertices
+        corners = flat[self.faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return float(np.linalg.norm(normals, axis=1).sum() / 2)
 
     def get_landmark_positions(self, names: tuple[str, ...]) -> np.ndarray:
         """Positions of named points [m], shape (K, 3), garment frame.

@@ -1,0 +1,1 @@
+"""Generators of garments, one subpackage a family."""
