@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import Delaunay, KDTree
@@ -229,7 +230,7 @@ def _place_free(surface: DiskSurface, spacing: float, rings: Sequence[float]) ->
     angles = np.arange(72) * (2 * np.pi / 72)
     places = [np.zeros((1, 2))]
     levels = [0.0, *rings, float(surface.part_count)]
-    for start, end in zip(levels, levels[1:], strict=False):
+    for start, end in pairwise(levels):
         samples = np.linspace(start, end, 100)
         points = np.stack([surface.evaluate(np.full(72, row), angles) for row in samples])
         arc = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1).sum()
