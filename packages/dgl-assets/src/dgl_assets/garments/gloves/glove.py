@@ -66,6 +66,7 @@ def make_glove(
     if not 0.005 <= spacing <= 0.014:
         raise ValueError(f"spacing must be in [0.005, 0.014] m; got {spacing}")
     p = parameters
+    failure = ""
     for factor in _SPACINGS:
         try:
             surface, pattern, vertices = _sew(p, spacing=factor * spacing)

@@ -51,7 +51,7 @@ class BowlHatParameters:
     """
 
     head_girth: float = 0.49
-    head_ratio: float = 1.16
+    head_ratio: float = 1.19
     crown_height: float = 0.092
     crown_exponent: float = 2.4
     crown_taper: float = 0.08

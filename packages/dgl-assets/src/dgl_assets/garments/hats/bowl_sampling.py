@@ -118,7 +118,7 @@ def _draw(rng: np.random.Generator) -> BowlHatParameters:
             values[name] *= _SCALE * float(growth)
     return BowlHatParameters(
         head_girth=float(_SCALE * girth),
-        head_ratio=float(rng.uniform(1.08, 1.24)),
+        head_ratio=float(rng.uniform(1.10, 1.26)),
         wave_phase=float(rng.uniform(-np.pi, np.pi)),
         wall_thickness=float(rng.uniform(0.002, 0.0045)),
         **values,

@@ -58,7 +58,7 @@ class CapParameters:
     """
 
     head_girth: float = 0.48
-    head_ratio: float = 1.14
+    head_ratio: float = 1.17
     crown_height: float = 0.087
     front_exponent: float = 2.5
     back_exponent: float = 2.15

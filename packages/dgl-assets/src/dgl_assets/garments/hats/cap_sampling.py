@@ -131,7 +131,7 @@ def _draw(rng: np.random.Generator) -> CapParameters:
     is_trucker = crown in ("structured", "high") and rng.uniform() < 0.4
     return CapParameters(
         head_girth=float(_SCALE * girth),
-        head_ratio=float(rng.uniform(1.07, 1.22)),
+        head_ratio=float(rng.uniform(1.10, 1.25)),
         panel_count=5 if is_trucker else 6,
         visor_half_angle=float(rng.uniform(1.23, 1.38)),
         wall_thickness=float(rng.uniform(0.002, 0.0038)),
