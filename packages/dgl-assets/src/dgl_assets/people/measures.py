@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from dgl_assets.garments.ranges import check_ranges
+from dgl_assets.ranges import check_ranges
 
 MEASURE_RANGES: dict[str, tuple[float, float]] = {
     "stature": (0.8, 2.1),

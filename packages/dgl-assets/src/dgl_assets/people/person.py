@@ -178,7 +178,7 @@ def make_person(measures: PersonMeasures | str = "man", *, scale: float = 1.0) -
     plan = make_plan(measures)
     vertices, faces = make_skin(plan)
     weights = compute_weights(plan, vertices, faces)
-    nearest = KDTree(vertices).query(np.stack(list(plan.places.values())))[1]
+    _, nearest = KDTree(vertices).query(np.stack(list(plan.places.values())))
     skeleton = Skeleton(
         joints=plan.skeleton.joints,
         positions=scale * plan.skeleton.positions,
@@ -189,7 +189,9 @@ def make_person(measures: PersonMeasures | str = "man", *, scale: float = 1.0) -
         faces=faces,
         weights=weights.astype(np.float32),
         skeleton=skeleton,
-        landmarks={name: int(k) for name, k in zip(plan.places, nearest, strict=True)},
+        landmarks={
+            name: int(k) for name, k in zip(plan.places, np.atleast_1d(nearest), strict=True)
+        },
         frames=_make_frames(plan, vertices, scale),
         capsules=_make_capsules(plan, scale),
     )

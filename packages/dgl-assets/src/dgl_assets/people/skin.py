@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -9,7 +11,7 @@ from scipy.sparse.linalg import splu
 from dgl_assets.errors import MeshingError
 from dgl_assets.meshing import compute_edges
 from dgl_assets.people.plan import Plan
-from dgl_assets.people.solids import Cone, Ellipsoid, Loft
+from dgl_assets.people.solids import Cone, Loft
 from dgl_assets.people.surface_nets import evaluate_on_grid, extract_surface, project, separate
 
 _COARSE, _MIDDLE, _FINE = 0.017, 0.011, 0.0048  # grid of a man [m]
@@ -39,17 +41,18 @@ def make_skin(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         MeshingError: If the surface is not a closed manifold without handles, as where fingers touch.
     """
+    failure = ""
     for fineness in _FINENESS:
         vertices, faces = _mesh(plan, fineness)
         edges, counts = compute_edges(faces)
-        is_closed = bool((counts == 2).all())
-        if is_closed and len(vertices) - len(edges) + len(faces) == 2:
+        characteristic = len(vertices) - len(edges) + len(faces)
+        if characteristic == 2 and (counts == 2).all():
             return vertices, faces
-    raise MeshingError(
-        "the skin of a person must be closed and without handles; got "
-        f"{int(np.count_nonzero(counts != 2))} edges that are not shared by 2 triangles and an Euler "
-        f"characteristic of {len(vertices) - len(edges) + len(faces)} instead of 2"
-    )
+        failure = (
+            f"{int(np.count_nonzero(counts != 2))} edges that are not shared by 2 triangles and an "
+            f"Euler characteristic of {characteristic} instead of 2"
+        )
+    raise MeshingError(f"the skin must be closed and without handles; got {failure}")
 
 
 def _mesh(plan: Plan, fineness: float) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +125,7 @@ def _make_axes(
     return x, y, z
 
 
-def _divide(low: float, high: float, size, scale: float) -> np.ndarray:  # noqa: ANN001
+def _divide(low: float, high: float, size: Callable[[float], float], scale: float) -> np.ndarray:
     """Nodes whose distance follows `size` without jumps."""
     nodes, step = [low], size(low)
     while nodes[-1] < high:
@@ -222,7 +225,7 @@ def _assign_bones(plan: Plan, vertices: np.ndarray) -> tuple[np.ndarray, np.ndar
             radius = np.interp(vertices[:, 2], solid.heights, solid.half_depths)
         elif isinstance(solid, Cone):
             bone, radius = np.full(len(vertices), index[solid.bone]), float(np.mean(solid.radii))
-        elif isinstance(solid, Ellipsoid):
+        else:
             bone, radius = np.full(len(vertices), index[solid.bone]), float(solid.radii.mean())
         nearer = distance < best
         best = np.where(nearer, distance, best)

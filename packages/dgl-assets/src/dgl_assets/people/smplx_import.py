@@ -6,6 +6,7 @@ comes with this package nor is downloaded by it.
 
 from __future__ import annotations
 
+import importlib
 import math
 from pathlib import Path
 from typing import Any, Literal
@@ -37,6 +38,7 @@ _VERTEX_NAMES = {
     "LHeel": "left_heel",
     "RHeel": "right_heel",
 }
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _NECK_BAND = 0.015  # half height of the ring in which the neck's landmarks are found [m]
 
 
@@ -73,9 +75,10 @@ def load_smplx(
             "their folder"
         )
     try:
-        import smplx
-        from smplx.joint_names import JOINT_NAMES
-        from smplx.vertex_ids import vertex_ids
+        smplx, joint_names, vertex_ids = (
+            importlib.import_module(name)
+            for name in ("smplx", "smplx.joint_names", "smplx.vertex_ids")
+        )
     except ImportError as error:
         raise AssetError(
             "loading SMPL-X needs the library smplx, which is licensed for non-commercial research: install it with "
@@ -84,7 +87,9 @@ def load_smplx(
     model = smplx.create(
         str(path), model_type="smplx", gender=gender, use_pca=False, ext="npz", flat_hand_mean=True
     )
-    return _build_person(model, tuple(JOINT_NAMES), dict(vertex_ids["smplx"]), betas)
+    return _build_person(
+        model, tuple(joint_names.JOINT_NAMES), dict(vertex_ids.vertex_ids["smplx"]), betas
+    )
 
 
 def _build_person(
@@ -113,8 +118,8 @@ def _build_person(
                 name=name,
                 parent=None if parent < 0 else names[parent],
                 motions=tuple(
-                    Motion(name=axis, axis=tuple(row), low=-math.pi, high=math.pi)
-                    for axis, row in zip("xyz", np.eye(3).tolist(), strict=True)
+                    Motion(name=axis, axis=unit, low=-math.pi, high=math.pi)
+                    for axis, unit in _AXES.items()
                 ),
             )
             for name, parent in zip(names, parents, strict=True)

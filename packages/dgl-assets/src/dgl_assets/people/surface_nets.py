@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dgl_assets.errors import MeshingError
-from dgl_assets.people.solids import Blend, blend
+from dgl_assets.people.solids import Blend, Solid, blend
 
 _FAR = 1.0  # distance where no solid is near [m]
 _PROJECTIONS = 4
@@ -41,7 +41,7 @@ def evaluate_on_grid(
     return _evaluate(body, points, tuple(slice(0, n) for n in shape))
 
 
-def _evaluate(part: object, points: np.ndarray, box: tuple[slice, ...]) -> np.ndarray:
+def _evaluate(part: Solid | Blend, points: np.ndarray, box: tuple[slice, ...]) -> np.ndarray:
     """Distances within a box of the grid, in an array of the whole grid."""
     result = np.full(points.shape[:3], _FAR)
     if not isinstance(part, Blend):
@@ -62,10 +62,11 @@ def _evaluate(part: object, points: np.ndarray, box: tuple[slice, ...]) -> np.nd
 def _find_box(
     points: np.ndarray, low: np.ndarray, high: np.ndarray, *, margin: float
 ) -> tuple[slice, ...]:
-    inside = ((points > low - margin) & (points < high + margin)).all(axis=-1)
+    inside = np.all((points > low - margin) & (points < high + margin), axis=-1)
     slices = []
     for axis in range(3):
-        used = np.flatnonzero(inside.any(axis=tuple(k for k in range(3) if k != axis)))
+        layers = np.moveaxis(np.asarray(inside), axis, 0).reshape(points.shape[axis], -1)
+        used = np.flatnonzero(layers.any(axis=1))
         slices.append(slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(0, 0))
     return tuple(slices)
 
@@ -86,11 +87,12 @@ def separate(values: np.ndarray) -> np.ndarray:
         MeshingError: If that does not come to an end.
     """
     values = values.copy()
+    wrong = _find_ambiguous(values)
     for _ in range(_SEPARATIONS):
-        wrong = _find_ambiguous(values)
         if not len(wrong):
             return values
         values[tuple(wrong.T)] = _BARELY_OUTSIDE
+        wrong = _find_ambiguous(values)
     raise MeshingError(f"{len(wrong)} cells of the grid still hold two sheets of the surface")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-from dgl_assets.garments.ranges import check_ranges
+from dgl_assets.ranges import check_ranges
 
 GLOVE_RANGES: dict[str, tuple[float, float]] = {
     "hand_width": (0.10, 0.165),

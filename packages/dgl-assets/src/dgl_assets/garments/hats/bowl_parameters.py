@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from dgl_assets.garments.ranges import check_ranges
+from dgl_assets.ranges import check_ranges
 
 BOWL_HAT_RANGES: dict[str, tuple[float, float]] = {
     "head_girth": (0.38, 0.62),
