@@ -40,7 +40,7 @@ _WEBS = (("little", "ring"), ("ring", "middle"), ("middle", "index"))
 _NO_LANDMARKS = ("thumb_inner", "index_inner", "middle_inner", "ring_inner")
 _SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04, 0.94, 1.06, 0.92, 1.08, 0.9, 1.1)
 """Factors tried in turn: where digits meet the hand, a triangle may chance to be too flat for a wall."""
-_SMOOTHING_ROUNDS = 12
+_SMOOTHING_ROUNDS = 8
 _SMOOTHING_SHARE = 0.8
 _CENTRE = np.array([[0.0, 0.55]])
 
@@ -147,7 +147,7 @@ def _cut_seams(pattern: GlovePattern, relief: Relief, *, spacing: float) -> dict
     seams: dict[str, Seam] = {}
 
     def cut(name: str, start: str, end: str, curve: np.ndarray, *, is_even: bool = False) -> None:
-        curve = resample_polyline(curve, 80)
+        curve = resample_polyline(curve, 48)
         steps = np.linalg.norm(np.diff(relief.lift(curve), axis=0), axis=1)  # as it will lie
         arc = np.concatenate([[0.0], np.cumsum(steps)])
         count = max(1, round(arc[-1] / spacing))

@@ -19,7 +19,7 @@ from dgl_assets.garments.hats.visor import PHI_END, Visor
 from dgl_assets.garments.shell_meshing import DiskMesh, DiskSurface, mesh_disk
 
 CATEGORY = "Baseball_Cap"
-SPACING = 0.011
+SPACING = 0.0114
 """Default edge length [m]; the reason is in the README."""
 
 _MERIDIANS = 180
@@ -73,7 +73,7 @@ def make_cap(parameters: CapParameters, *, spacing: float = SPACING, name: str =
     crown_angles = _warp_angle(mesh.angles, p.visor_half_angle)
 
     visor = Visor(p, crown[inner], crown_angles[inner])
-    flat = visor.make_mesh(spacing=0.98 * spacing, pins=tuple(_VISOR_PINS.values()))
+    flat = visor.make_mesh(spacing=0.96 * spacing, pins=tuple(_VISOR_PINS.values()))
     own = flat.points[len(inner) :]  # the first are vertices of the crown's edge
     ids = np.concatenate([inner, len(crown) + np.arange(len(own))])
     vertices = np.concatenate([crown, visor.lift(own)])
