@@ -46,13 +46,13 @@ _CENTRE = np.array([[0.0, 0.55]])
 
 
 def make_glove(
-    parameters: GloveParameters, *, spacing: float = SPACING, name: str = "glove"
+    parameters: GloveParameters, *, spacing: float | None = None, name: str = "glove"
 ) -> Garment:
     """Make a glove.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.005 to 0.014; a finger is two of these wide.
+        spacing: Target edge length [m], 0.005 to 0.014; None for `SPACING`. A finger is two of these wide.
         name: Name of the garment.
 
     Returns:
@@ -63,6 +63,7 @@ def make_glove(
         ValueError: If spacing is out of range.
         MeshingError: If no spacing within 10 % of this one gives panels that can be filled and have room for the wall.
     """
+    spacing = SPACING if spacing is None else spacing
     if not 0.005 <= spacing <= 0.014:
         raise ValueError(f"spacing must be in [0.005, 0.014] m; got {spacing}")
     p = parameters

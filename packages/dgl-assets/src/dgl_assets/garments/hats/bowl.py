@@ -31,13 +31,13 @@ _PINS = {
 
 
 def make_bowl_hat(
-    parameters: BowlHatParameters, *, spacing: float = SPACING, name: str = "bowl hat"
+    parameters: BowlHatParameters, *, spacing: float | None = None, name: str = "bowl hat"
 ) -> Garment:
     """Make a bowl hat.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.016.
+        spacing: Target edge length [m], 0.006 to 0.016; None for `SPACING`.
         name: Name of the garment.
 
     Returns:
@@ -49,6 +49,7 @@ def make_bowl_hat(
         ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
+    spacing = SPACING if spacing is None else spacing
     if not 0.006 <= spacing <= 0.016:
         raise ValueError(f"spacing must be in [0.006, 0.016] m; got {spacing}")
     surface = _make_surface(parameters)

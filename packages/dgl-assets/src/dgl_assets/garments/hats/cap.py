@@ -41,12 +41,14 @@ _VISOR_PINS = {"brim": (0.0, 0.30), "left_brim": (-0.5, 0.55), "right_brim": (0.
 """Places on the visor: share of its half width, share of the way to its edge."""
 
 
-def make_cap(parameters: CapParameters, *, spacing: float = SPACING, name: str = "cap") -> Garment:
+def make_cap(
+    parameters: CapParameters, *, spacing: float | None = None, name: str = "cap"
+) -> Garment:
     """Make a baseball cap.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.016.
+        spacing: Target edge length [m], 0.006 to 0.016; None for `SPACING`.
         name: Name of the garment.
 
     Returns:
@@ -59,6 +61,7 @@ def make_cap(parameters: CapParameters, *, spacing: float = SPACING, name: str =
         ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
+    spacing = SPACING if spacing is None else spacing
     if not 0.006 <= spacing <= 0.016:
         raise ValueError(f"spacing must be in [0.006, 0.016] m; got {spacing}")
     p = parameters
