@@ -160,7 +160,7 @@ PEOPLE: dict[str, PersonMeasures] = {
         stature=1.57, crotch_height=0.735, shoulder_height=1.265, shoulder_breadth=0.345,
         chest_girth=0.78, waist_girth=0.67, hip_girth=0.83, neck_girth=0.31, head_girth=0.55,
         arm_length=0.53, upper_arm_girth=0.24, forearm_girth=0.225, hand_length=0.172,
-        hand_breadth=0.074, thigh_girth=0.47, calf_girth=0.325, foot_length=0.24, bust=0.3,
+        hand_breadth=0.074, thigh_girth=0.47, calf_girth=0.325, foot_length=0.24,
     ),
     "child_8": PersonMeasures(
         stature=1.28, crotch_height=0.575, shoulder_height=1.005, shoulder_breadth=0.285,

@@ -9,6 +9,7 @@ from dgl_assets.people.measures import PersonMeasures
 from dgl_assets.people.solids import Blend, Ellipsoid, Loft, Solid
 
 _EXPONENT = 2.3  # of the sections: a little fuller than ellipses
+_GROWN = 1.6  # stature [m] above which the chest has muscles that show
 
 
 def compute_half_axes(girth: float, ratio: float) -> tuple[float, float]:
@@ -78,7 +79,7 @@ def make_trunk(
             parts.append(
                 Ellipsoid(bone="chest", centre=breast, radii=radius * np.array([1.08, 1.05, 1.0]))
             )
-        else:
+        elif m.stature > _GROWN:
             breast = np.array([sign * 0.42 * chest[0], -0.62 * chest[1], at(0.76)])
             parts.append(
                 Ellipsoid(

@@ -38,7 +38,7 @@ _CORNERS = {  # the two ends of each digit's base: little side of fingers first,
 }
 _WEBS = (("little", "ring"), ("ring", "middle"), ("middle", "index"))
 _NO_LANDMARKS = ("thumb_inner", "index_inner", "middle_inner", "ring_inner")
-_SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04, 0.94, 1.06, 0.92, 1.08, 0.9, 1.1)
+_SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04, 0.94)
 """Factors tried in turn: where digits meet the hand, a triangle may chance to be too flat for a wall."""
 _SMOOTHING_ROUNDS = 8
 _SMOOTHING_SHARE = 0.8
@@ -61,7 +61,7 @@ def make_glove(
 
     Raises:
         ValueError: If spacing is out of range.
-        MeshingError: If no spacing within 10 % of this one gives panels that can be filled and have room for the wall.
+        MeshingError: If no spacing within 6 % of this one gives panels that can be filled and have room for the wall.
     """
     spacing = SPACING if spacing is None else spacing
     if not 0.005 <= spacing <= 0.014:
@@ -79,7 +79,7 @@ def make_glove(
             return _finish(surface, pattern, vertices, p, name=name)
         failure = f"a wall of {p.wall_thickness} m folds behind {len(folds)} triangles"
     raise MeshingError(
-        f"no glove within 10 % of spacing {spacing} m has a wall that fits; last: {failure}"
+        f"no glove within 6 % of spacing {spacing} m has a wall that fits; last: {failure}"
     )
 
 

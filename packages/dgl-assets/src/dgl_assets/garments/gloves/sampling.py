@@ -118,6 +118,6 @@ def _draw(rng: np.random.Generator) -> GloveParameters:
         knuckle_slant=float(rng.uniform(0.04, 0.20)),
         thumb_length=scale * float(rng.uniform(0.078, 0.096)),
         thumb_width=scale * float(rng.uniform(0.034, 0.041)),
-        thumb_angle=float(rng.uniform(0.55, 1.05)),
+        thumb_angle=float(rng.uniform(0.63, 1.05)),  # closer to a narrow wrist its wall seldom fits
         **values,
     )
