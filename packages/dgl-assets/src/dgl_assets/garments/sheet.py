@@ -247,7 +247,7 @@ def _write_names(image: Image.Image, garment: Garment, pixels: np.ndarray) -> No
                 top = other + height
         taken.append((left, left + width, top))
         taken.sort(key=lambda entry: entry[2])
-        halo = {"stroke_width": _OVERSAMPLING, "stroke_fill": _BACKGROUND}
+        halo = {"stroke_width": 2 * _OVERSAMPLING, "stroke_fill": _BACKGROUND}
         pen.text((left, top), name, fill=_SEAM, font=font, **halo)
 
 
