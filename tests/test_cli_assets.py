@@ -128,15 +128,20 @@ def test_the_list_of_a_category_is_its_ids(capsys):
     assert "unknown category 'Sock'" in capsys.readouterr().err
 
 
+def measure(picture):
+    with Image.open(picture) as image:
+        return image.size
+
+
 def test_a_garment_and_a_category_are_shown(tmp_path, capsys):
     out = tmp_path / "pictures" / "cap.png"
     assert main(["assets", "show", "Baseball_Cap/000003", "--out", str(out), "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["landmarks"] == load_garment("Baseball_Cap/000003").landmarks
-    assert Image.open(out).size == (1000, 1000)
+    assert measure(out) == (1000, 1000)
     assert main(["assets", "show", "Scarf", "--out", str(out), "--count", "3"]) == 0
     assert capsys.readouterr().out == f"{out}: 3 of Scarf\n"
-    assert Image.open(out).size == (600, 200)
+    assert measure(out) == (600, 200)
 
 
 @pytest.mark.parametrize(

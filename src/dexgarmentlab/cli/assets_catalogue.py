@@ -109,7 +109,7 @@ def list_garments(options: ListOptions) -> int:
     if options.category is not None:
         ids = [
             garment_id
-            for split in ([options.split] if options.split else SPLITS)
+            for split in _get_splits(options.split)
             for garment_id in garment_ids(
                 options.category, split, sizes=options.sizes, subset=options.subset
             )
@@ -182,13 +182,13 @@ def build(options: BuildOptions) -> int:
     """Build garments, and say how many, how long one took, and which failed."""
     from dgl_assets import build_garments, garment_ids, list_categories
 
-    ids: list[str] = []
-    for category in dict.fromkeys(options.category or list_categories()):
-        for split in [options.split] if options.split else SPLITS:
-            every = garment_ids(category, split, sizes=options.sizes, subset=options.subset)
-            ids += every if options.count is None else every[: options.count]
     if options.count is not None and options.count < 1:
         raise ValueError(f"--count must be at least 1; got {options.count}")
+    ids: list[str] = []
+    for category in dict.fromkeys(options.category or list_categories()):
+        for split in _get_splits(options.split):
+            every = garment_ids(category, split, sizes=options.sizes, subset=options.subset)
+            ids += every if options.count is None else every[: options.count]
     done: list[BuiltGarment] = []
     is_interrupted = False
     # An interruption inside of the block ends the workers, each after the garment that it has in hand.
@@ -215,6 +215,10 @@ def build(options: BuildOptions) -> int:
         console.error(f"interrupted; continue with: {options.command}")
         return EXIT_INTERRUPTED
     return EXIT_FAILURE if summary["failures"] else EXIT_OK
+
+
+def _get_splits(split: Split | None) -> tuple[Split, ...]:
+    return SPLITS if split is None else (split,)
 
 
 def _summarise(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +35,7 @@ class BuiltGarment:
 
 def build_garments(
     garment_ids: Sequence[str], cache: Path, *, workers: int = 1
-) -> Iterator[BuiltGarment]:
+) -> Generator[BuiltGarment, None, None]:
     """Build garments into a cache that `load_garment` reads; those that are there are read and checked.
 
     Every file appears whole, so an interrupted build is continued by calling this again.
@@ -46,7 +46,7 @@ def build_garments(
         workers: How many processes work; with 1 this one does.
 
     Yields:
-        One entry per garment, as they are finished.
+        One entry per garment, as they are finished. Closing the generator ends the build, whole files stay.
 
     Raises:
         AssetNotFoundError: If an id does not exist, before anything is built.
@@ -59,7 +59,7 @@ def build_garments(
     return _build(tuple(garment_ids), Path(cache), workers)
 
 
-def _build(ids: tuple[str, ...], cache: Path, workers: int) -> Iterator[BuiltGarment]:
+def _build(ids: tuple[str, ...], cache: Path, workers: int) -> Generator[BuiltGarment, None, None]:
     if workers == 1:
         for garment_id in ids:
             yield _build_one(garment_id, cache)
