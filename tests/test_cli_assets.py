@@ -1,11 +1,18 @@
 """The verb `assets`."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from dexgarmentlab.cli import main
+from dgl_assets import build_garments, list_categories, load_garment
 from dgl_assets.importing import load_asset
 
 SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
@@ -95,3 +102,120 @@ def test_a_standing_tube_is_laid_flat(tmp_path, capsys):
     assert report["is_laid_flat"]
     assert np.ptp(garment.rest_vertices[:, 2]) > 0.12
     assert np.quantile(garment.vertices[:, 2], 0.98) - garment.vertices[:, 2].min() < 0.05
+
+
+def test_the_list_names_every_category_with_its_counts(capsys):
+    assert main(["assets", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == list(list_categories())
+    assert lines[-1].split()[:5] == ["Glove", "8000", "2000", "0", "17"]
+    assert main(["assets", "list", "--json"]) == 0
+    entries = json.loads(capsys.readouterr().out)["categories"]
+    assert sum(entry["train"] + entry["test"] for entry in entries) >= 2500
+    assert entries[0]["paper"] == {"train": 100, "all": 247}
+
+
+def test_the_list_of_a_category_is_its_ids(capsys):
+    assert main(["assets", "list", "Glove", "--subset", "paper"]) == 0
+    assert capsys.readouterr().out.split() == [
+        f"Glove/{number:06d}" for number in range(8000, 8017)
+    ]
+    assert main(["assets", "list", "Scarf", "--split", "test", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["ids"]) == 2000
+    assert main(["assets", "list", "Glove", "--subset", "paper", "--split", "train"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["assets", "list", "Sock"]) == 1
+    assert "unknown category 'Sock'" in capsys.readouterr().err
+
+
+def measure(picture):
+    with Image.open(picture) as image:
+        return image.size
+
+
+def test_a_garment_and_a_category_are_shown(tmp_path, capsys):
+    out = tmp_path / "pictures" / "cap.png"
+    assert main(["assets", "show", "Baseball_Cap/000003", "--out", str(out), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["landmarks"] == load_garment("Baseball_Cap/000003").landmarks
+    assert measure(out) == (1000, 1000)
+    assert main(["assets", "show", "Scarf", "--out", str(out), "--count", "3"]) == 0
+    assert capsys.readouterr().out == f"{out}: 3 of Scarf\n"
+    assert measure(out) == (600, 200)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["Scarf/000001", "--out", "scarf.jpg"], "--out must be a file .png; got scarf.jpg"),
+        (["Scarf/1", "--out", "scarf.png"], "six digits"),
+        (["Sock", "--out", "sock.png"], "unknown category 'Sock'"),
+        (["Scarf", "--out", "scarf.png", "--count", "0"], "--count must be at least 1; got 0"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["assets", "show", *words]) == 1
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def build(cache, *words):
+    return main(["assets", "build", "--cache", str(cache), "--subset", "paper", *words])
+
+
+def test_a_build_is_resumed(tmp_path, capsys):
+    words = ("--category", "Scarf", "Bowl_Hat", "--json")
+    assert build(tmp_path, *words, "--count", "2") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert (first["requested"], first["built"], first["found"]) == (4, 4, 0)
+    assert 0 < first["median_seconds"] <= first["longest_seconds"]
+    assert build(tmp_path, *words, "--count", "3") == 0
+    second = json.loads(capsys.readouterr().out)
+    assert (second["status"], second["built"], second["found"]) == ("finished", 2, 4)
+    assert len(list(tmp_path.rglob("*.npz"))) == 6
+    assert build(tmp_path, "--category", "Scarf", "--split", "test") == 0
+    assert "0 of 0 garments built" in capsys.readouterr().out
+
+
+def test_a_failure_is_named_and_the_rest_is_built(tmp_path, capsys):
+    torn = tmp_path / "Scarf" / "000001.npz"
+    torn.parent.mkdir()
+    torn.write_bytes(b"PK torn")
+    assert build(tmp_path, "--category", "Scarf", "--count", "3") == 1
+    written = capsys.readouterr()
+    assert "2 of 3 garments built, 0 were there, 1 failed" in written.out
+    assert "dgl: Scarf/000001: CacheError:" in written.err
+    assert build(tmp_path, "--category", "Scarf", "--count", "0") == 1
+    assert "--count must be at least 1" in capsys.readouterr().err
+    assert build(tmp_path, "--category", "Scarf", "--workers", "0") == 1
+    assert "workers must be at least 1; got 0" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process group")
+def test_an_interrupted_build_leaves_whole_files_and_says_how_to_go_on(tmp_path):
+    words = ["assets", "build", "--category", "Glove", "--workers", "2", "--cache", str(tmp_path)]
+    code = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while len(list(tmp_path.rglob("*.npz"))) < 3 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does: to the workers too
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "of 10000 garments built" in out
+    assert "Traceback" not in err
+    assert "interrupted; continue with: dgl assets build --category Glove" in err
+    files = sorted(tmp_path.rglob("*.*"))
+    assert {path.suffix for path in files} == {".npz"}
+    ids = [f"Glove/{path.stem}" for path in files]
+    assert all(built.error is None and built.is_cached for built in build_garments(ids, tmp_path))

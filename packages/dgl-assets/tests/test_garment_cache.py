@@ -33,6 +33,12 @@ def test_a_cached_garment_is_the_garment(built):
     assert [p.name for p in built.rglob("*.*")] == ["000003.npz"]
 
 
+def test_a_cached_shell_is_the_shell(tmp_path):
+    shell = load_garment("Glove/008003", cache=tmp_path)
+    assert shell.wall_thickness is not None
+    _assert_equal(load_garment("Glove/008003", cache=tmp_path), shell)
+
+
 def test_a_cached_garment_is_read_and_not_made_again(built, monkeypatch):
     monkeypatch.setattr("dgl_assets.garments.catalogue._make", lambda *_, **__: 1 / 0)
     assert load_garment(SCARF, cache=built).name == SCARF

@@ -50,6 +50,9 @@ def test_splits_and_sizes_are_disjoint():
         ("Dress_LongSleeve", 26, 38),
         ("Trousers", 100, 317),
         ("Scarf", 8, 8),
+        ("Baseball_Cap", 12, 12),
+        ("Bowl_Hat", 8, 8),
+        ("Glove", 0, 17),
     ],
 )
 def test_the_papers_counts_are_a_named_subset(category, train, everything):

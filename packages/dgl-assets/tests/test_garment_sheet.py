@@ -6,6 +6,7 @@ from PIL import Image
 
 from dgl_assets import draw_contact_sheet, draw_garment, save_picture
 from dgl_assets.fabrics import make_fabric
+from dgl_assets.garments.view import compute_vertex_normals, project
 
 
 def _is_background(picture: np.ndarray) -> np.ndarray:
@@ -36,6 +37,36 @@ def test_landmarks_are_marked_only_when_asked(families):
         for mark in (False, True)
     )
     assert not np.array_equal(plain, marked)
+
+
+@pytest.mark.parametrize("category", ["Baseball_Cap", "Bowl_Hat", "Glove"])
+def test_shells_are_seen_obliquely(families, category):
+    """From above only the top of a hat would be seen: its picture shows width, height and shade."""
+    garment = families[category][0]
+    picture = draw_garment(garment, fabric=make_fabric(3), size=160)
+    is_drawn = ~_is_background(picture)
+    rows, columns = np.nonzero(is_drawn)
+    assert max(np.ptp(columns), np.ptp(rows)) + 1 == pytest.approx(160 * 0.88, abs=3)
+    grey = picture[is_drawn].mean(axis=1)
+    assert np.quantile(grey, 0.95) > 1.2 * np.quantile(grey, 0.1)
+    view = project(garment)
+    edges = garment.faces[:, [0, 1]]
+    lengths = [
+        np.linalg.norm(p[edges[:, 1]] - p[edges[:, 0]], axis=1) for p in (view, garment.vertices)
+    ]
+    assert np.allclose(*lengths, atol=1e-6)
+    normals = compute_vertex_normals(view, garment.faces)
+    top = {"Glove": "back_centre"}.get(category, "crown_top")
+    assert normals[garment.landmarks[top], 2] > 0.3  # towards the viewer
+
+
+def test_names_are_written_beside_landmarks(families):
+    garment = families["Glove"][0]
+    marked, named = (
+        draw_garment(garment, fabric=make_fabric(2), size=300, has_landmarks=True, has_names=names)
+        for names in (False, True)
+    )
+    assert np.count_nonzero((marked != named).any(axis=2)) > 500
 
 
 def test_a_sheet_has_a_cell_for_each_garment_and_is_reproducible(families):

@@ -60,7 +60,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("doctor", "what works on this machine, and the fix for what does not"),
     Verb("demo", "collect one Fold Tops demonstration, with its video and a report"),
     Verb("tasks", "the tasks, with their stages, success rules and garments"),
-    Verb("assets", "garments: import your own from mesh files"),
+    Verb("assets", "garments: list, draw and build them, or import your own from mesh files"),
     Verb("collect", "collect demonstrations of a task automatically"),
     Verb("bench", "measure this machine: the numbers that the documentation quotes"),
 )

@@ -29,6 +29,8 @@ ROLL = np.radians(60)
 """How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
 ROLL_LIFT = 0.04
 """How far it rises while it rolls [m]."""
+ROLL_FRAMES = 15
+"""Frames for the cloth to slide off the thumb."""
 DRAW_BACKS = (0.08, 0.05, 0.02, 0.0)
 """How far it then draws back, level [m]: the first of these that the arm can reach."""
 CLEARANCE = 0.15
@@ -341,7 +343,10 @@ def plan_leave(
                         raise
                 else:
                     break
-    return [
-        motion.move({side: way[k] for side, way in ways.items()}, rolled, spacing=LEAVE_SPACING)
-        for k in range(3)
-    ]
+    parts = []
+    for k in range(3):
+        targets = {side: way[k] for side, way in ways.items()}
+        parts.append(motion.move(targets, rolled, spacing=LEAVE_SPACING))
+        if k == 0:
+            parts.append(motion.hold(ROLL_FRAMES))
+    return parts

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator, Sequence
+import signal
+import time
+from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+from dgl_assets.garments.cache import find_cached
 from dgl_assets.garments.catalogue import check_id, load_garment
 
 
@@ -18,17 +21,21 @@ class BuiltGarment:
     Attributes:
         id: Its id.
         vertex_count: How many vertices it has; 0 if it failed.
+        seconds: CPU time that it took to build or read [s].
+        is_cached: Whether it was in the cache already.
         error: Why it could not be built or read, or None.
     """
 
     id: str
     vertex_count: int
+    seconds: float
+    is_cached: bool = False
     error: str | None = None
 
 
 def build_garments(
     garment_ids: Sequence[str], cache: Path, *, workers: int = 1
-) -> Iterator[BuiltGarment]:
+) -> Generator[BuiltGarment, None, None]:
     """Build garments into a cache that `load_garment` reads; those that are there are read and checked.
 
     Every file appears whole, so an interrupted build is continued by calling this again.
@@ -39,7 +46,7 @@ def build_garments(
         workers: How many processes work; with 1 this one does.
 
     Yields:
-        One entry per garment, as they are finished.
+        One entry per garment, as they are finished. Closing the generator ends the build, whole files stay.
 
     Raises:
         AssetNotFoundError: If an id does not exist, before anything is built.
@@ -52,14 +59,16 @@ def build_garments(
     return _build(tuple(garment_ids), Path(cache), workers)
 
 
-def _build(ids: tuple[str, ...], cache: Path, workers: int) -> Iterator[BuiltGarment]:
+def _build(ids: tuple[str, ...], cache: Path, workers: int) -> Generator[BuiltGarment, None, None]:
     if workers == 1:
         for garment_id in ids:
             yield _build_one(garment_id, cache)
         return
     # A fresh process inherits no locks of threads that the caller may run.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(max_workers=workers, mp_context=context)
+    pool = ProcessPoolExecutor(
+        max_workers=workers, mp_context=context, initializer=_leave_interrupts
+    )
     try:
         pending: list[Future[BuiltGarment]] = [pool.submit(_build_one, i, cache) for i in ids]
         for future in as_completed(pending):
@@ -68,9 +77,28 @@ def _build(ids: tuple[str, ...], cache: Path, workers: int) -> Iterator[BuiltGar
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _leave_interrupts() -> None:
+    # Ctrl-C reaches every process of a terminal; the one that started the workers ends them.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _build_one(garment_id: str, cache: Path) -> BuiltGarment:
+    start = time.process_time()
     try:
-        garment = load_garment(garment_id, cache=cache)
+        garment = find_cached(cache, garment_id)
+        is_cached = garment is not None
+        if garment is None:
+            garment = load_garment(garment_id, cache=cache)
     except Exception as err:  # a process boundary: one bad garment must not end the build
-        return BuiltGarment(id=garment_id, vertex_count=0, error=f"{type(err).__name__}: {err}")
-    return BuiltGarment(id=garment_id, vertex_count=len(garment.vertices))
+        return BuiltGarment(
+            id=garment_id,
+            vertex_count=0,
+            seconds=time.process_time() - start,
+            error=f"{type(err).__name__}: {err}",
+        )
+    return BuiltGarment(
+        id=garment_id,
+        vertex_count=len(garment.vertices),
+        seconds=time.process_time() - start,
+        is_cached=is_cached,
+    )

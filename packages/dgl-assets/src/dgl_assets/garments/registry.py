@@ -15,6 +15,12 @@ from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.garments.dresses import garment as dresses
 from dgl_assets.garments.dresses.sampling import sample_dress
 from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.gloves import glove as gloves
+from dgl_assets.garments.gloves.sampling import sample_glove
+from dgl_assets.garments.hats import bowl as bowl_hats
+from dgl_assets.garments.hats import cap as caps
+from dgl_assets.garments.hats.bowl_sampling import sample_bowl_hat
+from dgl_assets.garments.hats.cap_sampling import sample_cap
 from dgl_assets.garments.scarves import garment as scarves
 from dgl_assets.garments.sizes import Sizes
 from dgl_assets.garments.tops import garment as tops
@@ -113,8 +119,31 @@ _CATEGORIES = (
         paper_train=8,
         paper_all=8,
     ),
-    # Hats and gloves register here likewise: Baseball_Cap (12 and 12 in the paper), Bowl_Hat (8 and 8), Glove (17, none of
-    # them for training).
+    # Hats and gloves have one choice of sizes: any of them can be reached.
+    Category(
+        name=caps.CATEGORY,
+        title="baseball caps",
+        sample=lambda rng, sizes: sample_cap(rng),
+        make=caps.make_cap,
+        paper_train=12,
+        paper_all=12,
+    ),
+    Category(
+        name=bowl_hats.CATEGORY,
+        title="hats with a brim all around",
+        sample=lambda rng, sizes: sample_bowl_hat(rng),
+        make=bowl_hats.make_bowl_hat,
+        paper_train=8,
+        paper_all=8,
+    ),
+    Category(
+        name=gloves.CATEGORY,
+        title="five-fingered gloves",
+        sample=lambda rng, sizes: sample_glove(rng),
+        make=gloves.make_glove,
+        paper_train=0,
+        paper_all=17,
+    ),
 )
 CATEGORIES: dict[str, Category] = {category.name: category for category in _CATEGORIES}
 """The categories by name. The paper's counts are those of `Category.paper_train` and `paper_all`; its text has 18 dresses

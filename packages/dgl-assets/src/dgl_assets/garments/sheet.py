@@ -1,6 +1,7 @@
 """Contact sheets: many garments in one picture, drawn without a GPU.
 
-Each garment is seen from above as it lies, textured with a fabric at its real scale, at one scale for the whole sheet.
+Cloth is seen from above as it lies, textured with a fabric at its real scale; hats and gloves obliquely, in the fabric's
+mean colour. A sheet has one scale.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from dgl_assets.fabrics import Fabric, make_fabric
 from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.view import compute_vertex_normals, project
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 _OVERSAMPLING = 3
 _BACKGROUND = (246, 244, 240)
 _SEAM, _INSIDE, _MARK = (40, 38, 36), 0.62, (220, 30, 40)
+_LIGHT = np.array([-0.45, 0.65, 0.62])  # on shells: from the left and above, in the picture's frame
+_SEAM_STRENGTH = {True: 110, False: 150}  # thinner on shells, which are drawn larger
 _FLAP_LIGHT = 0.10  # a leaf of a collar catches more light than the front below it
 _MARGIN = 0.06  # of a cell
 
@@ -33,38 +37,40 @@ def draw_garment(
     size: int = 256,
     metres: float | None = None,
     has_landmarks: bool = False,
+    has_names: bool = False,
 ) -> np.ndarray:
-    """Draw one garment from above.
+    """Draw one garment: cloth from above, an elastic shell obliquely.
 
     Args:
         garment: What to draw.
         fabric: Its cloth.
         size: Width and height of the picture [pixels].
         metres: What the picture spans [m]; None fits the garment.
-        has_landmarks: Mark the landmarks.
+        has_landmarks: Mark the landmarks, those on the side away from the viewer by rings.
+        has_names: Write the names of the landmarks beside them, which takes 800 pixels or more to be read.
 
     Returns:
-        Picture, shape (size, size, 3), uint8, sRGB; +x to the right, +y up.
+        Picture, shape (size, size, 3), uint8, sRGB; of cloth +x is to the right, +y up.
     """
     from PIL import Image, ImageDraw
 
-    span = float(garment.extent[:2].max()) if metres is None else metres
+    view = project(garment)
+    span = _measure_span(garment) if metres is None else metres
     side = size * _OVERSAMPLING
     scale = side * (1 - 2 * _MARGIN) / span
-    pixels = garment.vertices[:, :2] * scale * [1, -1] + side / 2
+    pixels = view[:, :2] * scale * [1, -1] + side / 2
     faces = Image.new("I", (side, side), 0)
     pen = ImageDraw.Draw(faces)
-    order = np.argsort(garment.vertices[garment.faces, 2].mean(axis=1), kind="stable")
-    for face in order:  # from below upward
+    order = np.argsort(view[garment.faces, 2].mean(axis=1), kind="stable")
+    for face in order:  # towards the viewer
         corners = [tuple(point) for point in pixels[garment.faces[face]].tolist()]
         pen.polygon(corners, fill=int(face) + 1)
-    image = Image.fromarray(_shade(garment, fabric, np.array(faces), pixels))
+    image = Image.fromarray(_shade(garment, fabric, np.array(faces), pixels, view))
     _draw_seams(image, garment, np.array(faces), pixels)
     if has_landmarks:
-        pen = ImageDraw.Draw(image)
-        radius = 1.6 * _OVERSAMPLING
-        for x, y in pixels[list(garment.landmarks.values())].tolist():
-            pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=_MARK)
+        _mark_landmarks(image, garment, pixels, view)
+    if has_names:
+        _write_names(image, garment, pixels)
     return np.array(image.resize((size, size), Image.Resampling.LANCZOS))
 
 
@@ -98,7 +104,7 @@ def draw_contact_sheet(
             "expected at least one garment, one column and 16 pixels; got "
             f"{len(garments)} garments, {columns} columns and {size} pixels"
         )
-    metres = max(float(g.extent[:2].max()) for g in garments) if is_common_scale else None
+    metres = max(map(_measure_span, garments)) if is_common_scale else None
     columns = min(columns, len(garments))
     rows = -(-len(garments) // columns)
     sheet = np.empty((rows * size, columns * size, 3), dtype=np.uint8)
@@ -139,17 +145,34 @@ def save_picture(picture: np.ndarray, path: Path) -> Path:
     return path
 
 
-def _shade(garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def _measure_span(garment: Garment) -> float:
+    return float(np.ptp(project(garment)[:, :2], axis=0).max())
+
+
+def _shade(
+    garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarray, view: np.ndarray
+) -> np.ndarray:
     image = np.empty((*faces.shape, 3), dtype=np.uint8)
     image[:] = _BACKGROUND
     row, column = np.nonzero(faces)
     face = faces[row, column] - 1
     corners = garment.faces[face]
     weights = _compute_weights(np.stack([column + 0.5, row + 0.5], axis=1), pixels[corners])
-    uv = fabric.compute_uvs(garment.rest_vertices[:, :2])
-    place = (uv[corners] * weights[..., None]).sum(axis=1) * len(fabric.texture)
-    texel = np.floor(place).astype(int) % len(fabric.texture)
-    colour = fabric.texture[texel[:, 1], texel[:, 0]].astype(np.float64)
+    if garment.wall_thickness is None:
+        uv = fabric.compute_uvs(garment.rest_vertices)
+        place = (uv[corners] * weights[..., None]).sum(axis=1) * len(fabric.texture)
+        texel = np.floor(place).astype(int) % len(fabric.texture)
+        colour = fabric.texture[texel[:, 1], texel[:, 0]].astype(np.float64)
+        light = _light_cloth(garment)[face]
+    else:
+        colour = fabric.texture.mean(axis=(0, 1))
+        light = _light_shell(garment, view, face, weights)
+    image[row, column] = np.clip(colour * light[:, None], 0, 255).astype(np.uint8)
+    return image
+
+
+def _light_cloth(garment: Garment) -> np.ndarray:
+    """Brightness of each face, shape (F,)."""
     edge = garment.vertices[garment.faces].astype(np.float64)
     normal = np.cross(edge[:, 1] - edge[:, 0], edge[:, 2] - edge[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
@@ -161,9 +184,21 @@ def _shade(garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarr
     is_inside = garment.canonical[garment.faces, 2].sum(axis=1) < 0
     light = np.where(is_inside, _INSIDE, light)
     flaps = [index for index, name in enumerate(garment.panels) if name.endswith("_flap")]
-    light = np.where(np.isin(garment.face_panels, flaps), light + _FLAP_LIGHT, light)
-    image[row, column] = np.clip(colour * light[face, None], 0, 255).astype(np.uint8)
-    return image
+    return np.where(np.isin(garment.face_panels, flaps), light + _FLAP_LIGHT, light)
+
+
+def _light_shell(
+    garment: Garment, view: np.ndarray, face: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Brightness of each pixel, shape (N,), smooth over the triangles; inner sides are darker."""
+    normals = compute_vertex_normals(view, garment.faces)
+    corners = view[garment.faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sign = np.where(area[:, 2] < 0, -1.0, 1.0)[face]
+    normal = (normals[garment.faces[face]] * weights[..., None]).sum(axis=1) * sign[:, None]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    light = 0.58 + 0.5 * np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, None)
+    return np.where(sign < 0, _INSIDE * light, light)
 
 
 def _compute_weights(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -174,6 +209,46 @@ def _compute_weights(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     b1 = (offset[:, 0] * second[:, 1] - offset[:, 1] * second[:, 0]) / area
     b2 = (first[:, 0] * offset[:, 1] - first[:, 1] * offset[:, 0]) / area
     return np.stack([1 - b1 - b2, b1, b2], axis=1)
+
+
+def _mark_landmarks(
+    image: Image.Image, garment: Garment, pixels: np.ndarray, view: np.ndarray
+) -> None:
+    from PIL import ImageDraw
+
+    pen = ImageDraw.Draw(image)
+    radius = max(1.6, image.width / _OVERSAMPLING / 200) * _OVERSAMPLING
+    normals = compute_vertex_normals(view, garment.faces)
+    for vertex in garment.landmarks.values():
+        x, y = pixels[vertex].tolist()
+        box = (x - radius, y - radius, x + radius, y + radius)
+        if normals[vertex, 2] < -0.1:
+            pen.ellipse(box, outline=_MARK, width=_OVERSAMPLING)
+        else:
+            pen.ellipse(box, fill=_MARK)
+
+
+def _write_names(image: Image.Image, garment: Garment, pixels: np.ndarray) -> None:
+    """Write names outward of their landmarks, moved down where they would cover each other."""
+    from PIL import ImageDraw, ImageFont
+
+    pen = ImageDraw.Draw(image)
+    font = ImageFont.load_default(size=13 * _OVERSAMPLING)
+    gap, taken = 6 * _OVERSAMPLING, []
+    for name, vertex in sorted(garment.landmarks.items(), key=lambda item: pixels[item[1], 1]):
+        x, y = pixels[vertex].tolist()
+        width = pen.textlength(name, font=font)
+        left = x + gap if x > image.width / 2 else x - gap - width
+        left = min(max(left, 0.0), image.width - width)
+        top = y - 8 * _OVERSAMPLING
+        height = 15 * _OVERSAMPLING
+        for low, high, other in taken:  # these are in order from above
+            if low < left + width and left < high and other < top + height and top < other + height:
+                top = other + height
+        taken.append((left, left + width, top))
+        taken.sort(key=lambda entry: entry[2])
+        halo = {"stroke_width": 2 * _OVERSAMPLING, "stroke_fill": _BACKGROUND}
+        pen.text((left, top), name, fill=_SEAM, font=font, **halo)
 
 
 def _draw_seams(
@@ -194,9 +269,10 @@ def _draw_seams(
     mean = np.bincount(edge, panel) / counts
     is_drawn = (counts[edge] == 1) | (mean[edge] != panel)
     centres = pixels[garment.faces].mean(axis=1)
+    strength = _SEAM_STRENGTH[garment.wall_thickness is not None]
     for ends, face in zip(half[is_drawn], owner[is_drawn], strict=True):
         if _is_seen(faces, int(face), centres[face]):
-            pen.line(pixels[ends].ravel().tolist(), fill=150, width=_OVERSAMPLING - 1)
+            pen.line(pixels[ends].ravel().tolist(), fill=strength, width=_OVERSAMPLING - 1)
     image.paste(_SEAM, mask=lines)
 
 

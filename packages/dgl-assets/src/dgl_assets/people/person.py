@@ -1,0 +1,267 @@
+"""A person: skin, skeleton, and what tasks need to know of them in any pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from dgl_assets.people.measures import PEOPLE, PersonMeasures
+from dgl_assets.people.plan import Plan, make_plan
+from dgl_assets.people.skeleton import Skeleton
+from dgl_assets.people.skin import compute_weights, make_skin
+from dgl_assets.people.solids import Cone, Ellipsoid
+
+POSES: dict[str, dict[str, float]] = {
+    "rest": {},
+    "standing": {
+        **{f"{side}_shoulder_abduction": 0.13 for side in ("left", "right")},
+        **{f"{side}_elbow_flexion": 0.22 for side in ("left", "right")},
+        **{
+            f"{side}_{finger}{k}_flexion": 0.22
+            for side in ("left", "right")
+            for finger in ("index", "middle", "ring", "little")
+            for k in (1, 2, 3)
+        },
+    },
+    "t_pose": {f"{side}_shoulder_abduction": 1.55 for side in ("left", "right")},
+    "reach_right": {
+        "left_shoulder_abduction": 0.13,
+        "left_elbow_flexion": 0.22,
+        "right_shoulder_abduction": 0.0,
+        "right_shoulder_flexion": 1.45,
+        "right_elbow_flexion": 0.08,
+        "right_elbow_pronation": 1.45,
+    },
+}
+"""Angles [rad] of named poses. "standing" is for hats and scarves; "reach_right" holds the right hand out, palm down, for
+a glove."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Person:
+    """A person with a skin that follows a skeleton.
+
+    Person frame: standing on z = 0, z up, facing -y; the person's own left is +x. Everything is at rest in the rest pose.
+
+    Attributes:
+        vertices: Skin in the rest pose [m], shape (V, 3), float32.
+        faces: Triangles, counter-clockwise from outside, shape (F, 3), int32: a closed manifold.
+        weights: How much each vertex follows each bone, shape (V, J), float32; rows sum to 1.
+        skeleton: Joints, their limits and places.
+        landmarks: Vertex id of each named point.
+        frames: Rest poses of named frames: bone's index, then transform_frame_to_person, shape (4, 4). The z of "head_top",
+            "brow" and "neck" is up, their -y to the front. Of "left_hand" and "right_hand" x is along the fingers, y out
+            of the palm, z = x cross y, as of the robots' hands.
+        capsules: Of each bone: its index, then both ends [m], shape (2, 3), and the radius [m], rest pose.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    weights: np.ndarray
+    skeleton: Skeleton
+    landmarks: dict[str, int]
+    frames: dict[str, tuple[int, np.ndarray]]
+    capsules: tuple[tuple[int, np.ndarray, float], ...]
+
+    def __post_init__(self) -> None:
+        count, joints = len(self.vertices), len(self.skeleton.joints)
+        if self.weights.shape != (count, joints):
+            raise ValueError(
+                f"weights must have shape ({count}, {joints}); got {self.weights.shape}"
+            )
+        error = float(np.abs(self.weights.sum(axis=1) - 1).max())
+        if error > 1e-4 or self.weights.min() < 0:
+            raise ValueError(
+                f"rows of weights must be >= 0 and sum to 1; got a sum off by {error:.2g} and a "
+                f"smallest weight of {self.weights.min():.2g}"
+            )
+
+    def pose(self, angles: Mapping[str, float] | str = "rest") -> np.ndarray:
+        """Move the skin (linear blend skinning).
+
+        Args:
+            angles: Angle [rad] of motions by "<joint>_<motion>", or the name of a pose in `POSES`.
+
+        Returns:
+            Vertices [m], shape (V, 3), float32.
+
+        Raises:
+            ValueError: If a pose or motion does not exist, or an angle is out of its limits.
+
+        Limitations:
+            Volume shrinks a little inside of sharply bent joints, and where a bone twists.
+        """
+        transforms = self.skeleton.compute_transforms(_get_angles(angles))
+        moved = np.zeros((len(self.vertices), 3))
+        for k in range(len(transforms)):
+            rows = np.flatnonzero(self.weights[:, k])
+            turned = self.vertices[rows] @ transforms[k, :3, :3].T + transforms[k, :3, 3]
+            moved[rows] += self.weights[rows, k, None] * turned
+        return moved.astype(np.float32)
+
+    def compute_frames(
+        self, angles: Mapping[str, float] | str = "rest"
+    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Compute where the named frames are.
+
+        Args:
+            angles: As for `pose`.
+
+        Returns:
+            By name: position [m], shape (3,), and orientation, quaternion wxyz, shape (4,), in the person frame.
+        """
+        transforms = self.skeleton.compute_transforms(_get_angles(angles))
+        result = {}
+        for name, (bone, rest) in self.frames.items():
+            now = transforms[bone] @ rest
+            xyzw = Rotation.from_matrix(now[:3, :3]).as_quat(canonical=True)
+            result[name] = (now[:3, 3].copy(), np.roll(xyzw, 1))
+        return result
+
+    def compute_capsules(
+        self, angles: Mapping[str, float] | str = "rest"
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute capsules that fill the body, for collisions.
+
+        Args:
+            angles: As for `pose`.
+
+        Returns:
+            Ends [m], shape (C, 2, 3), and radii [m], shape (C,), person frame.
+        """
+        transforms = self.skeleton.compute_transforms(_get_angles(angles))
+        ends = [
+            line @ transforms[b, :3, :3].T + transforms[b, :3, 3] for b, line, _ in self.capsules
+        ]
+        return np.stack(ends), np.array([radius for _, _, radius in self.capsules])
+
+    def get_landmark_positions(
+        self, names: tuple[str, ...], angles: Mapping[str, float] | str = "rest"
+    ) -> np.ndarray:
+        """Positions of named points [m], shape (K, 3), in a pose.
+
+        Raises:
+            KeyError: If a name is unknown; the message lists the valid ones.
+        """
+        unknown = [name for name in names if name not in self.landmarks]
+        if unknown:
+            raise KeyError(
+                f"unknown landmarks {unknown}; expected some of {sorted(self.landmarks)}"
+            )
+        return self.pose(angles)[[self.landmarks[name] for name in names]]
+
+
+def make_person(measures: PersonMeasures | str = "man", *, scale: float = 1.0) -> Person:
+    """Make a person.
+
+    Args:
+        measures: Measures, or the name of one of `PEOPLE`.
+        scale: Factor of all lengths, 0.3 to 1.5. Garments of this package are made for 0.85.
+
+    Returns:
+        The person in the rest pose.
+
+    Raises:
+        ValueError: If the name does not exist, or scale is out of range.
+        MeshingError: If these measures give no closed skin.
+    """
+    if not 0.3 <= scale <= 1.5:
+        raise ValueError(f"scale must be in [0.3, 1.5]; got {scale}")
+    if isinstance(measures, str):
+        if measures not in PEOPLE:
+            raise ValueError(f"measures must be one of {sorted(PEOPLE)}; got {measures!r}")
+        measures = PEOPLE[measures]
+    plan = make_plan(measures)
+    vertices, faces = make_skin(plan)
+    weights = compute_weights(plan, vertices, faces)
+    _, nearest = KDTree(vertices).query(np.stack(list(plan.places.values())))
+    skeleton = Skeleton(
+        joints=plan.skeleton.joints,
+        positions=scale * plan.skeleton.positions,
+        frames=plan.skeleton.frames,
+    )
+    return Person(
+        vertices=(scale * vertices).astype(np.float32),
+        faces=faces,
+        weights=weights.astype(np.float32),
+        skeleton=skeleton,
+        landmarks={
+            name: int(k) for name, k in zip(plan.places, np.atleast_1d(nearest), strict=True)
+        },
+        frames=_make_frames(plan, vertices, scale),
+        capsules=_make_capsules(plan, scale),
+    )
+
+
+def _get_angles(angles: Mapping[str, float] | str) -> Mapping[str, float]:
+    if isinstance(angles, str):
+        if angles not in POSES:
+            raise ValueError(f"pose must be one of {sorted(POSES)}; got {angles!r}")
+        return POSES[angles]
+    return angles
+
+
+def _make_frames(
+    plan: Plan, vertices: np.ndarray, scale: float
+) -> dict[str, tuple[int, np.ndarray]]:
+    names = plan.skeleton.names
+    frames = {}
+    top = vertices[np.argmax(vertices[:, 2])]
+    brow = 0.25 * sum(plan.places[k] for k in ("brow", "occiput", "left_temple", "right_temple"))
+    neck = 0.25 * sum(plan.places[f"neck_{k}"] for k in ("front", "back", "left", "right"))
+    for name, bone, origin in (
+        ("head_top", "head", np.array([0.0, top[1], top[2]])),
+        ("brow", "head", np.asarray(brow)),
+        ("neck", "neck", np.asarray(neck)),
+    ):
+        frames[name] = (names.index(bone), _make_transform(np.eye(3), scale * origin))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        turn = plan.arm_frames[side]
+        along, out = turn @ np.array([0.0, 0.0, -1.0]), turn @ np.array([-sign, 0.0, 0.0])
+        axes = np.column_stack([along, out, np.cross(along, out)])
+        origin = 0.5 * (plan.places[f"{side}_palm_centre"] + plan.places[f"{side}_hand_back"])
+        frames[f"{side}_hand"] = (
+            names.index(f"{side}_wrist"),
+            _make_transform(axes, scale * origin),
+        )
+    return frames
+
+
+def _make_transform(axes: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = axes, origin
+    return transform
+
+
+def _make_capsules(plan: Plan, scale: float) -> tuple[tuple[int, np.ndarray, float], ...]:
+    """One capsule a cone and ellipsoid; the trunk's sections as capsules from side to side."""
+    index = {name: k for k, name in enumerate(plan.skeleton.names)}
+    capsules = []
+    for solid in plan.body.list_solids():
+        if isinstance(solid, Cone):
+            radius = float(np.mean(solid.radii)) * (1 - 0.5 * solid.flatness)
+            line = np.stack([solid.start, solid.end])
+            bone = solid.bone
+        elif isinstance(solid, Ellipsoid):
+            longest = int(np.argmax(solid.radii))
+            radius = float(np.sort(solid.radii)[1])
+            reach = (float(solid.radii.max()) - radius) * np.eye(3)[longest]
+            line = np.stack([solid.centre - reach, solid.centre + reach])
+            bone = solid.bone
+        else:
+            for level in np.linspace(0.08, 0.92, 9):
+                z = solid.heights[0] + level * (solid.heights[-1] - solid.heights[0])
+                a = float(np.interp(z, solid.heights, solid.half_widths))
+                b = float(np.interp(z, solid.heights, solid.half_depths))
+                centre = np.array([0, float(np.interp(z, solid.heights, solid.centres)), z])
+                reach = np.array([max(a - b, 0.0), 0, 0])
+                part = int(np.searchsorted(np.array(solid.borders), z))
+                line = np.stack([centre - reach, centre + reach])
+                capsules.append((index[solid.bones[part]], scale * line, scale * min(a, b)))
+            continue
+        capsules.append((index[bone], scale * line, scale * radius))
+    return tuple(capsules)
