@@ -31,7 +31,7 @@ ROLL_LIFT = 0.04
 """How far it rises while it rolls [m]."""
 ROLL_FRAMES = 15
 """Frames for the cloth to slide off the thumb."""
-DRAW_BACKS = (0.08, 0.05, 0.02, 0.0)
+DRAW_BACKS = (0.04, 0.02, 0.0)
 """How far it then draws back, level [m]: the first of these that the arm can reach."""
 CLEARANCE = 0.15
 """How far it then rises [m]."""
