@@ -161,7 +161,7 @@ def measure_convergence(bench: Bench) -> Result:
 def measure_determinism(bench: Bench) -> Result:
     """The fold again on the CPU, and 2 s of it on CUDA."""
     record, again = bench.fold, bench.fold_again
-    # Not against the environment: what its solver keeps of the layers' sides is in no state.
+    # Not against the environment, whose record begins without its state's memory.
     third = replay_cloth(record)
     differ = int((again.final.view(np.uint32) != third.final.view(np.uint32)).any(axis=1).sum())
     same = Row(

@@ -15,14 +15,14 @@ T = TypeVar("T")
 def draw_until_valid(
     rng: np.random.Generator | int,
     draw: Callable[[np.random.Generator], T],
-    check: Callable[[T], None],
+    check: Callable[[T], object] = lambda _: None,
 ) -> T:
     """Draw measures until they contradict each other no more.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
         draw: Draws measures; may raise `ValueError`.
-        check: Raises `ValueError` for measures that cannot be cut.
+        check: Raises `ValueError` for measures that cannot be cut; by default it accepts all.
 
     Returns:
         The first measures that pass.

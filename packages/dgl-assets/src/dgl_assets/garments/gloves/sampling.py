@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dgl_assets.garments.drawing import draw_until_valid
 from dgl_assets.garments.gloves.parameters import GloveParameters
 
-_ATTEMPTS = 200
 _SCALE = 0.85  # of life size, as the garments of the paper
 _SIZES = (0.93, 0.97, 1.0, 1.05, 1.10)  # S to XXL, relative to M
 _SIZE_SHARES = (0.17, 0.26, 0.28, 0.19, 0.10)
@@ -88,13 +88,7 @@ def sample_glove(rng: np.random.Generator | int) -> GloveParameters:
     Returns:
         Valid measures.
     """
-    rng = np.random.default_rng(rng) if isinstance(rng, int | np.integer) else rng
-    for _ in range(_ATTEMPTS):
-        try:
-            return _draw(rng)
-        except ValueError:
-            continue  # the next draw is independent
-    raise RuntimeError(f"no valid glove in {_ATTEMPTS} draws; the ranges of the sampler are broken")
+    return draw_until_valid(rng, _draw)
 
 
 def _draw(rng: np.random.Generator) -> GloveParameters:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dgl_assets.garments.drawing import draw_until_valid
 from dgl_assets.garments.hats.cap_parameters import CapParameters
 
-_ATTEMPTS = 200
 _SCALE = 0.85  # of life size, as the garments of the paper
 _SIZES = (0.50, 0.53, 0.55, 0.57, 0.59, 0.61, 0.63)  # head girths, children to XXL [m]
 _SIZE_SHARES = (0.08, 0.10, 0.17, 0.26, 0.22, 0.12, 0.05)
@@ -109,13 +109,7 @@ def sample_cap(rng: np.random.Generator | int) -> CapParameters:
     Returns:
         Valid measures.
     """
-    rng = np.random.default_rng(rng) if isinstance(rng, int | np.integer) else rng
-    for _ in range(_ATTEMPTS):
-        try:
-            return _draw(rng)
-        except ValueError:
-            continue  # the next draw is independent
-    raise RuntimeError(f"no valid cap in {_ATTEMPTS} draws; the ranges of the sampler are broken")
+    return draw_until_valid(rng, _draw)
 
 
 def _draw(rng: np.random.Generator) -> CapParameters:
