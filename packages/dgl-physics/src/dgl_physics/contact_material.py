@@ -39,7 +39,7 @@ class ContactMaterial:
     """Distance at which two particles of different places of the garment rest [m]; > 0. Where edges of
     cloth are longer than 1.4 times this, more: particles must cover it for layers not to pass."""
 
-    compression_stiffness: float = 6.0e5
+    compression_stiffness: float = 1.8e6
     """Pressure of cloth squeezed between surfaces, over how far it is compressed [Pa/m]; >= 0. It is
     what friction in a pinch comes from; less within the first tenth of the thickness."""
 

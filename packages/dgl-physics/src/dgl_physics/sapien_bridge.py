@@ -267,7 +267,8 @@ class SapienCloth:
         return self.model
 
     def _sum_forces(self) -> np.ndarray:
-        impulse = self.state.impulse.numpy()[:, : len(self._shape_body)]  # (B, S, 6)
+        impulse = self.state.impulse.numpy() + self.state.press.numpy()
+        impulse = impulse[:, : len(self._shape_body)]  # (B, S, 6)
         total = np.zeros((len(self.scenes), len(self.bodies[0]), 6), dtype=np.float32)
         rows = (slice(None), self._shape_body)
         np.add.at(total, rows, impulse / self.config.dt)  # pyright: ignore[reportArgumentType]

@@ -24,6 +24,8 @@ from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
 from dgl_physics.model import Model
 from dgl_physics.state import State
 
+PRESS_RATE = 30.0
+"""What the press of squeezed cloth on a shape rises by at most [N/s]: bodies answer to it a frame later."""
 COARSE_ACCELERATION = 200.0
 """Most acceleration that the coarse level gives to a particle [m/s^2]."""
 
@@ -124,6 +126,11 @@ class SolverXPBD:
         free = model.inverse_mass.numpy().reshape(envs, -1) > 0
         self._free_count = wp.array(free.sum(axis=1), dtype=wp.float32, device=device)
         self._is_touched = wp.zeros(envs, dtype=wp.int32, device=device)
+        self._pressed = wp.zeros(
+            (envs, max(model.shape_count, 1)),
+            dtype=wp.spatial_vector,  # pyright: ignore[reportArgumentType]
+            device=device,
+        )
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze_next = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -268,6 +275,13 @@ class SolverXPBD:
         m, state = self.model, self._state
         wp.copy(state.body_start, state.body_end)
         wp.launch(
+            sleep.ease_press,
+            dim=state.press.shape,
+            inputs=[
+                PRESS_RATE * self.config.dt**2, self._limits, state.still, self._pressed, state.press
+            ],
+        )  # fmt: skip
+        wp.launch(
             sleep.add_motion,
             dim=m.env_count * m.particles_per_env,
             inputs=[m.environment, state.anchor, state.positions, state.motion],
@@ -320,7 +334,8 @@ class SolverXPBD:
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     self._inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._squeeze, state.positions,
-                    state.velocities, state.impulse, state.is_stuck, self._tension,
+                    state.velocities, state.impulse, self._pressed, state.is_stuck,
+                    self._tension,
                 ],
             )  # fmt: skip
 

@@ -31,7 +31,8 @@ class State:
         body_start: Body poses at the start of the coming frame, shape (B, N), transform (xyzw).
         body_end: Body poses at its end.
         impulse: Impulse [N s] and moment of impulse about the world's origin [N m s] that the
-            cloth gave to each shape during the last frame, shape (B, S), spatial vector.
+            cloth gave to each shape during the last frame, shape (B, S), spatial vector: what its particles lost.
+        press: The same of cloth that is squeezed between shapes, which it presses apart; rising at a limited rate.
     """
 
     def __init__(self, model: Model) -> None:
@@ -61,6 +62,7 @@ class State:
             dtype=wp.spatial_vector,  # pyright: ignore[reportArgumentType]
             device=device,
         )
+        self.press = wp.zeros_like(self.impulse)
 
     def get_positions(self) -> np.ndarray:
         """Return particle positions [m], shape (B, V, 3)."""
@@ -101,7 +103,7 @@ class State:
     def _memory(self) -> tuple[wp.array, ...]:
         return (
             self.still, self.motion, self.anchor, self.crowd, self.edge_length, self.bend_length,
-            self.yarn_length,
+            self.yarn_length, self.press,
         )  # fmt: skip
 
     def set_particles(

@@ -215,6 +215,7 @@ def solve_rigid_contact(
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
+    press: wp.array2d(dtype=wp.spatial_vector),
     is_stuck: wp.array(dtype=wp.int32),
     tension: wp.array(dtype=wp.vec3),
 ):
@@ -222,7 +223,8 @@ def solve_rigid_contact(
 
     Contact comes last in the substep, so that a particle that sticks has exactly no tangential
     displacement relative to the surface: no creep. The impulse that the particle gives to the
-    shape, and its moment about the world's origin, are added to `impulse`.
+    shape, and its moment about the world's origin, are added to `impulse`; what squeezed cloth presses the
+    shape with to `press`: that does not move the particle, whose other side presses on another shape.
     """
     i = wp.tid()
     w = inverse_mass[i]
@@ -269,9 +271,10 @@ def solve_rigid_contact(
             # along the surface: friction has to hold it, but it moves nothing by itself.
             pull = tension[i]
             along = wp.dot(n, pull)
+            pressed = float(0.0)
             if push > 0.0:
-                support = wp.max(support - along, 0.0)
-                support -= wp.min(wp.dot(n, squeeze[i]), 0.0) * (m.stiffening * dt * dt)
+                pressed = -wp.min(wp.dot(n, squeeze[i]), 0.0) * (m.stiffening * dt * dt)
+                support = wp.max(support - along, 0.0) + pressed
             wanted = slip + pull - n * along
             length = wp.length(wanted)
             limit = m.friction * shapes.friction[s] * support
@@ -285,6 +288,9 @@ def solve_rigid_contact(
             if shapes.is_measured[s] == 1:
                 j = (slip - reaction) / (w * dt)
                 wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
+                if pressed > 0.0:
+                    j = n * (-pressed / (w * dt))
+                    wp.atomic_add(press, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
     # From what was corrected rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
     # Overlap from before this substep must not throw the particle off a surface.

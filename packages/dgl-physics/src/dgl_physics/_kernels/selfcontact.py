@@ -211,7 +211,7 @@ def solve_self_contact(
             wp.atomic_sub(correction, j, change * wj)
             if depth > 0.0:
                 loft = wp.min(depth / (LOFT * thickness), 1.0)
-                press = n * (depth * loft * loft / crowding)
+                press = n * (depth * loft * loft)
                 pressed += press
                 wp.atomic_sub(squeeze_next, j, press)
         else:

@@ -86,6 +86,26 @@ def clear_impulses(
 
 
 @wp.kernel
+def ease_press(
+    rise: wp.float32,
+    limits: Limits,
+    still: wp.array(dtype=wp.int32),
+    pressed: wp.array2d(dtype=wp.spatial_vector),
+    press: wp.array2d(dtype=wp.spatial_vector),
+):
+    """Let the press of squeezed cloth on a shape rise by at most `rise` [N s] in a frame, and fall at once."""
+    e, s = wp.tid()
+    if still[e] < limits.sleep_frames:
+        wanted = pressed[e, s]
+        size = wp.length(wp.spatial_top(wanted))
+        held = wp.length(wp.spatial_top(press[e, s])) + rise
+        if size > held:
+            wanted = wanted * (held / size)
+        press[e, s] = wanted
+        pressed[e, s] = wp.spatial_vector()
+
+
+@wp.kernel
 def add_motion(
     environment: wp.array(dtype=wp.int32),
     anchor: wp.array(dtype=wp.vec3),
