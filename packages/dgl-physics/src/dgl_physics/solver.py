@@ -47,7 +47,7 @@ class SolverConfig:
     far a particle may move without a search."""
     neighbour_capacity: int = 160
     """Most particles of higher index that a particle can be near to."""
-    near_capacity: int = 48
+    near_capacity: int = 96
     """Most shapes that a particle can be near to."""
     sleep_distance: float = 1e-3
     """Cloth is still while its particles stay this near to where they were, as the root of the mean square
