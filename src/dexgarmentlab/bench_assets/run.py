@@ -1,0 +1,202 @@
+"""A run: many garments, by one or more processes, which can be interrupted and continued."""
+
+import fcntl
+import json
+import logging
+import multiprocessing
+import os
+import signal
+from collections.abc import Generator, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import warp
+
+from dexgarmentlab.bench_assets.attempts import (
+    Attempt,
+    append_attempt,
+    make_attempt,
+    read_attempts,
+)
+from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
+from dexgarmentlab.bench_assets.selection import choose_categories, find_partners, select_ids
+from dgl_collect.files import write_json
+from dgl_collect.results import drop_unfinished_line, package_versions
+
+__all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
+
+logger = logging.getLogger(__name__)
+
+COUNT = 2500
+"""As many garments as the paper speaks of."""
+RUN_FILE, ATTEMPTS_FILE = "run.json", "attempts.jsonl"
+_RUN_FORMAT = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """Which garments are dropped, and how.
+
+    Raises:
+        ValueError: If a number is out of its range or a category does not exist.
+    """
+
+    count: int = COUNT
+    """Garments in all; at least one of each category."""
+    categories: tuple[str, ...] = ()
+    """Of the catalogue; all when none is named."""
+    frames: int = FRAMES
+    """Simulated time [1/60 s]; at least 1."""
+    height: float = HEIGHT
+    """Of a garment's lowest point above the ground [m]; positive."""
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError(f"frames must be at least 1; got {self.frames}")
+        if not self.height > 0:
+            raise ValueError(f"height must be positive; got {self.height}")
+        object.__setattr__(self, "categories", choose_categories(self.categories))
+        select_ids(self.count, self.categories)
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What must be equal for a run to be continued."""
+        return {
+            "run_format": _RUN_FORMAT,
+            "count": self.count,
+            "categories": list(self.categories),
+            "frames": self.frames,
+            "height": self.height,
+        }
+
+
+def drop_garments(
+    config: RunConfig, folder: Path, *, workers: int = 1, resume: bool = False, command: str = ""
+) -> Generator[Attempt, None, None]:
+    """Drop the garments of a run that are not there yet.
+
+    Each is on disk before it is yielded. What comes out does not depend on the number of workers.
+
+    Args:
+        config: Which garments, and how.
+        folder: Of the run; missing or empty, unless `resume`.
+        workers: Processes.
+        resume: Continue the run in the folder.
+        command: The command line, to be remembered.
+
+    Yields:
+        Garments as they are finished; first those that an earlier run has left. Closing the generator ends the
+        workers, each after the garment that it has in hand.
+
+    Raises:
+        ValueError: If `workers` is not positive, or the folder is not empty, busy, or of another run.
+    """
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1; got {workers}")
+    with _locked(folder):
+        done = _open_run(config, folder, resume=resume, command=command)
+        yield from done
+        ids = select_ids(config.count, config.categories)
+        partners = find_partners(ids)
+        known = {attempt.id for attempt in done}
+        left = [garment_id for garment_id in ids if garment_id not in known]
+        # A fresh process inherits no locks of threads that the caller may run.
+        pool = ProcessPoolExecutor(
+            max_workers=workers,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_prepare_worker,
+        )
+        try:
+            pending: set[Future[Attempt]] = set()
+            while left or pending:
+                while left and len(pending) < 2 * workers:  # one in hand and one waiting
+                    garment_id = left.pop(0)
+                    pending.add(
+                        pool.submit(
+                            make_attempt,
+                            garment_id,
+                            partners[garment_id],
+                            frames=config.frames,
+                            height=config.height,
+                            folder=folder,
+                        )
+                    )
+                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    attempt = future.result()
+                    append_attempt(folder / ATTEMPTS_FILE, attempt)
+                    yield attempt
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def load_run(folder: Path) -> tuple[dict, list[Attempt]]:
+    """Read a run, finished or not.
+
+    Returns:
+        The content of `run.json`, and the garments so far.
+
+    Raises:
+        ValueError: If there is none, or it cannot be read.
+    """
+    path = folder / RUN_FILE
+    if not path.is_file():
+        raise ValueError(f"{folder} holds no run ({RUN_FILE} is missing)")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        list(content["commands"]), dict(content["versions"])
+    except (ValueError, KeyError, TypeError) as err:
+        raise ValueError(f"{path} cannot be read: {err!r}") from err
+    return content, read_attempts(folder / ATTEMPTS_FILE)
+
+
+def _open_run(config: RunConfig, folder: Path, *, resume: bool, command: str) -> list[Attempt]:
+    """Check the folder, remember the command, and give what is there."""
+    is_empty = not any(folder.iterdir())
+    if not is_empty and not resume:
+        raise ValueError(
+            f"{folder} is not empty; add --resume to continue the run in it, or choose another --out"
+        )
+    commands: list[str] = []
+    versions = package_versions()
+    done: list[Attempt] = []
+    if not is_empty:
+        found, _ = load_run(folder)
+        for key, value in config.identity.items():
+            if found.get(key) != value:
+                raise ValueError(
+                    f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is "
+                    f"{value!r}; choose another --out"
+                )
+        if found["versions"] != versions:
+            logger.warning("%s was begun with other package versions", folder)
+        commands = list(found["commands"])
+        drop_unfinished_line(folder / ATTEMPTS_FILE)
+        done = read_attempts(folder / ATTEMPTS_FILE)
+    content = {**config.identity, "versions": versions, "commands": [*commands, command]}
+    write_json(folder / RUN_FILE, content)
+    return done
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other runs from writing to the folder, which is made if it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as err:
+            raise ValueError(f"another run is writing to {folder}") from err
+        yield
+    finally:
+        os.close(lock)  # which gives up the lock
+
+
+def _prepare_worker() -> None:
+    # Ctrl-C reaches every process of a terminal; the one that started the workers ends them.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Warp greets on standard output, which is for results.
+    warp.config.log_level = logging.WARNING

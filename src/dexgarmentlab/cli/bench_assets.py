@@ -1,0 +1,107 @@
+"""`dgl bench assets`: garments of every category, measured and dropped."""
+
+import shlex
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
+from dexgarmentlab.cli.bench_physics import print_rows
+from dexgarmentlab.cli.collect import format_duration
+
+if TYPE_CHECKING:
+    from dexgarmentlab.bench_assets import Attempt, RunConfig
+
+__all__ = ["AssetsOptions", "measure_assets"]
+
+_COUNT, _FRAMES = 2500, 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetsOptions:
+    """Measure garments of every category, drop each flat onto the ground, and see whether it stays whole.
+
+    Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A bar that is not met is a
+    finding and no failure: the exit status is 0.
+
+    Example: dgl bench assets --out out/drops --workers 4
+    """
+
+    out: Path
+    """Output folder; it must be empty or missing, unless --resume is given."""
+    count: int = _COUNT
+    """Garments in all, divided equally among the categories."""
+    category: tuple[str, ...] = ()
+    """Categories; all of them when none is named."""
+    frames: int = _FRAMES
+    """Simulated time, in sixtieths of a second."""
+    workers: int = 1
+    """Processes that drop garments at the same time."""
+    resume: bool = False
+    """Continue the run in the output folder."""
+    json: bool = False
+    """Write the rows as JSON."""
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same, without --resume and --json."""
+        words: list[object] = ["dgl", "bench", "assets", "--out", self.out]
+        if self.count != _COUNT:
+            words += ["--count", self.count]
+        if self.category:
+            words += ["--category", *self.category]
+        if self.frames != _FRAMES:
+            words += ["--frames", self.frames]
+        if self.workers != 1:
+            words += ["--workers", self.workers]
+        return shlex.join(str(word) for word in words)
+
+
+def measure_assets(options: AssetsOptions) -> int:
+    """Drop the garments that are left and write the rows."""
+    from dexgarmentlab.bench_assets import RunConfig, make_rows
+
+    config = RunConfig(count=options.count, categories=options.category, frames=options.frames)
+    attempts, is_interrupted = _drop(config, options)
+    print_rows(make_rows(attempts), as_json=options.json)
+    if is_interrupted:
+        console.error(
+            f"interrupted after {len(attempts)} of {options.count} garments; continue with: "
+            f"{options.command} --resume"
+        )
+        return EXIT_INTERRUPTED
+    return EXIT_OK
+
+
+def _drop(config: "RunConfig", options: AssetsOptions) -> tuple[list["Attempt"], bool]:
+    """Drop garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
+    from dexgarmentlab.bench_assets import drop_garments
+
+    done: list[Attempt] = []
+    whole, began, found = 0, time.monotonic(), 0
+    command = options.command + (" --resume" if options.resume else "")
+    # An interruption inside of the block ends the workers, each after the garment that it has in hand.
+    with (
+        closing(
+            drop_garments(
+                config, options.out, workers=options.workers, resume=options.resume, command=command
+            )
+        ) as running,
+        console.progress("dropping garments", config.count) as bar,
+    ):
+        try:
+            for attempt in running:
+                done.append(attempt)
+                whole += attempt.is_whole
+                seconds = time.monotonic() - began
+                if seconds < 0.5:  # an earlier run has left these
+                    found = len(done)
+                    bar.advance()
+                    continue
+                left = seconds / max(len(done) - found, 1) * (config.count - len(done))
+                bar.advance(note=f"{whole} whole, {format_duration(left)} left")
+        except KeyboardInterrupt:
+            return done, True
+    return done, False
