@@ -71,11 +71,14 @@ def drop_garment(garment: Garment, *, frames: int = FRAMES, height: float = HEIG
         except PhysicsError as err:
             error = f"{type(err).__name__}: {err}"
             break
-        strain.append(np.abs(scene.strain()).mean())
         if scene.state.still.numpy()[0] < sleep_frames:
             still_frame = None
         elif still_frame is None:
             still_frame = frame
+        else:  # it sleeps: no particle has moved
+            strain.append(strain[-1])
+            continue
+        strain.append(np.abs(scene.strain()).mean())
     end = scene.x[: len(start)]
     if not error and not np.isfinite(scene.x).all():
         error = "positions are not finite"

@@ -6,6 +6,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -146,7 +147,7 @@ def load_run(folder: Path) -> tuple[dict, list[Attempt]]:
         raise ValueError(f"{folder} holds no run ({RUN_FILE} is missing)")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        list(content["commands"]), dict(content["versions"])
+        content |= {"commands": list(content["commands"]), "versions": dict(content["versions"])}
     except (ValueError, KeyError, TypeError) as err:
         raise ValueError(f"{path} cannot be read: {err!r}") from err
     return content, read_attempts(folder / ATTEMPTS_FILE)
@@ -200,3 +201,11 @@ def _prepare_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Warp greets on standard output, which is for results.
     warp.config.log_level = logging.WARNING
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)  # a parent that was killed cannot end its workers
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -205,9 +205,12 @@ def _measure_unfolded(
     length = np.linalg.norm(centre[a] - centre[b], axis=1)
     half = 0.5 * np.arccos(np.clip(np.sum(normal[a] * normal[b], axis=1), 0.0, 1.0))
     length = length / np.maximum(np.sinc(half / np.pi), 0.5)
+    seams: dict[tuple[int, int], np.ndarray] = {}  # many pairs of nodes are of the same two panels
     for k in np.flatnonzero(node_panel[a] != node_panel[b]):
-        p, q = node_panel[a[k]], node_panel[b[k]]
-        seam = rest[np.intersect1d(panel_vertices[p], panel_vertices[q])]
+        p, q = int(node_panel[a[k]]), int(node_panel[b[k]])
+        if (p, q) not in seams:
+            seams[p, q] = rest[np.intersect1d(panel_vertices[p], panel_vertices[q])]
+        seam = seams[p, q]
         if len(seam):
             over = np.linalg.norm(seam - centre[a[k]], axis=1)
             over = over + np.linalg.norm(seam - centre[b[k]], axis=1)
