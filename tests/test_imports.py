@@ -35,7 +35,7 @@ ALLOWED: dict[str, frozenset[str]] = {
     "dexgarmentlab": frozenset(),
     "dgl_physics": frozenset({"warp"}),
     "dgl_assets": frozenset({"scipy", "trimesh"}),
-    "dgl_gam": frozenset(),
+    "dgl_gam": frozenset({"torch"}),
     "dgl_sadp": frozenset({"h5py"}),
     "dgl_tasks": WATCHED - {"diffusers", "ray"},  # ManiSkill brings most of them along.
     "dgl_collect": WATCHED - {"diffusers", "ray"},

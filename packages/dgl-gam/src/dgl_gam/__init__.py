@@ -5,19 +5,25 @@ similarities, and the files that it is trained on (`dgl_gam.data`).
 """
 
 from dgl_gam.affordance import compute_affordance as compute_affordance
+from dgl_gam.confidence import Calibration as Calibration
 from dgl_gam.errors import CheckpointError as CheckpointError
 from dgl_gam.errors import DataError as DataError
 from dgl_gam.errors import GamError as GamError
 from dgl_gam.errors import WeightsNotFoundError as WeightsNotFoundError
 from dgl_gam.matcher import Matcher as Matcher
+from dgl_gam.model import GarmentAffordanceModel as GarmentAffordanceModel
+from dgl_gam.model import Matches as Matches
 from dgl_gam.normalize import Normalization as Normalization
 from dgl_gam.normalize import normalize_cloud as normalize_cloud
 
 __all__ = [
+    "Calibration",
     "CheckpointError",
     "DataError",
     "GamError",
+    "GarmentAffordanceModel",
     "Matcher",
+    "Matches",
     "Normalization",
     "WeightsNotFoundError",
     "compute_affordance",

@@ -1,0 +1,138 @@
+"""How sure a match is: the probability that the true point is among the observed ones."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+__all__ = ["EVIDENCE", "Calibration", "compute_auroc", "compute_evidence", "fit_calibration"]
+
+EVIDENCE = ("similarity", "margin", "spread", "return_distance")
+"""What speaks for or against a match, see `compute_evidence`."""
+_TEMPERATURE = 0.07
+_FAR = 0.2  # normalised units: matches farther away than this are other places
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Logistic regression from the evidence of a match to the probability that the true point is visible."""
+
+    weights: tuple[float, ...] = (6.0, 4.0, -4.0, -6.0)
+    """Weight of each kind of evidence. The default states only their signs and rough sizes."""
+    bias: float = -3.0
+    """Added to the weighted evidence."""
+    samples: int = 0
+    """Matches that it was fitted to; 0: not fitted, so that only the order of the probabilities has a meaning."""
+
+    def __post_init__(self) -> None:
+        if len(self.weights) != len(EVIDENCE):
+            raise ValueError(f"weights must be {len(EVIDENCE)} numbers; got {self.weights}")
+        if not np.isfinite([*self.weights, self.bias]).all():
+            raise ValueError(f"weights and bias must be finite; got {self.weights}, {self.bias}")
+
+    def apply(self, evidence: np.ndarray) -> np.ndarray:
+        """Map evidence, shape (K, 4), to probabilities, shape (K,), float32."""
+        score = np.clip(evidence @ np.asarray(self.weights) + self.bias, -50, 50)
+        return (1 / (1 + np.exp(-score))).astype(np.float32)
+
+    def to_json(self) -> str:
+        """Write as JSON."""
+        return json.dumps(
+            {"weights": list(self.weights), "bias": self.bias, "samples": self.samples}
+        )
+
+    @classmethod
+    def from_json(cls, text: str) -> "Calibration":
+        """Read what `to_json` wrote; a `ValueError` says what is wrong."""
+        values = json.loads(text)
+        if not isinstance(values, Mapping) or set(values) != {"weights", "bias", "samples"}:
+            raise ValueError(f"a calibration must have weights, bias and samples; got {text[:80]}")
+        try:
+            return cls(
+                weights=tuple(float(w) for w in values["weights"]),
+                bias=float(values["bias"]),
+                samples=int(values["samples"]),
+            )
+        except TypeError as err:
+            raise ValueError(f"a calibration must hold numbers; got {text[:80]}") from err
+
+
+def compute_evidence(
+    similarity: Tensor, frame: Tensor, back: Tensor, source_frame: Tensor, source_index: Tensor
+) -> np.ndarray:
+    """Compute what speaks for and against each match.
+
+    Args:
+        similarity: Of each source point to the target's points, shape (K, M).
+        frame: The target's points in the normalised frame, shape (M, 3).
+        back: Similarity of each matched point to the points of the source, shape (K, N).
+        source_frame: The source's points in the normalised frame, shape (N, 3).
+        source_index: Which of these the source points are, shape (K,).
+
+    Returns:
+        Shape (K, 4), float64: the largest similarity; by how much it exceeds the largest one farther than 0.2 away;
+        the mean distance from the match under the similarities' softmax; and how far from the source point the match
+        leads back to. Distances in normalised units.
+    """
+    best, index = similarity.max(dim=1)
+    away = torch.cdist(frame[index], frame)  # (K, M)
+    other = similarity.masked_fill(away < _FAR, -1.0).amax(dim=1)
+    spread = ((similarity / _TEMPERATURE).softmax(dim=1) * away).sum(dim=1)
+    returned = source_frame[back.argmax(dim=1)]
+    distance = (returned - source_frame[source_index]).norm(dim=1)
+    return torch.stack([best, best - other, spread, distance], dim=1).double().cpu().numpy()
+
+
+def fit_calibration(evidence: np.ndarray, is_visible: np.ndarray) -> Calibration:
+    """Fit the probability that a match's true point is visible, by Newton's method with a weak ridge.
+
+    Args:
+        evidence: Shape (n, 4).
+        is_visible: Whether the true point was visible, shape (n,), bool.
+
+    Raises:
+        ValueError: If not both kinds occur, or a shape is wrong.
+    """
+    labels = np.asarray(is_visible, dtype=np.float64)
+    if evidence.shape != (len(labels), len(EVIDENCE)):
+        raise ValueError(f"evidence must have shape (n, {len(EVIDENCE)}); got {evidence.shape}")
+    if not 0 < labels.mean() < 1:
+        raise ValueError("is_visible must hold both visible and hidden points")
+    mean, scale = evidence.mean(axis=0), evidence.std(axis=0) + 1e-9
+    design = np.c_[(evidence - mean) / scale, np.ones(len(labels))]
+    weights = np.zeros(design.shape[1])
+    ridge = np.diag([1e-2] * len(EVIDENCE) + [1e-9]) * len(labels) ** 0.5
+    for _ in range(30):
+        share = 1 / (1 + np.exp(-np.clip(design @ weights, -30, 30)))
+        gradient = design.T @ (share - labels) + ridge @ weights
+        curvature = (design * (share * (1 - share) + 1e-9)[:, None]).T @ design + ridge
+        step = np.linalg.solve(curvature, gradient)
+        weights -= step
+        if np.abs(step).max() < 1e-8:
+            break
+    slope = weights[:-1] / scale
+    return Calibration(
+        weights=tuple(slope.tolist()),
+        bias=float(weights[-1] - slope @ mean),
+        samples=len(labels),
+    )
+
+
+def compute_auroc(scores: np.ndarray, is_positive: np.ndarray) -> float:
+    """Probability that a positive has a larger score than a negative, ties counting half; NaN without both.
+
+    Args:
+        scores: Shape (n,).
+        is_positive: Shape (n,), bool.
+    """
+    positive = np.asarray(is_positive, dtype=bool)
+    count = int(positive.sum())
+    if count in (0, len(positive)):
+        return float("nan")
+    _, inverse, counts = np.unique(scores, return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(counts) - (counts - 1) / 2)[inverse]
+    above = ranks[positive].sum() - count * (count + 1) / 2
+    return float(above / (count * (len(positive) - count)))

@@ -1,0 +1,241 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+
+from dgl_gam import CheckpointError, GarmentAffordanceModel, Matcher, WeightsNotFoundError
+from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from dgl_gam.confidence import Calibration, compute_auroc, compute_evidence, fit_calibration
+from dgl_gam.config import PRESETS
+from dgl_gam.network import GarmentNetwork
+
+
+@pytest.fixture(scope="module")
+def checkpoint():
+    torch.manual_seed(0)
+    config = dataclasses.replace(PRESETS["small"], categories=("Shirt",))
+    return Checkpoint(network=GarmentNetwork(config), card={"seed": 0})
+
+
+@pytest.fixture(scope="module")
+def model(checkpoint):
+    return GarmentAffordanceModel(checkpoint)
+
+
+@pytest.fixture
+def cloud(make_flat_shirt, rng):
+    make, see = make_flat_shirt
+    shirt = make(rng)
+    return see(shirt["vertices"], shirt["faces"], rng, 600)[0].astype(np.float64)
+
+
+def test_it_is_a_matcher(model):
+    assert isinstance(model, Matcher)
+
+
+def test_a_garment_matches_itself_wherever_it_lies(model, cloud):
+    turned = cloud[:, [1, 0, 2]] * [-1, 1, 1] * 1.7 + [30.0, -20.0, 0.5]
+    indices, similarity = model.match(cloud, cloud[:50], turned)
+    assert indices.dtype == np.int64
+    assert similarity.shape == (50, 600)
+    assert similarity.dtype == np.float32
+    distance = np.linalg.norm(turned[indices] - turned[:50], axis=1)
+    assert np.quantile(distance, 0.9) < 0.1  # also with random weights
+    np.testing.assert_array_equal(indices, similarity.argmax(axis=1))
+
+
+def test_the_order_of_the_target_does_not_matter(model, cloud, rng):
+    order = rng.permutation(len(cloud))
+    first = model.match(cloud, cloud[:9], cloud)[1]
+    np.testing.assert_allclose(
+        model.match(cloud, cloud[:9], cloud[order])[1], first[:, order], atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("size", [16, 17, 700, 2048, 2049, 9000])
+def test_indices_refer_to_the_callers_points_at_any_size(model, make_flat_shirt, rng, size):
+    make, see = make_flat_shirt
+    shirt = make(rng)
+    target = see(shirt["vertices"], shirt["faces"], rng, size)[0]
+    source = see(shirt["vertices"], shirt["faces"], rng, 500)[0]
+    matches = model.locate(source, source[:4], target)
+    assert matches.similarity.shape == (4, size)
+    assert matches.indices.max() < size
+    np.testing.assert_array_equal(matches.points, target.astype(np.float64)[matches.indices])
+    assert ((matches.confidence >= 0) & (matches.confidence <= 1)).all()
+
+
+def test_large_clouds_are_reduced_independently_of_their_order(model, make_flat_shirt, rng):
+    make, see = make_flat_shirt
+    shirt = make(rng)
+    large = see(shirt["vertices"], shirt["faces"], rng, 5000)[0]
+    order = rng.permutation(5000)
+    first = model.match(large[:100], large[:3], large)[1]
+    second = model.match(large[:100], large[:3], large[order])[1]
+    # Another choice of points changes every similarity; rounding changes the neighbours of a few.
+    assert np.abs(second - first[:, order]).mean() < 1e-4
+
+
+def test_many_targets_give_what_each_gives_alone(model, cloud):
+    targets = [cloud, cloud[:300] + 1, cloud * 2, cloud[100:]]
+    together = model.locate_batch(cloud, cloud[:5], targets)
+    for target, matches in zip(targets, together, strict=True):
+        alone = model.locate(cloud, cloud[:5], target)
+        np.testing.assert_allclose(matches.similarity, alone.similarity, atol=1e-4)
+        np.testing.assert_allclose(matches.confidence, alone.confidence, atol=1e-3)
+
+
+def test_no_source_points_give_no_matches(model, cloud):
+    indices, similarity = model.match(cloud, np.zeros((0, 3)), cloud)
+    assert indices.shape == (0,)
+    assert similarity.shape == (0, 600)
+
+
+def test_affordance_has_a_channel_for_each_hand(model, cloud):
+    two = model.affordance(cloud, cloud[[3, 9]], cloud)
+    assert two.shape == (600, 2)
+    assert two.min() >= 0
+    assert two.max() <= 1
+    np.testing.assert_array_equal(two.argmax(axis=0), model.match(cloud, cloud[[3, 9]], cloud)[0])
+    one = model.affordance(cloud, cloud[[3]], cloud)
+    np.testing.assert_array_equal(one[:, 0], one[:, 1])
+    np.testing.assert_allclose(one[:, 0], two[:, 0], atol=1e-5)
+    with pytest.raises(ValueError, match="one or two, left and right; got 3"):
+        model.affordance(cloud, cloud[:3], cloud)
+
+
+def test_averaging_over_views_is_repeatable(checkpoint, cloud):
+    results = [
+        GarmentAffordanceModel(checkpoint, source_views=3).match(cloud, cloud[:5], cloud)[1]
+        for _ in range(2)
+    ]
+    np.testing.assert_array_equal(*results)
+    alone = GarmentAffordanceModel(checkpoint).match(cloud, cloud[:5], cloud)[1]
+    assert not np.allclose(alone, results[0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c[:15], r"target_cloud must have at least 16 point\(s\); got 15"),
+        (lambda c: c[:, :2], r"target_cloud must have shape \(N, 3\); got \(600, 2\)"),
+        (lambda c: np.where(c == c[5, 0], np.nan, c), "target_cloud must be finite"),
+        (np.zeros_like, "extent above"),
+    ],
+)
+def test_bad_clouds_are_refused_in_one_line(model, cloud, change, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        model.match(cloud, cloud[:2], change(cloud))
+    assert "\n" not in str(caught.value)
+    if "target_cloud" in message:
+        with pytest.raises(ValueError, match=message.replace("target_cloud", "source_cloud")):
+            model.match(change(cloud), cloud[:2], cloud)
+
+
+def test_unknown_categories_and_missing_weights_are_refused(checkpoint, tmp_path):
+    with pytest.raises(ValueError, match="category must be one of Shirt; got 'Hat'"):
+        GarmentAffordanceModel(checkpoint, category="Hat")
+    with pytest.raises(WeightsNotFoundError, match="no trained weights for 'Flying_Carpet'"):
+        GarmentAffordanceModel.load("Flying_Carpet")
+    with pytest.raises(CheckpointError, match=r"none\.safetensors cannot be read"):
+        GarmentAffordanceModel.load(tmp_path / "none.safetensors")
+    with pytest.raises(ValueError, match="source_views must be at least 1"):
+        GarmentAffordanceModel(checkpoint, source_views=0)
+
+
+def test_what_is_saved_is_loaded(model, cloud, tmp_path):
+    calibration = Calibration(weights=(1.0, 2.0, 3.0, 4.0), bias=0.5, samples=7)
+    model.with_calibration(calibration).save(tmp_path / "deep" / "a.safetensors")
+    loaded = GarmentAffordanceModel.load(str(tmp_path / "deep" / "a.safetensors"))
+    assert loaded.checkpoint.calibration == calibration
+    assert loaded.checkpoint.card == {"seed": 0}
+    assert loaded.category == "Shirt"
+    np.testing.assert_array_equal(
+        loaded.match(cloud, cloud[:5], cloud)[1], model.match(cloud, cloud[:5], cloud)[1]
+    )
+    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a.safetensors"]
+
+
+def test_half_precision_halves_the_file_and_hardly_changes_the_features(model, cloud, tmp_path):
+    model.save(tmp_path / "full.safetensors")
+    model.save(tmp_path / "half.safetensors", is_half=True)
+    sizes = [(tmp_path / f"{name}.safetensors").stat().st_size for name in ("full", "half")]
+    assert sizes[1] < 0.52 * sizes[0]
+    assert sizes[1] < 1.4e6
+    half = GarmentAffordanceModel.load(tmp_path / "half.safetensors")
+    np.testing.assert_allclose(
+        half.match(cloud, cloud[:5], cloud)[1], model.match(cloud, cloud[:5], cloud)[1], atol=0.02
+    )
+
+
+def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_path):
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(path, checkpoint)
+    whole = path.read_bytes()
+    tensors = {name: t.clone() for name, t in load_file(path).items()}  # off the mapped file
+    with safe_open(path, framework="pt") as file:
+        metadata = dict(file.metadata())
+
+    def refuse(message):
+        with pytest.raises(CheckpointError, match=message) as caught:
+            load_checkpoint(path)
+        assert "a.safetensors" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    for content in (whole[:1000], whole[:-100], b"", b"garbage" * 100):
+        path.write_bytes(content)
+        refuse("cannot be read as a network")
+    save_file(tensors, path, metadata={"format": "another"})
+    refuse("is no network of dgl_gam")
+    save_file(tensors, path, metadata={**metadata, "version": "9"})
+    refuse("version must be '1'; got '9'")
+    save_file(tensors, path, metadata={**metadata, "network": "{}"})
+    refuse("metadata are damaged")
+    save_file(dict(list(tensors.items())[1:]), path, metadata=metadata)
+    refuse("do not fit its configuration")
+    name = "position.weight"
+    save_file({**tensors, name: tensors[name][:5].clone()}, path, metadata=metadata)
+    refuse("do not fit its configuration: position.weight")
+    save_file({**tensors, name: tensors[name] * float("nan")}, path, metadata=metadata)
+    refuse("must be finite; not so: position.weight")
+
+
+def test_evidence_tells_a_sharp_match_from_a_flat_one():
+    frame = torch.linspace(0, 1, 50)[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    sharp = 1 - (frame[:, 0] - 0.3).abs() * 4
+    flat = 0.5 - (frame[:, 0] - 0.3).abs() * 0.01
+    similarity = torch.stack([sharp.clamp(-1, 1), flat])
+    back = torch.stack([sharp.clamp(-1, 1), -frame[:, 0]])
+    index = torch.tensor([15, 15])
+    found = compute_evidence(similarity, frame, back, frame, index)
+    assert found.shape == (2, 4)
+    assert found[0, 0] > found[1, 0]
+    assert found[0, 1] > 0.5 > found[1, 1]
+    assert found[0, 2] < found[1, 2]
+    assert found[0, 3] < 0.02 < found[1, 3]
+
+
+def test_calibration_finds_the_weights_that_made_the_labels(rng):
+    evidence = rng.normal(size=(4000, 4)) * [1, 0.1, 3, 1] + [0, 5, 0, 0]
+    score = evidence @ [2.0, 10.0, -0.5, 0.0] - 49.0
+    labels = rng.uniform(size=4000) < 1 / (1 + np.exp(-score))
+    found = fit_calibration(evidence, labels)
+    np.testing.assert_allclose(found.weights, [2.0, 10.0, -0.5, 0.0], rtol=0.15, atol=0.15)
+    confidence = found.apply(evidence)
+    for low in (0.1, 0.4, 0.7):
+        chosen = (confidence > low) & (confidence < low + 0.2)
+        assert labels[chosen].mean() == pytest.approx(confidence[chosen].mean(), abs=0.08)
+    assert Calibration.from_json(found.to_json()) == found
+    with pytest.raises(ValueError, match="both visible and hidden"):
+        fit_calibration(evidence, np.ones(4000, bool))
+
+
+def test_auroc_counts_ordered_pairs():
+    rng = np.random.default_rng(0)
+    scores, labels = rng.integers(0, 9, 60) / 9, rng.uniform(size=60) < 0.4
+    pairs = [(a > b) + 0.5 * (a == b) for a in scores[labels] for b in scores[~labels]]
+    assert compute_auroc(scores, labels) == pytest.approx(np.mean(pairs))
+    assert np.isnan(compute_auroc(scores, np.ones(60, bool)))
