@@ -219,3 +219,22 @@ def test_an_interrupted_build_leaves_whole_files_and_says_how_to_go_on(tmp_path)
     assert {path.suffix for path in files} == {".npz"}
     ids = [f"Glove/{path.stem}" for path in files]
     assert all(built.error is None and built.is_cached for built in build_garments(ids, tmp_path))
+
+
+def test_materials_are_drawn_and_their_maps_written(tmp_path, capsys):
+    out, maps = tmp_path / "sheet.png", tmp_path / "maps"
+    words = ["assets", "materials", "--seed", "3", "--fabrics", "2", "--floors", "1"]
+    assert main([*words, "--out", str(out), "--maps", str(maps), "--size", "64", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [row["id"] for row in result["materials"]] == ["fabric_00", "fabric_01", "floor_00"]
+    assert out.stat().st_size > 10_000
+    assert len(list(maps.iterdir())) == 9
+    for row in result["materials"]:
+        assert row["name"]
+        assert row["tile_size"] > 0
+        with Image.open(row["maps"]["normal"]) as image:
+            assert image.size == (64, 64)
+    assert main([*words, "--out", str(tmp_path / "sheet.jpg")]) == 1
+    assert "--out must be a file .png" in capsys.readouterr().err
+    assert main(["assets", "materials", "--out", str(out), "--fabrics", "-1"]) == 1
+    assert capsys.readouterr().err == "dgl: --fabrics must not be negative; got -1\n"

@@ -13,6 +13,7 @@ from dexgarmentlab.cli.assets_catalogue import (
     show,
 )
 from dexgarmentlab.cli.assets_import import ImportOptions, bring
+from dexgarmentlab.cli.assets_looks import MaterialsOptions, show_materials
 
 __all__ = ["Options", "run"]
 
@@ -20,13 +21,16 @@ Options = Annotated[
     Annotated[ListOptions, tyro.conf.subcommand("list")]
     | Annotated[ShowOptions, tyro.conf.subcommand("show")]
     | Annotated[BuildOptions, tyro.conf.subcommand("build")]
+    | Annotated[MaterialsOptions, tyro.conf.subcommand("materials")]
     | Annotated[ImportOptions, tyro.conf.subcommand("import")],
     tyro.conf.arg(name=""),
 ]
 """What each action takes."""
 
 
-def run(options: ListOptions | ShowOptions | BuildOptions | ImportOptions) -> int:
+def run(
+    options: ListOptions | ShowOptions | BuildOptions | MaterialsOptions | ImportOptions,
+) -> int:
     """Do what the action says."""
     if isinstance(options, ListOptions):
         return list_garments(options)
@@ -34,4 +38,6 @@ def run(options: ListOptions | ShowOptions | BuildOptions | ImportOptions) -> in
         return show(options)
     if isinstance(options, BuildOptions):
         return build(options)
+    if isinstance(options, MaterialsOptions):
+        return show_materials(options)
     return bring(options)

@@ -144,14 +144,18 @@ def show(options: ShowOptions) -> int:
         load_garment,
         save_picture,
     )
-    from dgl_assets.fabrics import make_fabric
+    from dgl_assets.materials import sample_fabric_material
 
     if options.out.suffix.lower() != ".png":
         raise ValueError(f"--out must be a file .png; got {options.out}")
     if "/" in options.what:
         garment = load_garment(options.what)
         picture = draw_garment(
-            garment, fabric=make_fabric(0), size=1000, has_landmarks=True, has_names=True
+            garment,
+            fabric=sample_fabric_material(13).render(),
+            size=1000,
+            has_landmarks=True,
+            has_names=True,
         )
         result: dict[str, Any] = {
             "id": options.what,

@@ -9,7 +9,7 @@ from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
 from dgl_assets import Garment, garment_ids, load_garment
-from dgl_assets.fabrics import Fabric, make_fabric
+from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import (
     HAND_POSES,
     HOME_CONFIGURATION,
@@ -67,7 +67,7 @@ class GarmentEnv(BaseEnv):
         self._is_drawn = False
         self.cloth: SapienCloth
         self.garment: Garment
-        self.fabric: Fabric
+        self.fabric: FabricMaterial
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
             robot_uids = make_agent_class(
@@ -124,7 +124,7 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
         garment_id = options.get("garment", drawn)
-        self.fabric = make_fabric([seed, 7])
+        self.fabric = sample_fabric_material([seed, 7], has_pale=False)
         self.draws = {
             "garment": garment_id,
             "x": float(x),
@@ -299,13 +299,15 @@ class GarmentEnv(BaseEnv):
         if self._is_drawn:
             return
         if self._garment_visual is None:
+            maps = self.fabric.render()
+            flat = self.garment.rest_vertices[:, :2]  # of shells, as seen from above
             self._garment_visual = GarmentVisual(
                 self.scene.sub_scenes[0],
                 self.garment.faces,
-                colour=self.fabric.colour,
-                roughness=self.fabric.roughness,
-                uvs=self.fabric.compute_uvs(self.garment.rest_vertices),
-                texture=self.fabric.texture,
+                colour=maps.mean_colour,
+                roughness=maps.mean_roughness,
+                uvs=maps.compute_uvs(flat),
+                texture=maps.base_colour,
             )
         if self._shadow is None:
             self._shadow = build_shadow(

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dgl_assets.fabrics import Fabric, make_fabric
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.view import compute_vertex_normals, project
+from dgl_assets.materials import MaterialMaps, sample_fabric_material
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -28,12 +28,13 @@ _LIGHT = np.array([-0.45, 0.65, 0.62])  # on shells: from the left and above, in
 _SEAM_STRENGTH = {True: 110, False: 150}  # thinner on shells, which are drawn larger
 _FLAP_LIGHT = 0.10  # a leaf of a collar catches more light than the front below it
 _MARGIN = 0.06  # of a cell
+_TEXELS = 128  # along a tile of fabric, about as fine as a sheet's pixels
 
 
 def draw_garment(
     garment: Garment,
     *,
-    fabric: Fabric,
+    fabric: MaterialMaps,
     size: int = 256,
     metres: float | None = None,
     has_landmarks: bool = False,
@@ -113,7 +114,7 @@ def draw_contact_sheet(
         row, column = divmod(index, columns)
         sheet[row * size : (row + 1) * size, column * size : (column + 1) * size] = draw_garment(
             garment,
-            fabric=make_fabric([seed, index]),
+            fabric=sample_fabric_material([seed, index], has_pale=False).render(_TEXELS),
             size=size,
             metres=metres,
             has_landmarks=has_landmarks,
@@ -150,7 +151,7 @@ def _measure_span(garment: Garment) -> float:
 
 
 def _shade(
-    garment: Garment, fabric: Fabric, faces: np.ndarray, pixels: np.ndarray, view: np.ndarray
+    garment: Garment, fabric: MaterialMaps, faces: np.ndarray, pixels: np.ndarray, view: np.ndarray
 ) -> np.ndarray:
     image = np.empty((*faces.shape, 3), dtype=np.uint8)
     image[:] = _BACKGROUND
@@ -160,12 +161,12 @@ def _shade(
     weights = _compute_weights(np.stack([column + 0.5, row + 0.5], axis=1), pixels[corners])
     if garment.wall_thickness is None:
         uv = fabric.compute_uvs(garment.rest_vertices)
-        place = (uv[corners] * weights[..., None]).sum(axis=1) * len(fabric.texture)
-        texel = np.floor(place).astype(int) % len(fabric.texture)
-        colour = fabric.texture[texel[:, 1], texel[:, 0]].astype(np.float64)
+        place = (uv[corners] * weights[..., None]).sum(axis=1) * len(fabric.base_colour)
+        texel = np.floor(place).astype(int) % len(fabric.base_colour)
+        colour = fabric.base_colour[texel[:, 1], texel[:, 0]].astype(np.float64)
         light = _light_cloth(garment)[face]
     else:
-        colour = fabric.texture.mean(axis=(0, 1))
+        colour = fabric.base_colour.mean(axis=(0, 1))
         light = _light_shell(garment, view, face, weights)
     image[row, column] = np.clip(colour * light[:, None], 0, 255).astype(np.uint8)
     return image

@@ -1,0 +1,327 @@
+"""Fabrics: a construction, a pattern and yarns, drawn from a seed and rendered to maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from dgl_assets.garments.drawing import pick
+from dgl_assets.materials.colours import (
+    PALE,
+    PARTNERS,
+    TARTANS,
+    YARNS,
+    Rgb,
+    check_colours,
+    shift,
+)
+from dgl_assets.materials.fields import get_coordinates, make_noise, mix, step
+from dgl_assets.materials.maps import DEFAULT_SIZE, MaterialMaps, get_fine_size, make_maps
+from dgl_assets.materials.weaves import REPEATS, Relief, Weave, count_courses, make_relief
+from dgl_assets.ranges import check_ranges
+
+Pattern = Literal["plain", "melange", "stripes", "gingham", "tartan", "dots", "chambray"]
+"""How the yarns are coloured; dots are printed."""
+
+TILE_SIZE = 0.24
+"""Side of a fabric's tile [m]."""
+THREADS = (20, 160)
+"""Fewest and most threads along a tile: of 12 and 1.5 mm, coarser than most to be seen at all."""
+COLOUR_COUNTS: dict[str, int] = {
+    "plain": 1,
+    "melange": 2,
+    "stripes": 2,
+    "gingham": 2,
+    "tartan": 4,
+    "dots": 2,
+    "chambray": 2,
+}
+"""Yarns of each pattern; of chambray, the warp's and the weft's."""
+_KNITS = ("jersey", "rib")
+_WOVEN_ONLY = ("gingham", "tartan", "chambray")
+_RANGES = {
+    "scale": (1, 40),
+    "width": (0.05, 0.95),
+    "roughness": (0.2, 1.0),
+    "unevenness": (0.0, 1.0),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FabricMaterial:
+    """How a cloth looks."""
+
+    weave: Weave
+    pattern: Pattern
+    colours: tuple[Rgb, ...]
+    """Yarns, sRGB; as many as `COLOUR_COUNTS` says."""
+    threads: int
+    """Threads, or columns of stitches, along a tile; in `THREADS`, a multiple of the repeat."""
+    scale: int = 6
+    """Repeats of the pattern along a tile, in [1, 40]; even for dots."""
+    width: float = 0.5
+    """Share of the second colour in a repeat, in [0.05, 0.95]: of stripes, of a dot's diameter."""
+    roughness: float = 0.85
+    """Mean roughness, in [0.2, 1]; 1 is chalk."""
+    unevenness: float = 0.3
+    """How much yarns differ in thickness and shade, in [0, 1]."""
+    seed: int = 0
+    """Of the unevenness."""
+    label: str = ""
+    """What the name begins with, such as the yarn's colour."""
+
+    def __post_init__(self) -> None:
+        if self.weave not in REPEATS:
+            raise ValueError(f"weave must be one of {sorted(REPEATS)}; got {self.weave!r}")
+        if self.pattern not in COLOUR_COUNTS:
+            raise ValueError(
+                f"pattern must be one of {sorted(COLOUR_COUNTS)}; got {self.pattern!r}"
+            )
+        if self.weave in _KNITS and self.pattern in _WOVEN_ONLY:
+            raise ValueError(f"pattern of a knit cannot be {self.pattern!r}, which is woven")
+        check_colours("colours", self.colours, COLOUR_COUNTS[self.pattern])
+        check_ranges(vars(self), _RANGES)
+        check_ranges(vars(self), {"threads": THREADS})
+        if self.threads % REPEATS[self.weave]:
+            raise ValueError(
+                f"threads of {self.weave} must be a multiple of {REPEATS[self.weave]}; "
+                f"got {self.threads}"
+            )
+        if self.pattern == "dots" and self.scale % 2:
+            raise ValueError(f"scale of dots must be even; got {self.scale}")
+
+    @property
+    def name(self) -> str:
+        """Colour, pattern and construction, such as "navy stripes jersey"."""
+        pattern = "" if self.pattern in ("plain", "chambray") else self.pattern
+        return " ".join(part for part in (self.label, pattern, self.weave) if part)
+
+    def render(self, size: int = DEFAULT_SIZE) -> MaterialMaps:
+        """Compute the maps of one tile.
+
+        Args:
+            size: Pixels along a side, in [32, 2048].
+        """
+        fine = get_fine_size(size)
+        rng = np.random.default_rng([self.seed, 11])
+        relief = make_relief(self.weave, self.threads, fine)
+        colour = self._colour(relief, fine, rng)
+        light = 1.0 + 0.32 * (relief.height - relief.height.mean()) + self._shade(fine, rng)
+        yarn = TILE_SIZE / self.threads
+        return make_maps(
+            name=self.name,
+            size=size,
+            tile_size=TILE_SIZE,
+            colour=colour * light[..., None],
+            height=0.25 * yarn * relief.height,  # cloth is pressed, not a basket
+            roughness=np.clip(self.roughness + 0.12 * (0.5 - relief.height), 0.0, 1.0),
+        )
+
+    def _shade(self, size: int, rng: np.random.Generator) -> np.ndarray:
+        """Relative brightness of uneven yarns: streaks along both, and a broad mottle."""
+        threads = self.threads
+        along_warp = make_noise(rng, size, (10, threads))
+        along_weft = make_noise(rng, size, (threads, 10))
+        mottle = make_noise(rng, size, (9, 9))
+        share = 0.5 if self.weave not in _KNITS else 0.25
+        streaks = share * along_warp + (1 - share) * along_weft
+        return self.unevenness * (0.13 * streaks + 0.025 * mottle)
+
+    def _colour(self, relief: Relief, size: int, rng: np.random.Generator) -> np.ndarray:
+        """Colour of what is on top, sRGB in [0, 255], shape (N, N, 3)."""
+        yarns = np.array(self.colours, dtype=np.float64)
+        plain = np.broadcast_to(yarns[0], (size, size, 3))
+        if self.pattern == "plain":
+            return plain
+        if self.pattern == "melange":
+            fibres = make_noise(rng, size, (210, 64)) + 0.5 * make_noise(rng, size, (160, 24))
+            return mix(plain, yarns[1], np.clip(self.width * (0.5 + 0.3 * fibres), 0.0, 1.0))
+        if self.pattern == "dots":
+            return mix(plain, yarns[1], _print_dots(size, self.scale, self.width))
+        along_v, along_u = self._dye(yarns, size)
+        if relief.is_warp is None:
+            return np.broadcast_to(along_v[:, None], (size, size, 3))
+        return mix(along_v[:, None], along_u[None, :], relief.is_warp)
+
+    def _dye(self, yarns: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Colours of wefts by v and of warps by u, each (N, 3)."""
+        u, _ = get_coordinates(size)
+        count = self.threads if self.weave not in _KNITS else count_courses(self.threads)
+        thread = (np.floor(u.ravel() * count) + 0.5) / count
+        place = thread * self.scale % 1.0
+        if self.pattern == "chambray":
+            return np.tile(yarns[1], (size, 1)), np.tile(yarns[0], (size, 1))
+        if self.pattern == "tartan":
+            dyed = yarns[_SETT[np.floor(place * len(_SETT)).astype(int)]]
+            return dyed, dyed
+        dyed = yarns[(place < self.width).astype(int)]
+        if self.pattern == "gingham" or self.weave in _KNITS:
+            return dyed, dyed
+        return np.tile(yarns[0], (size, 1)), dyed  # stripes of the warp
+
+
+def _make_sett() -> np.ndarray:
+    """Colours of one repeat of a tartan: symmetric about both its pivots."""
+    half = [0] * 12 + [3] * 1 + [0] * 3 + [2] * 2 + [1] * 4 + [2] * 2 + [1] * 6
+    return np.array(half + half[::-1])
+
+
+_SETT = _make_sett()
+
+
+def _print_dots(size: int, count: int, diameter: float) -> np.ndarray:
+    """Dots in staggered rows, shape (N, N): how far a pixel is printed on."""
+    u, v = get_coordinates(size)
+    row = np.floor(v * count)
+    x = (u * count + 0.5 * (row % 2)) % 1.0 - 0.5
+    y = (v * count) % 1.0 - 0.5
+    edge = 1.5 * count / size
+    return 1.0 - step(np.hypot(x, y), diameter / 2 - edge, diameter / 2 + edge)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Kind:
+    """What is drawn for a construction."""
+
+    share: float
+    threads: tuple[int, ...]
+    patterns: Mapping[Pattern, float]
+    roughness: tuple[float, float]
+    unevenness: tuple[float, float]
+
+
+_KINDS: dict[Weave, _Kind] = {
+    "plain": _Kind(
+        share=0.14,
+        threads=(112, 120, 128),
+        patterns={"plain": 2, "stripes": 2, "gingham": 3, "tartan": 1, "dots": 2, "chambray": 2},
+        roughness=(0.75, 0.9),
+        unevenness=(0.15, 0.4),
+    ),
+    "oxford": _Kind(
+        share=0.08,
+        threads=(96, 104, 112),
+        patterns={"plain": 1, "stripes": 2, "chambray": 3},
+        roughness=(0.75, 0.9),
+        unevenness=(0.2, 0.4),
+    ),
+    "twill": _Kind(
+        share=0.14,
+        threads=(96, 104, 112),
+        patterns={"plain": 2, "tartan": 4, "gingham": 1},
+        roughness=(0.75, 0.9),
+        unevenness=(0.2, 0.45),
+    ),
+    "denim": _Kind(
+        share=0.1,
+        threads=(88, 96, 104),
+        patterns={"chambray": 1},
+        roughness=(0.85, 0.95),
+        unevenness=(0.6, 1.0),
+    ),
+    "herringbone": _Kind(
+        share=0.08,
+        threads=(80, 96),
+        patterns={"chambray": 3, "plain": 1},
+        roughness=(0.85, 0.95),
+        unevenness=(0.3, 0.5),
+    ),
+    "satin": _Kind(
+        share=0.08,
+        threads=(140, 150, 160),
+        patterns={"plain": 4, "stripes": 1, "dots": 1},
+        roughness=(0.35, 0.5),
+        unevenness=(0.0, 0.12),
+    ),
+    "linen": _Kind(
+        share=0.1,
+        threads=(88, 96, 104),
+        patterns={"plain": 4, "chambray": 2, "stripes": 2},
+        roughness=(0.85, 0.95),
+        unevenness=(0.7, 1.0),
+    ),
+    "jersey": _Kind(
+        share=0.2,
+        threads=(64, 72, 80),
+        patterns={"plain": 3, "melange": 4, "stripes": 4, "dots": 1},
+        roughness=(0.8, 0.95),
+        unevenness=(0.15, 0.4),
+    ),
+    "rib": _Kind(
+        share=0.08,
+        threads=(48, 56, 64),
+        patterns={"plain": 3, "melange": 3, "stripes": 1},
+        roughness=(0.85, 0.95),
+        unevenness=(0.2, 0.4),
+    ),
+}
+WEAVES: tuple[Weave, ...] = get_args(Weave)
+"""All constructions."""
+
+
+def sample_fabric_material(
+    seed: int | Sequence[int] | np.random.Generator,
+    *,
+    weaves: Sequence[Weave] = WEAVES,
+    has_pale: bool = True,
+) -> FabricMaterial:
+    """Draw a fabric.
+
+    Args:
+        seed: Seed or generator; equal seeds give equal fabrics.
+        weaves: Constructions to choose from.
+        has_pale: Whether white, ecru and stone may fill it.
+    """
+    unknown = sorted(set(weaves) - set(WEAVES))
+    if unknown or not weaves:
+        raise ValueError(f"weaves must be some of {list(WEAVES)}; got {unknown or list(weaves)}")
+    rng = np.random.default_rng(seed)
+    weave: Weave = pick(rng, {w: _KINDS[w].share for w in weaves})  # pyright: ignore[reportAssignmentType]
+    kind = _KINDS[weave]
+    pattern: Pattern = pick(rng, {str(p): w for p, w in kind.patterns.items()})  # pyright: ignore[reportAssignmentType]
+    names = _draw_yarns(rng, weave, pattern, has_pale=has_pale)
+    scale, width = _SCALES[pattern](rng)
+    label = "/".join(names[: 2 if pattern in ("chambray", "stripes", "gingham", "dots") else 1])
+    return FabricMaterial(
+        weave=weave,
+        pattern=pattern,
+        colours=tuple(shift(YARNS[name], rng, 4.0) for name in names),
+        threads=int(rng.choice(kind.threads)),
+        scale=scale,
+        width=width,
+        roughness=float(rng.uniform(*kind.roughness)),
+        unevenness=float(rng.uniform(*kind.unevenness)),
+        seed=int(rng.integers(2**31)),
+        label=label,
+    )
+
+
+def _draw_yarns(
+    rng: np.random.Generator, weave: Weave, pattern: Pattern, *, has_pale: bool
+) -> tuple[str, ...]:
+    if weave == "denim":
+        return (str(rng.choice(["navy", "denim", "black", "charcoal"])), "ecru")
+    if pattern == "tartan":
+        return TARTANS[rng.integers(len(TARTANS))]
+    first = [name for name in YARNS if has_pale or name not in PALE]
+    main = first[rng.integers(len(first))]
+    if COLOUR_COUNTS[pattern] == 1:
+        return (main,)
+    if pattern == "melange":  # fibres of a quiet colour spun in
+        return main, str(rng.choice(["charcoal", "camel"] if main in PALE else list(PALE)))
+    return main, str(rng.choice(PARTNERS[main]))
+
+
+_SCALES: dict[Pattern, Callable[[np.random.Generator], tuple[int, float]]] = {
+    "plain": lambda rng: (1, 0.5),
+    "chambray": lambda rng: (1, 0.5),
+    "melange": lambda rng: (1, float(rng.uniform(0.3, 0.8))),
+    "stripes": lambda rng: (int(rng.choice([3, 4, 6, 8, 10, 12])), float(rng.uniform(0.2, 0.6))),
+    "gingham": lambda rng: (int(rng.choice([6, 8, 10, 16])), 0.5),
+    "tartan": lambda rng: (int(rng.choice([1, 2, 2])), 0.5),
+    "dots": lambda rng: (int(rng.choice([6, 8, 10, 14])), float(rng.uniform(0.3, 0.55))),
+}
+"""Draw repeats along a tile, and the second colour's share, for each pattern."""
