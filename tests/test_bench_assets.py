@@ -1,13 +1,22 @@
 """Garments are chosen, measured and dropped; a run can be interrupted and continued."""
 
 import json
+import re
 from collections import Counter
 from dataclasses import replace
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from dexgarmentlab.bench_assets import Attempt, RunConfig, drop_garments, load_run, make_rows
+from dexgarmentlab.bench_assets import (
+    Attempt,
+    RunConfig,
+    drop_garments,
+    load_run,
+    make_rows,
+    write_report,
+)
 from dexgarmentlab.bench_assets.attempts import append_attempt, find_positions, read_attempts
 from dexgarmentlab.bench_assets.drop import drop_garment
 from dexgarmentlab.bench_assets.measures import (
@@ -16,7 +25,9 @@ from dexgarmentlab.bench_assets.measures import (
     find_edges,
     measure_landmarks,
 )
+from dexgarmentlab.bench_assets.report import make_table
 from dexgarmentlab.bench_assets.selection import find_partners, select_ids
+from dexgarmentlab.bench_assets.sheets import load_dropped
 from dexgarmentlab.cli import main
 from dgl_assets import garment_ids, list_categories, load_garment
 
@@ -318,6 +329,63 @@ def test_a_run_is_interrupted_and_continued(tmp_path):
         assert np.load(find_positions(tmp_path, attempt.id)).shape == (attempt.vertices, 3)
 
 
+def test_the_report_of_hand_made_garments(tmp_path):
+    """Failures are listed by id with their number; pictures come from where the garments lie."""
+    scarf, glove = load_garment("Scarf/000001"), load_garment("Glove/000001")
+    strained = replace(GOOD, id="Scarf/000007", strain_worst=0.0234, frames_over=4)
+    moving = replace(GOOD, id="Glove/000001", still_seconds=None, speed=0.0125, crossings_end=3)
+    failed = Attempt(id="Glove/000002", error="MeshError: a <b> edge")
+    for attempt in (GOOD, strained, moving, failed):
+        append_attempt(tmp_path / "attempts.jsonl", attempt)
+    content = {"count": 5, "frames": 300, "versions": {"numpy": "9.9"}, "commands": ["dgl <x>"]}
+    (tmp_path / "run.json").write_text(json.dumps(content))
+    for garment in (scarf, glove):  # nothing is there of the other scarf
+        path = find_positions(tmp_path, garment.name)
+        path.parent.mkdir(parents=True)
+        np.save(path, garment.vertices)
+    drawn = []
+    page = write_report(tmp_path, on_picture=lambda: drawn.append(1))
+    text = page.read_text()
+    assert len(drawn) == 6
+    assert "2 of 4</b>garments stay whole" in text
+    assert "4 of 5</b>garments dropped" in text
+    assert "<td>Scarf/000007</td>" in text
+    assert "mean strain 2.34 % in frame 7, 0.30 % at the end" in text
+    assert "MeshError: a &lt;b&gt; edge" in text
+    assert "12.5 mm/s" in text
+    assert "3 edges pierce a triangle; 0 as made" in text
+    assert "dgl &lt;x&gt;" in text
+    assert "9.9" in text
+    for name in re.findall('src="([^"]+)"', text):
+        assert np.ptp(iio.imread(tmp_path / name)) > 100
+    table = (tmp_path / "table.md").read_text().splitlines()
+    assert [line.split(" | ")[0] for line in table] == [
+        "| category", table[1], "| Scarf", "| Glove", "| all"
+    ]  # fmt: skip
+    assert table[2].split(" | ")[1:4] == ["2", "50.0 %", "0"]
+    assert table[4].split(" | ")[1:4] == ["4", "50.0 %", "1"]
+    assert len({line.count("|") for line in table}) == 1
+
+
+def test_pictures_of_another_mesh_are_refused(tmp_path):
+    append_attempt(tmp_path / "attempts.jsonl", GOOD)
+    content = {"count": 1, "frames": 300, "versions": {}, "commands": []}
+    (tmp_path / "run.json").write_text(json.dumps(content))
+    path = find_positions(tmp_path, GOOD.id)
+    path.parent.mkdir(parents=True)
+    np.save(path, np.zeros((7, 3), np.float32))
+    with pytest.raises(ValueError, match=r"as the generator makes Scarf/000001; got \(7, 3\)"):
+        write_report(tmp_path)
+    with pytest.raises(ValueError, match="holds no positions"):
+        load_dropped(tmp_path, replace(GOOD, id="Scarf/000002"))
+
+
+def test_a_share_is_not_rounded_up_to_all():
+    rows = [replace(GOOD, id=f"Scarf/{k:06d}") for k in range(2500)]
+    rows[7] = replace(rows[7], strain_worst=0.02)
+    assert make_table(rows).splitlines()[2].split(" | ")[1:3] == ["2,500", "99.9 %"]
+
+
 def test_a_folder_without_a_run_is_no_run(tmp_path):
     with pytest.raises(ValueError, match="holds no run"):
         load_run(tmp_path)
@@ -342,3 +410,9 @@ def test_the_command_writes_rows(tmp_path, capsys):
     assert command == [f"dgl bench assets --out {out} --count 2 --category Scarf Glove --frames 3"]
     assert main(["bench", "assets", "--out", str(out), *words]) == 1
     assert "is not empty" in capsys.readouterr().err
+
+    assert main(["bench", "assets", "--out", str(out), "--no-drop", "--report", "--json"]) == 0
+    written = capsys.readouterr()
+    assert {row["name"]: row for row in json.loads(written.out)} == rows
+    assert f"report: {out / 'report.html'}" in written.err
+    assert len(list((out / "pictures").iterdir())) == 6

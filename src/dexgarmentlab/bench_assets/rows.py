@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dexgarmentlab.bench_assets.attempts import STRAIN_LIMIT, Attempt
 from dexgarmentlab.bench_physics.rows import Row
 
-__all__ = ["PARTICLE_RANGE", "group", "make_rows"]
+__all__ = ["PARTICLE_RANGE", "group", "make_rows", "summarise"]
 
 PARTICLE_RANGE = (1500, 8000)
 """Accepted particles of a garment, both included."""
@@ -24,14 +24,15 @@ def group(attempts: Iterable[Attempt]) -> dict[str, list[Attempt]]:
 
 def make_rows(attempts: Sequence[Attempt]) -> list[Row]:
     """Make the rows of all garments and, where there are several categories, of each."""
-    rows = _make_rows("all", attempts)
+    rows = summarise("all", attempts)
     categories = group(attempts)
     for name, own in categories.items() if len(categories) > 1 else ():
-        rows += _make_rows(name, own)
+        rows += summarise(name, own)
     return rows
 
 
-def _make_rows(name: str, attempts: Sequence[Attempt]) -> list[Row]:
+def summarise(name: str, attempts: Sequence[Attempt]) -> list[Row]:
+    """Make the rows of some garments, each named after them and what was measured: `all.whole`."""
     built = [a for a in attempts if a.edge_share is not None]
     dropped = [a for a in built if not a.error]
     low, high = PARTICLE_RANGE

@@ -41,12 +41,16 @@ class AssetsOptions:
     """Processes that drop garments at the same time."""
     resume: bool = False
     """Continue the run in the output folder."""
+    report: bool = False
+    """Write report.html, with pictures, and table.md into the folder, of what it holds by then."""
+    drop: bool = True
+    """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it goes on."""
     json: bool = False
     """Write the rows as JSON."""
 
     @property
     def command(self) -> str:
-        """The command line that asks for the same, without --resume and --json."""
+        """The command line that asks for the same, without --resume, --no-drop and --json."""
         words: list[object] = ["dgl", "bench", "assets", "--out", self.out]
         if self.count != _COUNT:
             words += ["--count", self.count]
@@ -56,15 +60,22 @@ class AssetsOptions:
             words += ["--frames", self.frames]
         if self.workers != 1:
             words += ["--workers", self.workers]
+        if self.report:
+            words += ["--report"]
         return shlex.join(str(word) for word in words)
 
 
 def measure_assets(options: AssetsOptions) -> int:
     """Drop the garments that are left and write the rows."""
-    from dexgarmentlab.bench_assets import RunConfig, make_rows
+    from dexgarmentlab.bench_assets import RunConfig, load_run, make_rows
 
-    config = RunConfig(count=options.count, categories=options.category, frames=options.frames)
-    attempts, is_interrupted = _drop(config, options)
+    if options.drop:
+        config = RunConfig(count=options.count, categories=options.category, frames=options.frames)
+        attempts, is_interrupted = _drop(config, options)
+    else:
+        (_, attempts), is_interrupted = load_run(options.out), False
+    if options.report and attempts:
+        console.info(f"report: {_report(options.out, attempts)}")
     print_rows(make_rows(attempts), as_json=options.json)
     if is_interrupted:
         console.error(
@@ -73,6 +84,14 @@ def measure_assets(options: AssetsOptions) -> int:
         )
         return EXIT_INTERRUPTED
     return EXIT_OK
+
+
+def _report(folder: Path, attempts: "list[Attempt]") -> Path:
+    """Write the report with a progress bar."""
+    from dexgarmentlab.bench_assets import count_pictures, write_report
+
+    with console.progress("drawing", count_pictures(attempts)) as bar:
+        return write_report(folder, on_picture=bar.advance)
 
 
 def _drop(config: "RunConfig", options: AssetsOptions) -> tuple[list["Attempt"], bool]:
