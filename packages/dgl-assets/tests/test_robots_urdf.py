@@ -18,7 +18,12 @@ from dgl_assets.robots import (
     collision_shapes,
 )
 from dgl_assets.robots._solids import Section, ball, cylinder, loft, rounded_box, shade
-from dgl_assets.robots.visual import FINISHES, build_link_meshes
+from dgl_assets.robots.visual import (
+    FINISHES,
+    build_pedestal_mesh,
+    build_shadow_meshes,
+    build_ur10e_meshes,
+)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +106,12 @@ def test_arm_urdf_is_six_joints_and_ee(tmp_path):
 
 
 def test_meshes_are_modest_finite_and_named_finishes():
-    meshes = build_link_meshes(left_height=0.5, right_height=0.5)
+    meshes = build_pedestal_mesh("left_base_link", 0.5) | build_pedestal_mesh(
+        "right_base_link", 0.5
+    )
+    for side in SIDES:
+        for part in (build_ur10e_meshes(), build_shadow_meshes(side)):
+            meshes |= part.with_prefix(f"{side}_")
     triangles = {}
     for name, data in meshes.files.items():
         scene = trimesh.load(io.BytesIO(data), file_type="glb")
@@ -116,9 +126,8 @@ def test_meshes_are_modest_finite_and_named_finishes():
 
 
 def test_low_base_has_no_pedestal():
-    with_column = build_link_meshes(left_height=0.5, right_height=0.0)
-    assert len(with_column.by_link["left_base_link"]) == 2
-    assert len(with_column.by_link["right_base_link"]) == 1
+    assert list(build_pedestal_mesh("base", 0.5).by_link) == ["base"]
+    assert build_pedestal_mesh("base", 0.0).by_link == {}
 
 
 @pytest.mark.parametrize(

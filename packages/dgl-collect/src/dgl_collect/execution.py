@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_assets import Garment
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
+from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import Demonstration, RetargetedWaypoint, retarget_waypoints
 from dgl_collect.episodes import Episode, Points, StageRecord
 from dgl_collect.matching import ExactMatcher
@@ -116,10 +116,7 @@ class Execution:
         """
         clock = time.perf_counter()
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
-        start = HOME_CONFIGURATION.copy()
-        for side in SIDES:
-            start[joint_slice(side, "hand")] = HAND_POSES["open"]
-        self.motion.reset(start)
+        self.motion.reset(self.motion.robot.compute_start("open"))
         self._send(self.motion.park())
         cloud = self._see_garment()
         names = list(self.demonstration.points)
@@ -259,7 +256,7 @@ class Execution:
 
     def _grasp_point(self, side: Side) -> np.ndarray:
         pose = self.env.agent.get_ee_poses()[0, SIDES.index(side)].cpu().numpy()
-        return wrist_to_grasp(pose[:3], pose[3:], side)
+        return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.motion.robot)
 
     def _note_grasp(self, stage: Stage, reason: str, number: int) -> None:
         particles = self.env.get_particles()

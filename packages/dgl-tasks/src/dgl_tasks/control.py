@@ -10,13 +10,10 @@ import numpy as np
 import placo
 
 from dgl_assets.robots import (
-    HOME_CONFIGURATION,
-    UR10E,
+    DEFAULT_ROBOT,
     BasePlacement,
+    Robot,
     Side,
-    arm_joint_names,
-    build_arm_urdf,
-    joint_slice,
 )
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.rotations import (
@@ -29,8 +26,8 @@ from dgl_tasks.rotations import (
 
 CONTROL_DT = 1.0 / 60.0
 """Control step [s]."""
-ARM_SPEED_LIMITS: np.ndarray = np.array([joint.speed for joint in UR10E])
-"""Largest joint speeds of the arm [rad/s], shape (6,): 120 degrees/s, then 180 from the elbow on."""
+ARM_SPEED_LIMITS: np.ndarray = np.array([j.speed for j in DEFAULT_ROBOT.arm_joints])
+"""Largest joint speeds of the UR10e [rad/s], shape (6,): 120 degrees/s, then 180 from the elbow on."""
 
 
 def plan_line(
@@ -79,13 +76,13 @@ def limit_joint_speed(
     """Slow a joint path down where it would exceed the joints' speeds.
 
     Args:
-        path: Joint positions [rad], one row per control step, shape (N, 6).
-        start_q: Joint positions before the first row [rad], shape (6,).
-        limits: Largest joint speeds [rad/s], shape (6,).
+        path: Joint positions [rad], one row per control step, shape (N, n).
+        start_q: Joint positions before the first row [rad], shape (n,).
+        limits: Largest joint speeds [rad/s], shape (n,).
         dt: Control step [s].
 
     Returns:
-        The same path with joint-space samples inserted, shape (M, 6), M >= N; it ends where `path`
+        The same path with joint-space samples inserted, shape (M, n), M >= N; it ends where `path`
         ends.
     """
     rows, previous = [], np.asarray(start_q, dtype=float)
@@ -122,22 +119,32 @@ class ArmKinematics:
     _MAX_ITERATION_STEP = 0.2  # rad; larger Newton steps overshoot onto other branches
     _DAMPING = 1e-6
 
-    def __init__(self, side: Side, base: BasePlacement, directory: Path | str) -> None:
+    def __init__(
+        self,
+        side: Side,
+        base: BasePlacement,
+        directory: Path | str,
+        *,
+        robot: Robot = DEFAULT_ROBOT,
+    ) -> None:
         """Build the solver.
 
         Args:
             side: "left" or "right".
             base: Base placement: x, y, z [m] and yaw [rad], world frame.
             directory: Folder for the generated robot description.
+            robot: Whose arm it is; n is its number of joints.
         """
         self.side: Side = side
-        self.home: np.ndarray = HOME_CONFIGURATION[joint_slice(side, "arm")]
+        self.home: np.ndarray = robot.arm.home[side]
+        self._names = robot.joint_names[robot.joint_slice(side, "arm")]
+        self._speeds = np.array([joint.speed for joint in robot.arm_joints])
         self._frame = f"{side}_ee"
-        urdf = build_arm_urdf(directory, side, base)
+        urdf = robot.build_arm_urdf(directory, side, base)
         self._robot = placo.RobotWrapper(str(urdf), placo.Flags.ignore_collisions)
-        if tuple(self._robot.joint_names()) != arm_joint_names(side):
+        if tuple(self._robot.joint_names()) != self._names:
             raise ValueError(
-                f"expected joints {arm_joint_names(side)}; got {tuple(self._robot.joint_names())}"
+                f"expected joints {self._names}; got {tuple(self._robot.joint_names())}"
             )
         self._solver = placo.KinematicsSolver(self._robot)
         self._solver.mask_fbase(True)
@@ -147,7 +154,7 @@ class ArmKinematics:
         self._solver.add_regularization_task(self._DAMPING)
 
     def compute_pose(self, q: np.ndarray) -> np.ndarray:
-        """Compute the pose of `ee`, shape (7,), at joint positions `q` [rad], shape (6,)."""
+        """Compute the pose of `ee`, shape (7,), at joint positions `q` [rad], shape (n,)."""
         self._set(q)
         T = self._robot.get_T_world_frame(self._frame)
         return np.concatenate([T[:3, 3], quaternion_from_matrix(T[:3, :3])])
@@ -165,11 +172,11 @@ class ArmKinematics:
         Args:
             position: Wanted position of `ee` [m], shape (3,), world frame.
             quaternion: Wanted orientation, wxyz, shape (4,).
-            start_q: Joint positions to start from [rad], shape (6,).
+            start_q: Joint positions to start from [rad], shape (n,).
             max_step: Largest accepted change of any joint from the start [rad]; None accepts any.
 
         Returns:
-            Joint positions [rad], shape (6,), within limits, accurate to `POSITION_TOLERANCE` and
+            Joint positions [rad], shape (n,), within limits, accurate to `POSITION_TOLERANCE` and
             `ANGLE_TOLERANCE`.
 
         Raises:
@@ -207,12 +214,12 @@ class ArmKinematics:
 
         Args:
             waypoints: Poses of `ee`, shape (N, 7), as made by `plan_line`.
-            start_q: Present joint positions [rad], shape (6,).
+            start_q: Present joint positions [rad], shape (n,).
             max_step: Largest accepted joint change between waypoints [rad]; a larger one is a
                 jump to another branch.
 
         Returns:
-            Joint targets [rad], shape (M, 6), M >= N.
+            Joint targets [rad], shape (M, n), M >= N.
 
         Raises:
             UnreachableError: At the first waypoint that cannot be reached without a jump.
@@ -221,7 +228,8 @@ class ArmKinematics:
         for pose in waypoints:
             q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
             path.append(q)
-        return limit_joint_speed(np.array(path).reshape(-1, len(UR10E)), np.asarray(start_q))
+        rows = np.array(path).reshape(-1, len(self._names))
+        return limit_joint_speed(rows, np.asarray(start_q), limits=self._speeds)
 
     def _set(self, q: np.ndarray) -> None:
         self._robot.state.q[7:] = q
@@ -238,7 +246,7 @@ class ArmKinematics:
     def _check_step(self, q: np.ndarray, start: np.ndarray, max_step: float | None) -> np.ndarray:
         change = np.abs(q - start)
         if max_step is not None and change.max() > max_step:
-            joint = UR10E[int(change.argmax())].name
+            joint = self._names[int(change.argmax())].partition("_")[2]
             raise UnreachableError(
                 f"{self.side} arm would jump: {joint} by {change.max():.2f} rad in one step "
                 f"(at most {max_step})",

@@ -10,13 +10,7 @@ from mani_skill.utils.structs.types import SimConfig
 
 from dgl_assets import Garment, garment_ids, load_garment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
-from dgl_assets.robots import (
-    HAND_POSES,
-    HOME_CONFIGURATION,
-    SIDES,
-    BasePlacement,
-    joint_slice,
-)
+from dgl_assets.robots import DEFAULT_ROBOT, BasePlacement, Robot
 from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
@@ -50,12 +44,23 @@ class GarmentEnv(BaseEnv):
         self,
         *args: Any,
         task: str,
+        robot: Robot = DEFAULT_ROBOT,
         robot_uids: Any = None,
         num_envs: int = 1,
         garment_split: str = "train",
         **kwargs: Any,
     ) -> None:
-        """Build the environment; the other arguments are ManiSkill's."""
+        """Build the environment.
+
+        Args:
+            args: ManiSkill's.
+            task: Environment id.
+            robot: Arms and hands, such as `dgl_assets.robots.load_robot` gives.
+            robot_uids: An agent class instead, such as one of `make_agent_class` with other bases.
+            num_envs: One.
+            garment_split: Garments to draw from, "train" or "test".
+            kwargs: ManiSkill's.
+        """
         if num_envs != 1:
             raise ValueError(
                 f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
@@ -71,7 +76,7 @@ class GarmentEnv(BaseEnv):
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
             robot_uids = make_agent_class(
-                left_base=self.task.left_base, right_base=self.task.right_base
+                robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
             )
         kwargs.setdefault("reward_mode", "sparse")
         try:
@@ -131,9 +136,7 @@ class GarmentEnv(BaseEnv):
             "y": float(y),
             "fabric": self.fabric.name,
         }
-        start = HOME_CONFIGURATION.copy()
-        for side in SIDES:
-            start[joint_slice(side, "hand")] = HAND_POSES["open"]
+        start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
         self._load_garment(garment_id, float(x), float(y))
@@ -193,7 +196,7 @@ class GarmentEnv(BaseEnv):
         For whoever asks for these at some steps only, such as a recorder at every fifth.
 
         Args:
-            action: Joint targets [rad], shape (60,) or (1, 60).
+            action: Joint targets [rad], shape (D,) or (1, D).
         """
         self._step_action(action)
         self._elapsed_steps += 1

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets.robots import SIDES, Side
+from dgl_assets.robots import DEFAULT_ROBOT, Robot, Side
 from dgl_tasks.rotations import (
     matrix_from_quaternion,
     multiply_quaternions,
@@ -39,33 +39,31 @@ GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = {
 }
 """Orientation of `ee` for each kind of grasp, by side: unit quaternions wxyz, shape (4,)."""
 
-GRASP_REACH = 0.37
-"""Distance of the grasp point from the wrist along the fingers [m]."""
-GRASP_DEPTH = 0.025
-"""Distance of the grasp point from the forearm axis to the palm side [m]."""
-GRASP_THUMBWARD = 0.025
-"""Distance of the grasp point from the forearm axis to the thumb side [m]."""
 
-
-def grasp_to_wrist(point: np.ndarray, quaternion: np.ndarray, side: Side) -> np.ndarray:
+def grasp_to_wrist(
+    point: np.ndarray, quaternion: np.ndarray, side: Side, *, robot: Robot = DEFAULT_ROBOT
+) -> np.ndarray:
     """Compute where `ee` must be for the grasp point between the fingers to be at `point`.
 
     Args:
         point: Grasp point [m], shape (3,), world frame.
         quaternion: Orientation of `ee` in the world, wxyz, shape (4,).
         side: "left" or "right": the thumb, and so the grasp point, is on opposite sides.
+        robot: Whose hand it is.
 
     Returns:
         Wrist position [m], shape (3,), world frame.
     """
-    return np.asarray(point, dtype=float) - matrix_from_quaternion(quaternion) @ _grasp_offset(side)
+    offset = matrix_from_quaternion(quaternion) @ robot.get_grasp_offset(side)
+    return np.asarray(point, dtype=float) - offset
 
 
-def wrist_to_grasp(position: np.ndarray, quaternion: np.ndarray, side: Side) -> np.ndarray:
+def wrist_to_grasp(
+    position: np.ndarray, quaternion: np.ndarray, side: Side, *, robot: Robot = DEFAULT_ROBOT
+) -> np.ndarray:
     """Compute the grasp point [m], shape (3,), of a wrist pose; inverse of `grasp_to_wrist`."""
-    return np.asarray(position, dtype=float) + matrix_from_quaternion(quaternion) @ _grasp_offset(
-        side
-    )
+    offset = matrix_from_quaternion(quaternion) @ robot.get_grasp_offset(side)
+    return np.asarray(position, dtype=float) + offset
 
 
 def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
@@ -111,10 +109,3 @@ def point_along_fingers(quaternion: np.ndarray) -> np.ndarray:
     if length < 1e-3:
         raise ValueError(f"fingers must not point straight up or down; got quaternion {quaternion}")
     return along / length
-
-
-def _grasp_offset(side: Side) -> np.ndarray:
-    if side not in SIDES:
-        raise ValueError(f"side must be one of {SIDES}; got {side!r}")
-    thumb = GRASP_THUMBWARD if side == "right" else -GRASP_THUMBWARD
-    return np.array([GRASP_REACH, GRASP_DEPTH, thumb])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, Side, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
 from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
@@ -23,47 +23,47 @@ TURNS: tuple[float, ...] = tuple(
 """Inward turns about the vertical that are tried when a grasp is out of reach [rad]."""
 
 
-def _park(side: Side) -> np.ndarray:
-    """Home with the arm swung outwards, so that no camera above sees it over the garment."""
-    q = HOME_CONFIGURATION[joint_slice(side, "arm")].copy()
-    q[0] += 0.9 if side == "left" else -0.9
-    return q
-
-
-PARKED: dict[Side, np.ndarray] = {side: _park(side) for side in SIDES}
-"""Joint positions of each arm [rad], shape (6,), out of the cameras' way."""
+PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side in SIDES}
+"""Joint positions of each UR10e [rad], shape (6,), out of the cameras' way."""
 
 
 class BimanualMotion:
-    """Turns goals of the hands into rows of 60 joint targets, one per control step.
+    """Turns goals of the hands into rows of D joint targets (60 by default), one per control step.
 
     It keeps the last commanded targets, from which the next motion starts. It knows kinematics
     only: the caller sends the rows to the environment.
     """
 
-    def __init__(self, task: Task, directory: Path) -> None:
-        """Prepare both arms of a task; `directory` is for generated robot files."""
+    def __init__(self, task: Task, directory: Path, *, robot: Robot = DEFAULT_ROBOT) -> None:
+        """Prepare both arms of a task.
+
+        Args:
+            task: Says where the bases stand.
+            directory: Folder for generated robot files.
+            robot: Whose arms and hands they are.
+        """
         bases = {"left": task.left_base, "right": task.right_base}
-        self._arms = {side: ArmKinematics(side, bases[side], directory) for side in SIDES}
-        self.target = np.zeros(60)
+        self.robot = robot
+        self._arms = {
+            side: ArmKinematics(side, bases[side], directory, robot=robot) for side in SIDES
+        }
+        self.target = np.zeros(robot.dof)
 
     def reset(self, joint_state: np.ndarray) -> None:
-        """Start from these joint positions [rad], shape (60,)."""
+        """Start from these joint positions [rad], shape (D,)."""
         self.target = np.array(joint_state, dtype=float)
 
     def hold(self, frames: int) -> np.ndarray:
-        """Keep the targets, shape (frames, 60)."""
+        """Keep the targets, shape (frames, D)."""
         return np.tile(self.target, (frames, 1))
 
     def set_hands(self, poses: Mapping[Side, str]) -> np.ndarray:
-        """Bring hands to named poses of `HAND_POSES`, shape (20, 60)."""
+        """Bring hands to named poses of `HAND_POSES`, shape (20, D)."""
         rows = self.hold(HAND_FRAMES)
         ramp = np.clip(np.arange(1, HAND_FRAMES + 1) / _HAND_RAMP, 0, 1)[:, None]
         for side, name in poses.items():
-            if name not in HAND_POSES:
-                raise ValueError(f"hand pose must be one of {sorted(HAND_POSES)}; got {name!r}")
-            part = joint_slice(side, "hand")
-            rows[:, part] += ramp * (HAND_POSES[name] - self.target[part])
+            part = self.robot.joint_slice(side, "hand")
+            rows[:, part] += ramp * (self.robot.get_hand_pose(name) - self.target[part])
         return self._finish(rows)
 
     def move(
@@ -81,7 +81,7 @@ class BimanualMotion:
             spacing: Distance between samples of the longer line [m]; 0.01 is 0.6 m/s.
 
         Returns:
-            Joint targets [rad], shape (N, 60).
+            Joint targets [rad], shape (N, D).
 
         Raises:
             UnreachableError: If a hand cannot follow its line.
@@ -89,31 +89,34 @@ class BimanualMotion:
         lines = {}
         for side, point in points.items():
             q = orientations[side]
-            goal = np.concatenate([grasp_to_wrist(np.asarray(point), q, side), q])
-            start = self._arms[side].compute_pose(self.target[joint_slice(side, "arm")])
+            wrist = grasp_to_wrist(np.asarray(point), q, side, robot=self.robot)
+            goal = np.concatenate([wrist, q])
+            start = self._arms[side].compute_pose(self.target[self.robot.joint_slice(side, "arm")])
             lines[side] = (start, goal)
         count = max((len(plan_line(*line, spacing=spacing)) for line in lines.values()), default=0)
         if count == 0:
-            return np.zeros((0, 60))
+            return np.zeros((0, self.robot.dof))
         paths = {}
         for side, (start, goal) in lines.items():
             length = float(np.linalg.norm(goal[:3] - start[:3]))
             waypoints = plan_line(start, goal, spacing=max(length / count, 1e-6))
-            paths[side] = self._arms[side].follow(waypoints, self.target[joint_slice(side, "arm")])
+            paths[side] = self._arms[side].follow(
+                waypoints, self.target[self.robot.joint_slice(side, "arm")]
+            )
         rows = self.hold(max(len(path) for path in paths.values()))
         for side, path in paths.items():
             if len(path):
                 # stretched over the longer path, so that both arrive together
                 at = np.linspace(0, len(path) - 1, len(rows))
-                part = joint_slice(side, "arm")
-                for k in range(6):
+                part = self.robot.joint_slice(side, "arm")
+                for k in range(path.shape[1]):
                     rows[:, part.start + k] = np.interp(at, np.arange(len(path)), path[:, k])
         return self._finish(rows)
 
     def reach(
         self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
     ) -> np.ndarray:
-        """Bring grasp points to goals through free space, straight in joint space, shape (N, 60).
+        """Bring grasp points to goals through free space, straight in joint space, shape (N, D).
 
         Raises:
             UnreachableError: If a goal has no joint configuration near the present one or home.
@@ -121,8 +124,8 @@ class BimanualMotion:
         goals = {}
         for side, point in points.items():
             q = orientations[side]
-            arm, present = self._arms[side], self.target[joint_slice(side, "arm")]
-            wrist = grasp_to_wrist(np.asarray(point), q, side)
+            arm, present = self._arms[side], self.target[self.robot.joint_slice(side, "arm")]
+            wrist = grasp_to_wrist(np.asarray(point), q, side, robot=self.robot)
             try:
                 goals[side] = arm.solve(wrist, q, arm.home, max_step=2.5)
             except UnreachableError:
@@ -130,8 +133,8 @@ class BimanualMotion:
         return self.move_joints(goals)
 
     def park(self, sides: tuple[Side, ...] = SIDES) -> np.ndarray:
-        """Bring arms to where no camera sees them over the garment, shape (N, 60)."""
-        return self.move_joints({side: PARKED[side] for side in sides})
+        """Bring arms to where no camera sees them over the garment, shape (N, D)."""
+        return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
 
     def choose_turns(
         self,
@@ -180,20 +183,20 @@ class BimanualMotion:
     def move_joints(
         self, sides: Mapping[Side, np.ndarray], *, speed: float = JOINT_SPEED
     ) -> np.ndarray:
-        """Move arms straight in joint space, shape (N, 60).
+        """Move arms straight in joint space, shape (N, D).
 
         Args:
-            sides: Goal of each moving arm [rad], shape (6,).
+            sides: Goal of each moving arm [rad], shape (n,).
             speed: Largest speed of the joint with the longest way [rad/s].
         """
         goal = self.target.copy()
         for side, q in sides.items():
-            goal[joint_slice(side, "arm")] = q
+            goal[self.robot.joint_slice(side, "arm")] = q
         change = goal - self.target
         # a fifth of the time to speed up and a fifth to slow down: the peak is 1.25 times the mean
         frames = int(np.ceil(1.25 * np.abs(change).max() / speed * 60))
         if frames == 0:
-            return np.zeros((0, 60))
+            return np.zeros((0, self.robot.dof))
         s = np.arange(1, frames + 1) / frames
         ramp = 1.25 * np.where(
             s < 0.2, 2.5 * s**2, np.where(s > 0.8, 0.8 - 2.5 * (1 - s) ** 2, s - 0.1)

@@ -1,5 +1,6 @@
-"""The two UR10e arms with Shadow Hands as one ManiSkill agent."""
+"""Two arms with hands as one ManiSkill agent: UR10e with Shadow Hands, or a user's own."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,16 +17,12 @@ from sapien import Pose as SapienPose
 from dgl_assets.robots import (
     DEFAULT_LEFT_BASE,
     DEFAULT_RIGHT_BASE,
-    HOME_CONFIGURATION,
-    JOINT_NAMES,
-    PUBLISHED_GAINS,
+    DEFAULT_ROBOT,
     SIDES,
-    UR10E,
     BasePlacement,
+    JointGains,
+    Robot,
     Side,
-    arm_joint_names,
-    build_bimanual_urdf,
-    hand_joint_names,
 )
 
 GroundContact = Literal["hands", "all", "none"]
@@ -53,28 +50,18 @@ class DriveGains:
     force_limit: tuple[float, ...]
     """Largest drive torques [N m]."""
 
-
-# The published arm gains give a time constant of 88 ms at the shoulder, 5 cm of lag at 0.6 m/s. The
-# drives are integrated implicitly here, which allows stiffer ones; torques stay the robot's own.
-ARM_GAINS = DriveGains(
-    stiffness=(20000, 20000, 12000, 3200, 3200, 3200),
-    damping=(700, 700, 300, 60, 60, 60),
-    force_limit=tuple(joint.torque for joint in UR10E),
-)
-
-
-def _hand_gains() -> DriveGains:
-    names = [name.removeprefix("left_") for name in hand_joint_names("left")]
-    gains = [PUBLISHED_GAINS[name] for name in names]
-    return DriveGains(
-        # The weakest published joints would need half a second to close; a hand pose takes 20 steps.
-        stiffness=tuple(max(1.0, g.stiffness) for g in gains),
-        damping=tuple(g.damping for g in gains),
-        force_limit=tuple(g.force_limit for g in gains),
-    )
+    @classmethod
+    def from_joints(cls, gains: Sequence[JointGains]) -> "DriveGains":
+        """Collect the drives of single joints."""
+        return cls(
+            stiffness=tuple(g.stiffness for g in gains),
+            damping=tuple(g.damping for g in gains),
+            force_limit=tuple(g.force_limit for g in gains),
+        )
 
 
-HAND_GAINS = _hand_gains()
+ARM_GAINS = DriveGains.from_joints(DEFAULT_ROBOT.arm.gains)
+HAND_GAINS = DriveGains.from_joints(DEFAULT_ROBOT.hand.gains)
 
 
 @register_agent()
@@ -82,11 +69,13 @@ class BimanualUR10eShadow(BaseAgent):
     """Two UR10e arms with Shadow Hands under one fixed root; gravity does not act on them.
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
-    `dgl_assets.robots.JOINT_NAMES`. Where the bases stand is a class attribute: make a variant with
-    `make_agent_class`.
+    `dgl_assets.robots.JOINT_NAMES`. Where the bases stand, and which robot it is, are class
+    attributes: make a variant with `make_agent_class`.
     """
 
     uid = "bimanual_ur10e_shadow"
+    model: Robot = DEFAULT_ROBOT
+    """What is known about the robot; D is its number of joints, in the order of its `joint_names`."""
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     """Left base: x, y, z [m] and yaw [rad], world frame."""
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
@@ -98,7 +87,7 @@ class BimanualUR10eShadow(BaseAgent):
 
     def _load_articulation(self, initial_pose: SapienPose | Pose | None = None) -> None:
         self.urdf_path = str(
-            build_bimanual_urdf(
+            self.model.build_urdf(
                 self.directory, left_base=self.left_base, right_base=self.right_base
             )
         )
@@ -112,21 +101,24 @@ class BimanualUR10eShadow(BaseAgent):
                 link.set_collision_group_bit(2, SIDE_COLLISION_BITS[side], 1)
             if not self._meets_ground(link.name):
                 link.set_collision_group_bit(2, GROUND_COLLISION_BIT, 1)
+        armatures = [g.armature for g in (*self.model.arm.gains, *self.model.hand.gains)] * 2
+        by_name = dict(zip(self.model.joint_names, armatures, strict=True))
         for joint in self.robot.active_joints:
-            gains = PUBLISHED_GAINS[joint.name.split("_", 1)[1]]
             for entity_joint in joint._objs:  # noqa: SLF001  ManiSkill has no armature setter
-                entity_joint.set_armature(np.array([gains.armature], dtype=np.float32))
+                entity_joint.set_armature(np.array([by_name[joint.name]], dtype=np.float32))
 
     def _after_init(self) -> None:
         index = {joint.name: i for i, joint in enumerate(self.robot.active_joints)}
-        order = [index[name] for name in JOINT_NAMES]
+        order = [index[name] for name in self.model.joint_names]
         self._from_articulation = torch.tensor(order, device=self.device)
         self._to_articulation = torch.argsort(self._from_articulation)
         self._ee_links = [self.robot.links_map[f"{side}_ee"] for side in SIDES]
         self.keyframes = {
             "home": Keyframe(
                 pose=SapienPose(),
-                qpos=HOME_CONFIGURATION[self._to_articulation.cpu().numpy()].astype(np.float32),
+                qpos=self.model.compute_start()[self._to_articulation.cpu().numpy()].astype(
+                    np.float32
+                ),
             )
         }
 
@@ -134,12 +126,10 @@ class BimanualUR10eShadow(BaseAgent):
     def _controller_configs(self) -> dict:
         groups = {}
         for side in SIDES:
-            for part, names, gains in (
-                ("arm", arm_joint_names(side), ARM_GAINS),
-                ("hand", hand_joint_names(side), HAND_GAINS),
-            ):
+            for part, joints in (("arm", self.model.arm.gains), ("hand", self.model.hand.gains)):
+                gains = DriveGains.from_joints(joints)
                 groups[f"{side}_{part}"] = PDJointPosControllerConfig(
-                    joint_names=list(names),
+                    joint_names=list(self.model.joint_names[self.model.joint_slice(side, part)]),
                     lower=None,
                     upper=None,
                     stiffness=gains.stiffness,
@@ -152,29 +142,31 @@ class BimanualUR10eShadow(BaseAgent):
     def _meets_ground(self, link_name: str) -> bool:
         if self.ground_contact != "hands":
             return self.ground_contact == "all"
-        part = link_name.split("_", 1)[-1]
-        return part.startswith(("palm", "ff_", "mf_", "rf_", "lf_", "th_"))
+        return link_name.split("_", 1)[-1] in self.model.hand.ground_links
 
     def get_joint_state(self) -> torch.Tensor:
-        """Read the joint positions [rad], shape (B, 60), in the order of JOINT_NAMES."""
+        """Read the joint positions [rad], shape (B, D), in the order of the model."""
         return self.robot.get_qpos()[:, self._from_articulation]
 
     def get_joint_velocity(self) -> torch.Tensor:
-        """Read the joint velocities [rad/s], shape (B, 60), in the order of JOINT_NAMES."""
+        """Read the joint velocities [rad/s], shape (B, D), in the order of the model."""
         return self.robot.get_qvel()[:, self._from_articulation]
 
     def set_joint_state(self, positions: torch.Tensor | np.ndarray) -> None:
         """Place the joints at rest; the drives keep the targets of the last action.
 
         Args:
-            positions: Joint positions [rad], shape (60,) or (B, 60), in the order of JOINT_NAMES.
+            positions: Joint positions [rad], shape (D,) or (B, D), in the order of the model.
         """
         # A copy: torch warns about read-only arrays such as HOME_CONFIGURATION.
         if isinstance(positions, np.ndarray):
             positions = torch.from_numpy(np.array(positions, dtype=np.float32))
         q = positions.to(device=self.device, dtype=torch.float32)
-        if q.shape[-1] != len(JOINT_NAMES) or q.ndim > 2:
-            raise ValueError(f"positions must have shape (60,) or (B, 60); got {tuple(q.shape)}")
+        dof = self.model.dof
+        if q.ndim not in (1, 2) or q.shape[-1] != dof:
+            raise ValueError(
+                f"positions must have shape ({dof},) or (B, {dof}); got {tuple(q.shape)}"
+            )
         self.reset(q[..., self._to_articulation])
 
     def get_ee_poses(self) -> torch.Tensor:
@@ -185,6 +177,7 @@ class BimanualUR10eShadow(BaseAgent):
 @lru_cache(maxsize=64)
 def make_agent_class(
     *,
+    robot: Robot = DEFAULT_ROBOT,
     left_base: BasePlacement = DEFAULT_LEFT_BASE,
     right_base: BasePlacement = DEFAULT_RIGHT_BASE,
     ground_contact: GroundContact = "hands",
@@ -193,6 +186,7 @@ def make_agent_class(
     """Make the agent class for a task's base placement, to be given as `robot_uids`.
 
     Args:
+        robot: Which arms and hands.
         left_base: Left base: x, y, z [m] and yaw [rad], world frame.
         right_base: Right base, likewise.
         ground_contact: Which links meet a ground marked by `let_robot_pass`: "hands" (palms and
@@ -209,6 +203,7 @@ def make_agent_class(
         "BimanualUR10eShadow",
         (BimanualUR10eShadow,),
         {
+            "model": robot,
             "left_base": left_base,
             "right_base": right_base,
             "ground_contact": ground_contact,

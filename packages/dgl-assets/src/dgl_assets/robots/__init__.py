@@ -1,9 +1,10 @@
-"""The two UR10e arms with Shadow Hands: facts, collision primitives and generated URDF."""
+"""Robots: two UR10e arms with Shadow Hands as facts, shapes and URDF, and those of a user's own."""
 
 from dgl_assets.robots.arm import UR10E as UR10E
 from dgl_assets.robots.arm import ArmJoint as ArmJoint
 from dgl_assets.robots.collision import CollisionShape as CollisionShape
 from dgl_assets.robots.collision import collision_shapes as collision_shapes
+from dgl_assets.robots.gains import DRIVE_GAINS as DRIVE_GAINS
 from dgl_assets.robots.gains import PUBLISHED_GAINS as PUBLISHED_GAINS
 from dgl_assets.robots.gains import JointGains as JointGains
 from dgl_assets.robots.hand import HAND_MASS as HAND_MASS
@@ -19,11 +20,17 @@ from dgl_assets.robots.layout import JOINT_NAMES as JOINT_NAMES
 from dgl_assets.robots.layout import arm_joint_names as arm_joint_names
 from dgl_assets.robots.layout import hand_joint_names as hand_joint_names
 from dgl_assets.robots.layout import joint_slice as joint_slice
+from dgl_assets.robots.robot import DEFAULT_ROBOT as DEFAULT_ROBOT
+from dgl_assets.robots.robot import SHADOW_HAND_PART as SHADOW_HAND_PART
+from dgl_assets.robots.robot import UR10E_ARM as UR10E_ARM
+from dgl_assets.robots.robot import ArmPart as ArmPart
+from dgl_assets.robots.robot import HandPart as HandPart
+from dgl_assets.robots.robot import Robot as Robot
+from dgl_assets.robots.robot import build_arm_urdf as build_arm_urdf
+from dgl_assets.robots.robot import build_bimanual_urdf as build_bimanual_urdf
 from dgl_assets.robots.tree import DEFAULT_LEFT_BASE as DEFAULT_LEFT_BASE
 from dgl_assets.robots.tree import DEFAULT_RIGHT_BASE as DEFAULT_RIGHT_BASE
 from dgl_assets.robots.tree import BasePlacement as BasePlacement
 from dgl_assets.robots.tree import KinematicTree as KinematicTree
 from dgl_assets.robots.tree import build_bimanual_tree as build_bimanual_tree
 from dgl_assets.robots.tree import build_side_tree as build_side_tree
-from dgl_assets.robots.urdf import build_arm_urdf as build_arm_urdf
-from dgl_assets.robots.urdf import build_bimanual_urdf as build_bimanual_urdf

@@ -1,4 +1,4 @@
-"""Collision primitives of the arm and the hand: capsules, boxes and spheres in link frames.
+"""Collision shapes in link frames, and those of the arm and the hand: capsules, boxes and spheres.
 
 The same shapes are written into the URDF and handed to the cloth contact. Sizes follow MuJoCo
 Menagerie's models where those use primitives; the fingertips, which are meshes there, become
@@ -15,38 +15,42 @@ from dgl_assets.robots._frames import rotation_from_quaternion
 from dgl_assets.robots.arm import ELBOW_OFFSET, SHOULDER_OFFSET, UR10E
 from dgl_assets.robots.hand import FINGERTIP_OFFSET, HAND_MASS, SIDES, THUMB_TIP_OFFSET, Side
 
-ShapeKind = Literal["capsule", "box", "sphere"]
+ShapeKind = Literal["capsule", "box", "sphere", "cylinder", "mesh"]
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CollisionShape:
-    """One primitive fixed in a link.
+    """One convex shape fixed in a link.
 
     A capsule is the set of points within `radius` of a segment of length 2 `half_length` along
-    the local z axis.
+    the local z axis; a cylinder lies along the same axis; a mesh stands for its convex hull.
     """
 
     link: str
     """Link that carries the shape."""
     kind: ShapeKind
     radius: float = 0.0
-    """Radius [m] of a capsule or sphere; zero for a box."""
+    """Radius [m] of a capsule, cylinder or sphere; zero for others."""
     half_length: float = 0.0
-    """Half length [m] of a capsule's segment, without its caps."""
+    """Half length [m] of a capsule's segment, without its caps, or of a cylinder."""
     half_size: Vector3 = (0.0, 0.0, 0.0)
     """Half sizes [m] of a box along its local axes."""
     xyz: Vector3 = (0.0, 0.0, 0.0)
     """Centre [m] in the link frame."""
     wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Orientation in the link frame."""
+    mesh: str = ""
+    """Name of a mesh's file among those of the robot; its frame is the link's."""
 
     def __post_init__(self) -> None:
         sizes = {
             "capsule": (self.radius, self.half_length),
             "sphere": (self.radius,),
             "box": self.half_size,
+            "cylinder": (self.radius, self.half_length),
+            "mesh": (1.0 if self.mesh else 0.0,),
         }
         if self.kind not in sizes:
             raise ValueError(f"kind must be one of {sorted(sizes)}; got {self.kind!r}")
@@ -153,8 +157,9 @@ _HAND_SHAPES: tuple[CollisionShape, ...] = (
 
 
 def link_shapes(side: Side, link: str) -> tuple[CollisionShape, ...]:
-    """List the shapes of one link, named without its side prefix; empty for a pure frame."""
-    return tuple(s for s in collision_shapes(side) if s.link == f"{side}_{link}")
+    """List the shapes of one link, all named without the side prefix; empty for a pure frame."""
+    shapes = collision_shapes(side)
+    return tuple(replace(s, link=link) for s in shapes if s.link == f"{side}_{link}")
 
 
 def collision_shapes(side: Side) -> tuple[CollisionShape, ...]:

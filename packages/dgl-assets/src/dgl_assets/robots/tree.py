@@ -1,7 +1,8 @@
 """The kinematic tree of one or two arms with hands, as data, and its forward kinematics."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,8 @@ BasePlacement = tuple[float, float, float, float]
 """Where an arm's base stands: x, y, z [m] and yaw [rad], world frame."""
 
 ROOT_LINK = "root"
+EE_LINK = "ee"
+"""The frame that tasks command: x along the fingers, y out of the palm; every arm ends in it."""
 DEFAULT_LEFT_BASE: BasePlacement = (-0.8, 0.0, 0.5, 0.0)
 """Left base of the folding and flinging tasks: x, y, z [m], yaw [rad]."""
 DEFAULT_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.5, 0.0)
@@ -50,14 +53,16 @@ class TreeJoint:
     joint_to_parent: np.ndarray
     """Constant transform from the joint frame to the parent link, shape (4, 4)."""
     axis: tuple[float, float, float] | None = None
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    """How a joint with an axis moves."""
     lower: float = 0.0
-    """Lower limit [rad]."""
+    """Lower limit [rad or m]."""
     upper: float = 0.0
-    """Upper limit [rad]."""
+    """Upper limit [rad or m]."""
     effort: float = 0.0
-    """Largest torque [N m]."""
+    """Largest torque [N m] or force [N]."""
     speed: float = 0.0
-    """Largest speed [rad/s]."""
+    """Largest speed [rad/s or m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +81,7 @@ class KinematicTree:
         """Compute every link's pose in the world.
 
         Args:
-            positions: Joint positions [rad] by name; every moving joint must be present.
+            positions: Joint positions [rad or m] by name; every moving joint must be present.
 
         Returns:
             Transforms link to world, shape (4, 4), by link name.
@@ -91,11 +96,86 @@ class KinematicTree:
         for joint in self.joints:
             T = poses[joint.parent] @ joint.joint_to_parent
             if joint.axis is not None:
-                T = T @ transform(
-                    np.zeros(3), rotation_about(np.array(joint.axis), positions[joint.name])
-                )
+                axis, value = np.array(joint.axis), positions[joint.name]
+                if joint.kind == "prismatic":
+                    T = T @ transform(axis * value)
+                else:
+                    T = T @ transform(np.zeros(3), rotation_about(axis, value))
             poses[joint.child] = T
         return poses
+
+
+def join_side(
+    side: Side,
+    base: BasePlacement,
+    arm: KinematicTree,
+    hand: KinematicTree | None = None,
+    *,
+    hand_to_ee: np.ndarray | None = None,
+) -> KinematicTree:
+    """Put an arm, and a hand on its frame `ee`, under the world-fixed root.
+
+    Args:
+        side: "left" or "right"; every name gets it as a prefix.
+        base: Placement of the arm's first link.
+        arm: The arm; its link `ee` carries the hand.
+        hand: The hand, without names of the arm; None for a bare arm.
+        hand_to_ee: Pose of the hand's first link in `ee`, shape (4, 4); given with a hand.
+    """
+    x, y, z, yaw = base
+    joints = [
+        TreeJoint(
+            name="base_joint",
+            parent=ROOT_LINK,
+            child=arm.links[0].name,
+            joint_to_parent=transform((x, y, z), rotation_about(AXIS_Z, yaw)),
+        ),
+        *arm.joints,
+    ]
+    links = list(arm.links)
+    if hand is not None:
+        assert hand_to_ee is not None
+        joints.append(
+            TreeJoint(
+                name="hand_mount",
+                parent=EE_LINK,
+                child=hand.links[0].name,
+                joint_to_parent=hand_to_ee,
+            )
+        )
+        joints += hand.joints
+        links += hand.links
+
+    def prefixed(name: str) -> str:
+        return name if name == ROOT_LINK else f"{side}_{name}"
+
+    return KinematicTree(
+        links=(
+            make_frame_link(ROOT_LINK),
+            *(
+                replace(
+                    link,
+                    name=prefixed(link.name),
+                    collision=tuple(replace(s, link=prefixed(s.link)) for s in link.collision),
+                )
+                for link in links
+            ),
+        ),
+        joints=tuple(
+            replace(
+                joint,
+                name=prefixed(joint.name),
+                parent=prefixed(joint.parent),
+                child=prefixed(joint.child),
+            )
+            for joint in joints
+        ),
+    )
+
+
+def join_pair(left: KinematicTree, right: KinematicTree) -> KinematicTree:
+    """Put both sides under one root."""
+    return KinematicTree(links=left.links + right.links[1:], joints=left.joints + right.joints)
 
 
 def build_side_tree(side: Side, base: BasePlacement, *, with_hand: bool = True) -> KinematicTree:
@@ -106,20 +186,15 @@ def build_side_tree(side: Side, base: BasePlacement, *, with_hand: bool = True) 
         base: Placement of the arm's base; ROS convention, the arm's zero pose points along +x.
         with_hand: Whether the Shadow Hand is mounted.
     """
-    x, y, z, yaw = base
-    links = [_frame_link(ROOT_LINK), _base_link(side)]
-    joints = [
-        TreeJoint(
-            name=f"{side}_base_joint",
-            parent=ROOT_LINK,
-            child=f"{side}_base_link",
-            joint_to_parent=transform((x, y, z), rotation_about(AXIS_Z, yaw)),
-        )
-    ]
-    _add_arm(side, links, joints)
-    if with_hand:
-        _add_hand(side, links, joints)
-    return KinematicTree(links=tuple(links), joints=tuple(joints))
+    if not with_hand:
+        return join_side(side, base, build_ur10e_tree())
+    return join_side(
+        side,
+        base,
+        build_ur10e_tree(),
+        build_shadow_tree(side),
+        hand_to_ee=transform((0, 0, 0), ROTATION_HAND_TO_EE),
+    )
 
 
 def build_bimanual_tree(
@@ -128,38 +203,38 @@ def build_bimanual_tree(
     right_base: BasePlacement = DEFAULT_RIGHT_BASE,
 ) -> KinematicTree:
     """Build both arms with hands under one world-fixed root; moving joints follow JOINT_NAMES."""
-    left, right = build_side_tree("left", left_base), build_side_tree("right", right_base)
-    return KinematicTree(links=left.links + right.links[1:], joints=left.joints + right.joints)
+    return join_pair(build_side_tree("left", left_base), build_side_tree("right", right_base))
 
 
-def _frame_link(name: str) -> TreeLink:
+def make_frame_link(name: str) -> TreeLink:
+    """Make a link that is a pure frame."""
     return TreeLink(name=name, mass=0.0, inertial_to_link=np.eye(4), inertia=np.zeros((3, 3)))
 
 
-def _base_link(side: Side) -> TreeLink:
+def build_ur10e_tree() -> KinematicTree:
+    """Build the bare arm from `base_link` to `ee`, names without a side."""
     # A solid cylinder, radius 75 mm, height 99 mm, as in the manufacturer's description.
     radius, height = 0.075, 0.099
     lateral = ARM_BASE_MASS * (3 * radius**2 + height**2) / 12
-    return TreeLink(
-        name=f"{side}_base_link",
-        mass=ARM_BASE_MASS,
-        inertial_to_link=transform((0, 0, height / 2)),
-        inertia=np.diag([lateral, lateral, ARM_BASE_MASS * radius**2 / 2]),
-        collision=link_shapes(side, "base_link"),
-    )
-
-
-def _add_arm(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> None:
-    parent = f"{side}_base_link"
+    links = [
+        TreeLink(
+            name="base_link",
+            mass=ARM_BASE_MASS,
+            inertial_to_link=transform((0, 0, height / 2)),
+            inertia=np.diag([lateral, lateral, ARM_BASE_MASS * radius**2 / 2]),
+            collision=link_shapes("right", "base_link"),
+        )
+    ]
+    joints = []
+    parent = "base_link"
     # Universal Robots' DH frames are those of the ROS base turned half round about z.
     joint_to_parent = transform((0, 0, 0), np.diag([-1.0, -1.0, 1.0]))
     for spec in UR10E:
-        child = f"{side}_{spec.link}"
         joints.append(
             TreeJoint(
-                name=f"{side}_{spec.name}",
+                name=spec.name,
                 parent=parent,
-                child=child,
+                child=spec.link,
                 joint_to_parent=joint_to_parent,
                 axis=(0.0, 0.0, 1.0),
                 lower=-spec.limit,
@@ -171,41 +246,36 @@ def _add_arm(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> None
         ixx, iyy, izz, ixy, ixz, iyz = spec.inertia
         links.append(
             TreeLink(
-                name=child,
+                name=spec.link,
                 mass=spec.mass,
                 inertial_to_link=spec.link_to_next @ transform(spec.com),
                 inertia=np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]),
-                collision=link_shapes(side, spec.link),
+                collision=link_shapes("right", spec.link),
             )
         )
-        parent, joint_to_parent = child, spec.link_to_next
+        parent, joint_to_parent = spec.link, spec.link_to_next
     joints.append(
         TreeJoint(
-            name=f"{side}_ee_joint",
+            name="ee_joint",
             parent=parent,
-            child=f"{side}_ee",
+            child=EE_LINK,
             joint_to_parent=joint_to_parent @ transform((0, 0, 0), ROTATION_EE_TO_FLANGE),
         )
     )
-    links.append(_frame_link(f"{side}_ee"))
+    links.append(make_frame_link(EE_LINK))
+    return KinematicTree(links=tuple(links), joints=tuple(joints))
 
 
-def _add_hand(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> None:
-    joints.append(
-        TreeJoint(
-            name=f"{side}_hand_mount",
-            parent=f"{side}_ee",
-            child=f"{side}_hand_forearm",
-            joint_to_parent=transform((0, 0, 0), ROTATION_HAND_TO_EE),
-        )
-    )
-    links.append(_hand_link(side, "hand_forearm"))
+def build_shadow_tree(side: Side) -> KinematicTree:
+    """Build one hand from `hand_forearm` to the fingertips, names without a side."""
+    links = [_hand_link(side, "hand_forearm")]
+    joints = []
     for spec in hand_joints(side):
         joints.append(
             TreeJoint(
-                name=f"{side}_{spec.name}",
-                parent=f"{side}_{spec.parent}",
-                child=f"{side}_{spec.child}",
+                name=spec.name,
+                parent=spec.parent,
+                child=spec.child,
                 joint_to_parent=spec.joint_to_parent,
                 axis=spec.axis,
                 lower=spec.lower,
@@ -218,13 +288,14 @@ def _add_hand(side: Side, links: list[TreeLink], joints: list[TreeJoint]) -> Non
     for tip, (distal, offset) in HAND_TIPS.items():
         joints.append(
             TreeJoint(
-                name=f"{side}_{tip}_joint",
-                parent=f"{side}_{distal}",
-                child=f"{side}_{tip}",
+                name=f"{tip}_joint",
+                parent=distal,
+                child=tip,
                 joint_to_parent=transform((0, 0, offset)),
             )
         )
-        links.append(_frame_link(f"{side}_{tip}"))
+        links.append(make_frame_link(tip))
+    return KinematicTree(links=tuple(links), joints=tuple(joints))
 
 
 def _hand_link(side: Side, link: str) -> TreeLink:
@@ -233,7 +304,7 @@ def _hand_link(side: Side, link: str) -> TreeLink:
     low, high = hand_link_extent(side, link)
     xx, yy, zz = (high - low) ** 2
     return TreeLink(
-        name=f"{side}_{link}",
+        name=link,
         mass=mass,
         inertial_to_link=transform((low + high) / 2),
         inertia=mass / 12 * np.diag([yy + zz, xx + zz, xx + yy]),

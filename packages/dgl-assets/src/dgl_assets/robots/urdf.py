@@ -11,18 +11,8 @@ import numpy as np
 
 from dgl_assets.robots._frames import rotation_from_quaternion, rpy_from_rotation, transform
 from dgl_assets.robots.collision import CollisionShape
-from dgl_assets.robots.hand import Side
-from dgl_assets.robots.tree import (
-    DEFAULT_LEFT_BASE,
-    DEFAULT_RIGHT_BASE,
-    BasePlacement,
-    KinematicTree,
-    TreeJoint,
-    TreeLink,
-    build_bimanual_tree,
-    build_side_tree,
-)
-from dgl_assets.robots.visual import LinkMeshes, build_link_meshes
+from dgl_assets.robots.tree import KinematicTree, TreeJoint, TreeLink
+from dgl_assets.robots.visual import LinkMeshes
 
 logger = logging.getLogger(__name__)
 
@@ -32,50 +22,22 @@ FRAME_INERTIA = 1e-8
 """Inertia [kg m^2] written for pure frames."""
 
 
-def build_bimanual_urdf(
-    directory: Path | str,
-    *,
-    left_base: BasePlacement = DEFAULT_LEFT_BASE,
-    right_base: BasePlacement = DEFAULT_RIGHT_BASE,
+def write_robot(
+    directory: Path | str, name: str, tree: KinematicTree, meshes: LinkMeshes | None
 ) -> Path:
-    """Write both arms with hands as one URDF under a world-fixed root.
-
-    The file lies in a folder named after the hash of its content, which appears whole: several
-    processes may build the same robot at once, and a robot that exists is reused.
+    """Write a robot into `directory/<name>-<hash>/` by renaming a finished folder into place.
 
     Args:
         directory: Folder that holds generated robots; made when missing.
-        left_base: Left base placement: x, y, z [m] and yaw [rad], world frame.
-        right_base: Right base placement, likewise.
+        name: Name of the robot and its file.
+        tree: Its links and joints.
+        meshes: What it shows; None for neither pictures nor collision shapes.
 
     Returns:
         Path of the URDF; its meshes lie in `meshes/` beside it.
     """
-    tree = build_bimanual_tree(left_base=left_base, right_base=right_base)
-    meshes = build_link_meshes(left_height=left_base[2], right_height=right_base[2])
-    return _write(Path(directory), "bimanual_ur10e_shadow", tree, meshes)
-
-
-def build_arm_urdf(directory: Path | str, side: Side, base: BasePlacement) -> Path:
-    """Write one bare arm, six joints and the frame `<side>_ee`, for inverse kinematics.
-
-    It has masses but neither pictures nor collision shapes.
-
-    Args:
-        directory: Folder that holds generated robots; made when missing.
-        side: "left" or "right"; sets the name prefix.
-        base: Base placement: x, y, z [m] and yaw [rad], world frame.
-
-    Returns:
-        Path of the URDF.
-    """
-    tree = build_side_tree(side, base, with_hand=False)
-    return _write(Path(directory), f"{side}_ur10e", tree, None)
-
-
-def _write(directory: Path, name: str, tree: KinematicTree, meshes: LinkMeshes | None) -> Path:
-    """Write the robot into `directory/<name>-<hash>/` by renaming a finished folder into place."""
-    text = _urdf_text(name, tree, meshes)
+    directory = Path(directory)
+    text = make_urdf_text(name, tree, meshes)
     digest = hashlib.sha256(text.encode())
     files = {} if meshes is None else meshes.files
     for file_name in sorted(files):
@@ -107,7 +69,8 @@ def _write(directory: Path, name: str, tree: KinematicTree, meshes: LinkMeshes |
     return path
 
 
-def _urdf_text(name: str, tree: KinematicTree, meshes: LinkMeshes | None) -> str:
+def make_urdf_text(name: str, tree: KinematicTree, meshes: LinkMeshes | None) -> str:
+    """Give the text of a URDF whose meshes lie in `meshes/` beside it; see `write_robot`."""
     robot = ET.Element("robot", name=name)
     for link in tree.links:
         _add_link(robot, link, meshes)
@@ -155,6 +118,15 @@ def _add_collision(element: ET.Element, shape: CollisionShape) -> None:
         ET.SubElement(geometry, "box", size=_numbers(*(2 * h for h in shape.half_size)))
     elif shape.kind == "sphere":
         ET.SubElement(geometry, "sphere", radius=_numbers(shape.radius))
+    elif shape.kind == "mesh":
+        ET.SubElement(geometry, "mesh", filename=f"meshes/{shape.mesh}")
+    elif shape.kind == "cylinder":
+        ET.SubElement(
+            geometry,
+            "cylinder",
+            radius=_numbers(shape.radius),
+            length=_numbers(2 * shape.half_length),
+        )
     else:
         # Not in the URDF standard, but read by SAPIEN, Isaac and MuJoCo; length excludes the caps.
         ET.SubElement(
@@ -166,7 +138,7 @@ def _add_collision(element: ET.Element, shape: CollisionShape) -> None:
 
 
 def _add_joint(robot: ET.Element, joint: TreeJoint) -> None:
-    kind = "fixed" if joint.axis is None else "revolute"
+    kind = "fixed" if joint.axis is None else joint.kind
     element = ET.SubElement(robot, "joint", name=joint.name, type=kind)
     _add_origin(element, joint.joint_to_parent)
     ET.SubElement(element, "parent", link=joint.parent)

@@ -10,7 +10,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from dgl_assets.robots._solids import Solid, shade
-from dgl_assets.robots.hand import HAND_MASS, SIDES
+from dgl_assets.robots.hand import HAND_MASS, Side
 from dgl_assets.robots.visual_arm import build_arm_solids, build_pedestal_solids
 from dgl_assets.robots.visual_hand import build_hand_solids
 
@@ -48,38 +48,61 @@ class LinkMeshes:
     """Mesh files and which links show them, both at the link frame."""
 
     files: dict[str, bytes]
-    """Binary glTF by file name."""
+    """Content by file name: binary glTF, and the hulls of collision meshes."""
     by_link: dict[str, tuple[str, ...]]
-    """File names by prefixed link name."""
+    """Names of the binary glTF files that a link shows."""
+
+    def with_prefix(self, prefix: str) -> "LinkMeshes":
+        """The same files for links whose names have a prefix."""
+        by_link = {f"{prefix}{link}": names for link, names in self.by_link.items()}
+        return LinkMeshes(files=self.files, by_link=by_link)
+
+    def __or__(self, other: "LinkMeshes") -> "LinkMeshes":
+        """Join two; a link of both shows what it has in either."""
+        by_link = dict(self.by_link)
+        for link, names in other.by_link.items():
+            by_link[link] = by_link.get(link, ()) + names
+        clash = [n for n in self.files.keys() & other.files if self.files[n] != other.files[n]]
+        if clash:
+            raise ValueError(f"files of equal names must be equal; these differ: {sorted(clash)}")
+        return LinkMeshes(files=self.files | other.files, by_link=by_link)
 
 
-def build_link_meshes(*, left_height: float, right_height: float) -> LinkMeshes:
-    """Build the meshes of both arms, hands and pedestals.
+def build_ur10e_meshes() -> LinkMeshes:
+    """Build the meshes of the arm, link names without a side."""
+    links = build_arm_solids()
+    return _select({link: (f"{link}.glb",) for link in links})
+
+
+def build_shadow_meshes(side: Side) -> LinkMeshes:
+    """Build the meshes of a hand, link names without a side.
+
+    Fingers share files; the left palm, thumb and forearm are reflections of the right ones.
+    """
+    return _select({link: (_hand_file(side, link),) for link in HAND_MASS})
+
+
+def build_pedestal_mesh(base_link: str, height: float) -> LinkMeshes:
+    """Build what the arm stands on, shown with its base; nothing for a base on the ground.
 
     Args:
-        left_height: Height of the left base above the ground [m], the length of its pedestal.
-        right_height: Height of the right base [m].
-
-    Returns:
-        Files and their links. Arms and fingers share files; the left palm, thumb and forearm are
-        reflections of the right ones.
+        base_link: Name of the arm's first link.
+        height: Height of the base above the ground [m].
     """
-    files = dict(_robot_files())
-    by_link: dict[str, tuple[str, ...]] = {}
-    for side, height in zip(SIDES, (left_height, right_height), strict=True):
-        for link in build_arm_solids():
-            by_link[f"{side}_{link}"] = (f"{link}.glb",)
-        for link in HAND_MASS:
-            by_link[f"{side}_{link}"] = (_hand_file(side, link),)
-        pedestal = build_pedestal_solids(height)
-        if pedestal:
-            name = f"pedestal_{round(height * 1000)}mm.glb"
-            files[name] = _encode(pedestal)
-            by_link[f"{side}_base_link"] += (name,)
-    return LinkMeshes(files=files, by_link=by_link)
+    pedestal = build_pedestal_solids(height)
+    if not pedestal:
+        return LinkMeshes(files={}, by_link={})
+    name = f"pedestal_{round(height * 1000)}mm.glb"
+    return LinkMeshes(files={name: _encode(pedestal)}, by_link={base_link: (name,)})
 
 
-def _hand_file(side: str, link: str) -> str:
+def _select(by_link: dict[str, tuple[str, ...]]) -> LinkMeshes:
+    every = _robot_files()
+    names = [name for files in by_link.values() for name in files]
+    return LinkMeshes(files={name: every[name] for name in names}, by_link=by_link)
+
+
+def _hand_file(side: Side, link: str) -> str:
     finger, _, part = link.partition("_")
     if finger in {"ff", "mf", "rf", "lf"} and part != "metacarpal":
         return f"finger_{part}.glb"
