@@ -57,7 +57,7 @@ def warp_clouds(
 
 
 def drop_points(points: Tensor, generator: torch.Generator, *, share: float) -> Tensor:
-    """Choose the points that stay when a round hole, or everything beyond a line, is missing.
+    """Choose the points that stay when a round hole, everything beyond a line, or points here and there are missing.
 
     Args:
         points: Clouds, shape (B, N, 3), on the CPU.
@@ -77,6 +77,8 @@ def drop_points(points: Tensor, generator: torch.Generator, *, share: float) -> 
     hole = (points - centre).norm(dim=2)
     direction = _draw(generator, batch, 1, high=math.pi, low=-math.pi)
     line = points[..., 0] * direction.cos() + points[..., 1] * direction.sin()
-    is_hole = torch.rand(batch, 1, generator=generator) < 0.5
-    order = torch.where(is_hole, hole, line).argsort(dim=1, descending=True)
+    thin = torch.rand(batch, size, generator=generator)
+    kind = torch.randint(3, (batch, 1), generator=generator)
+    order = torch.where(kind == 0, hole, torch.where(kind == 1, line, thin))
+    order = order.argsort(dim=1, descending=True)
     return order[:, :count].sort(dim=1).values

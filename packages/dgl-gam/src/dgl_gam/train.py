@@ -1,0 +1,315 @@
+"""Training: a run is a folder with its configuration, its log, the state to go on from, and the network."""
+
+import dataclasses
+import json
+import logging
+import math
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from dgl_gam.config import get_network_config
+from dgl_gam.data.batches import BatchConfig, BatchMaker
+from dgl_gam.data.folder import GarmentFolder
+from dgl_gam.errors import CheckpointError
+from dgl_gam.loss import compute_info_nce
+from dgl_gam.network import GarmentNetwork
+
+__all__ = ["TRAIN_PRESETS", "Progress", "TrainConfig", "get_train_config", "train"]
+
+logger = logging.getLogger(__name__)
+
+NETWORK_FILE = "network.safetensors"
+STATE_FILE = "state.safetensors"
+LOG_FILE = "log.jsonl"
+CONFIG_FILE = "config.json"
+_STATE_FORMAT = "dgl_gam.training"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """How a network is trained."""
+
+    network: str = "small"
+    """Preset of the network; not used when training starts from other weights."""
+    steps: int = 3000
+    """Batches."""
+    lr: float = 2e-3
+    """Largest learning rate, of AdamW."""
+    warmup: int = 50
+    """Steps over which it rises; it then falls to zero as a cosine."""
+    weight_decay: float = 1e-4
+    """Weight decay."""
+    temperature: float = 0.07
+    """Of InfoNCE."""
+    yaw_share: float = 0.3
+    """Weight of the yaw's loss beside InfoNCE."""
+    max_gradient: float = 1.0
+    """Norm that gradients are clipped to."""
+    seed: int = 0
+    """Of the weights and of everything drawn."""
+    save_every: int = 200
+    """Steps between saved states."""
+    batch: BatchConfig = field(default_factory=BatchConfig)
+    """What a batch holds."""
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "save_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
+        for name in ("lr", "temperature", "max_gradient"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive; got {getattr(self, name)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as a run's folder stores them."""
+        return dataclasses.asdict(self)
+
+
+TRAIN_PRESETS: Mapping[str, TrainConfig] = {
+    "cpu": TrainConfig(),
+    # Refines what another run has learned: near negatives, narrower margins, a small learning rate.
+    "tune": TrainConfig(
+        steps=600,
+        lr=4e-4,
+        batch=BatchConfig(near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
+    ),
+    # Source: paper, section on GAM: 32 pairs, 20 positives, 150 negatives, 40,000 batches.
+    "paper": TrainConfig(
+        network="paper",
+        steps=40_000,
+        lr=1e-3,
+        warmup=500,
+        save_every=1000,
+        batch=BatchConfig(groups=32, group_size=2),
+    ),
+}
+"""Ways to train by name: "cpu" from the start on a CPU, "tune" from other weights, "paper" for a GPU."""
+
+
+def get_train_config(name: str) -> TrainConfig:
+    """Return a preset; a `ValueError` lists them."""
+    if name not in TRAIN_PRESETS:
+        raise ValueError(f"preset must be one of {sorted(TRAIN_PRESETS)}; got {name!r}")
+    return TRAIN_PRESETS[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How training goes."""
+
+    step: int
+    """Steps done."""
+    steps: int
+    """Steps to do in all."""
+    loss: float
+    """InfoNCE of the last batch."""
+    accuracy: float
+    """Share of its points whose counterpart was the most similar."""
+    yaw_loss: float
+    """Cross entropy of the yaw."""
+    seconds: float
+    """Duration of the step [s]."""
+
+
+def train(
+    folder: GarmentFolder,
+    out: Path,
+    config: TrainConfig,
+    *,
+    start: Path | None = None,
+    is_resumed: bool = False,
+    device: str | torch.device = "cpu",
+    on_progress: Callable[[Progress], None] | None = None,
+    stop_after: int | None = None,
+) -> Path:
+    """Train a network for all categories of a folder.
+
+    Args:
+        folder: Garments to train on.
+        out: Folder of the run; made if missing.
+        config: How to train.
+        start: Checkpoint whose weights training starts from; the network is then that of the checkpoint.
+        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the interruption, bitwise
+            on a CPU with the same number of threads.
+        device: Where to compute.
+        on_progress: Called after each step.
+        stop_after: Save and stop after this step, as an interruption would.
+
+    Returns:
+        The network's file.
+
+    Raises:
+        CheckpointError: If there is nothing to resume, the run had another configuration, or `start` does not fit.
+        FileExistsError: If `out` holds a run and `is_resumed` is false.
+        FloatingPointError: If the loss is not finite.
+    """
+    device = torch.device(device)
+    out = Path(out)
+    if not is_resumed and (out / CONFIG_FILE).exists():
+        raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
+    network = _make_network(folder, config, start).to(device).train()
+    parameters = dict(network.named_parameters())
+    optimizer = torch.optim.AdamW(
+        parameters.values(), lr=config.lr, weight_decay=config.weight_decay, foreach=False
+    )
+    described = {
+        "train": config.to_dict(),
+        "network": json.loads(network.config.to_json()),
+        "garments": [f"{h.category} {h.garment_id}" for h in folder.headers],
+    }
+    done = 0
+    if is_resumed:
+        done = _load_state(out / STATE_FILE, described, parameters, optimizer)
+        _trim_log(out / LOG_FILE, done)
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+        _write_whole(out / CONFIG_FILE, json.dumps(described, indent=1))
+    maker = BatchMaker(folder, config.batch, seed=config.seed)
+    numbers = [network.config.categories.index(c) for c in folder.categories]
+    with (out / LOG_FILE).open("a", encoding="utf-8") as log:
+        for step in range(done, config.steps):
+            began = time.perf_counter()
+            for group in optimizer.param_groups:
+                group["lr"] = _get_lr(config, step)
+            batch = maker.make(step).to(device)
+            category = torch.tensor(numbers, device=device)[batch.category]
+            features = network(batch.points, category)
+            loss, accuracy = compute_info_nce(features, batch, temperature=config.temperature)
+            logits = network.yaw(batch.turned)
+            yaw_loss = network.yaw.compute_loss(logits, batch.yaw, batch.yaw_weight)
+            total = loss + config.yaw_share * yaw_loss
+            optimizer.zero_grad(set_to_none=True)
+            total.backward()
+            norm = torch.nn.utils.clip_grad_norm_(parameters.values(), config.max_gradient)
+            if not torch.isfinite(norm):
+                raise FloatingPointError(f"the gradient of step {step + 1} is not finite")
+            optimizer.step()
+            progress = Progress(
+                step=step + 1,
+                steps=config.steps,
+                loss=loss.item(),
+                accuracy=accuracy.item(),
+                yaw_loss=yaw_loss.item(),
+                seconds=time.perf_counter() - began,
+            )
+            log.write(json.dumps(dataclasses.asdict(progress)) + "\n")
+            if on_progress is not None:
+                on_progress(progress)
+            is_last = step + 1 in (config.steps, stop_after)
+            if is_last or (step + 1) % config.save_every == 0:
+                log.flush()
+                _save_state(out / STATE_FILE, described, parameters, optimizer, step + 1)
+            if step + 1 == stop_after:
+                break
+    card = {
+        "train": config.to_dict(),
+        "steps_done": min(config.steps, stop_after or config.steps),
+        "garments": len(folder),
+        "categories": list(folder.categories),
+        "versions": {name: metadata.version(name) for name in ("torch", "numpy", "safetensors")},
+    }
+    path = out / NETWORK_FILE
+    save_checkpoint(path, Checkpoint(network=network.eval(), card=card))
+    return path
+
+
+def _make_network(folder: GarmentFolder, config: TrainConfig, start: Path | None) -> GarmentNetwork:
+    if start is not None:
+        network = load_checkpoint(start).network
+        unknown = sorted(set(folder.categories) - set(network.config.categories))
+        if unknown:
+            raise CheckpointError(
+                f"{start} is for {', '.join(network.config.categories)}; "
+                f"the data have {', '.join(unknown)}"
+            )
+        return network
+    sizes = get_network_config(config.network)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        return GarmentNetwork(dataclasses.replace(sizes, categories=folder.categories))
+
+
+def _get_lr(config: TrainConfig, step: int) -> float:
+    if step < config.warmup:
+        return config.lr * (step + 1) / config.warmup
+    share = (step - config.warmup) / max(1, config.steps - config.warmup)
+    return config.lr * 0.5 * (1 + math.cos(math.pi * share))
+
+
+def _save_state(
+    path: Path,
+    described: Mapping[str, Any],
+    parameters: Mapping[str, Tensor],
+    optimizer: torch.optim.Optimizer,
+    step: int,
+) -> None:
+    tensors = {}
+    for name, parameter in parameters.items():
+        tensors[f"weight/{name}"] = parameter.detach().cpu().contiguous()
+        for key in ("exp_avg", "exp_avg_sq", "step"):
+            if parameter in optimizer.state:
+                tensors[f"{key}/{name}"] = optimizer.state[parameter][key].cpu().contiguous()
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    meta = {"format": _STATE_FORMAT, "step": str(step), "described": json.dumps(described)}
+    save_file(tensors, beside, metadata=meta)
+    beside.replace(path)
+
+
+def _load_state(
+    path: Path,
+    described: Mapping[str, Any],
+    parameters: Mapping[str, Tensor],
+    optimizer: torch.optim.Optimizer,
+) -> int:
+    """Put weights and moments back; returns the steps done."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            meta = file.metadata() or {}
+            # Cloned: the file is mapped, and will be replaced while these are in use.
+            tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as err:
+        raise CheckpointError(f"{path.parent} holds no run to resume: {err}") from err
+    if meta.get("format") != _STATE_FORMAT:
+        raise CheckpointError(f"{path} is no state of a training; got {meta.get('format')!r}")
+    before, now = json.loads(meta["described"]), json.loads(json.dumps(described))
+    for part in now:
+        if before.get(part) != now[part]:
+            raise CheckpointError(
+                f"{path.parent} was begun with another {part}; resume it with the same, or start anew"
+            )
+    wanted = {f"weight/{name}" for name in parameters}
+    if not wanted <= set(tensors):
+        raise CheckpointError(f"{path} lacks weights of the network")
+    for name, parameter in parameters.items():
+        with torch.no_grad():
+            parameter.copy_(tensors[f"weight/{name}"])
+        if f"exp_avg/{name}" in tensors:
+            optimizer.state[parameter] = {
+                key: tensors[f"{key}/{name}"].to("cpu" if key == "step" else parameter.device)
+                for key in ("step", "exp_avg", "exp_avg_sq")
+            }
+    return int(meta["step"])
+
+
+def _trim_log(path: Path, step: int) -> None:
+    """Keep the lines of the steps that are not done again."""
+    if path.exists():
+        lines = path.read_text(encoding="utf-8").splitlines()
+        _write_whole(path, "".join(line + "\n" for line in lines[:step]))
+
+
+def _write_whole(path: Path, text: str) -> None:
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)

@@ -1,0 +1,183 @@
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from dgl_gam import CheckpointError
+from dgl_gam.checkpoint import load_checkpoint, save_checkpoint
+from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
+from dgl_gam.data import GarmentFolder
+from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
+from dgl_gam.loss import compute_info_nce
+from dgl_gam.network import GarmentNetwork
+from dgl_gam.train import TRAIN_PRESETS, TrainConfig, get_train_config, train
+
+TINY = NetworkConfig(
+    levels=(
+        LevelConfig(centres=64, radius=0.2, neighbours=8, widths=(16, 32)),
+        LevelConfig(centres=16, radius=0.5, neighbours=8, widths=(32,)),
+    ),
+    up=((32,), (32,)),
+    attention_blocks=1,
+    attention_heads=2,
+    head_width=32,
+    features=32,
+)
+CONFIG = TrainConfig(
+    network="tiny",
+    steps=6,
+    warmup=2,
+    save_every=2,
+    batch=BatchConfig(groups=1, group_size=2, positives=4, negatives=20),
+)
+
+
+@pytest.fixture(autouse=True)
+def tiny(monkeypatch):
+    monkeypatch.setitem(PRESETS, "tiny", TINY)
+
+
+@pytest.fixture
+def folder(shirts):
+    return GarmentFolder(shirts, split="train")
+
+
+def test_info_nce_agrees_with_loops():
+    generator = torch.Generator().manual_seed(0)
+
+    def draw(*shape, high):
+        return torch.randint(high, shape, generator=generator)
+
+    features = torch.nn.functional.normalize(torch.randn(3, 40, 8, generator=generator), dim=2)
+    batch = Batch(
+        points=torch.zeros(3, 40, 3),
+        category=torch.zeros(3, dtype=torch.int64),
+        turned=torch.zeros(3, 40, 3),
+        yaw=torch.zeros(3),
+        yaw_weight=torch.ones(3),
+        clouds=torch.tensor([[0, 1], [2, 0]]),
+        source=draw(2, 5, high=40),
+        positive=draw(2, 5, high=40),
+        negative=draw(2, 5, 7, high=40),
+        is_used=draw(2, 5, high=4) > 0,
+        is_negative=draw(2, 5, 7, high=4) > 0,
+    )
+    losses, right = [], []
+    for p in range(2):
+        a, b = batch.clouds[p]
+        for s in range(5):
+            if not batch.is_used[p, s]:
+                continue
+            anchor = features[a, batch.source[p, s]]
+            positive = float(anchor @ features[b, batch.positive[p, s]])
+            negatives = [
+                float(anchor @ features[b, batch.negative[p, s, n]])
+                for n in range(7)
+                if batch.is_negative[p, s, n]
+            ]
+            total = sum(math.exp(x / 0.1) for x in [positive, *negatives])
+            losses.append(-math.log(math.exp(positive / 0.1) / total))
+            right.append(positive > max(negatives))
+    loss, accuracy = compute_info_nce(features, batch, temperature=0.1)
+    assert loss.item() == pytest.approx(sum(losses) / len(losses), rel=1e-5)
+    assert accuracy.item() == pytest.approx(sum(right) / len(right))
+
+
+def test_one_batch_can_be_learned_by_heart(folder):
+    torch.manual_seed(0)
+    network = GarmentNetwork(TINY)
+    batch = BatchMaker(folder, BatchConfig(groups=1, group_size=3, positives=10), seed=0).make(0)
+    optimizer = torch.optim.Adam(network.parameters(), lr=5e-3)
+    losses, yaw_losses = [], []
+    for _ in range(80):
+        loss, accuracy = compute_info_nce(network(batch.points), batch, temperature=0.07)
+        yaw_loss = network.yaw.compute_loss(network.yaw(batch.turned), batch.yaw, batch.yaw_weight)
+        optimizer.zero_grad()
+        (loss + yaw_loss).backward()
+        optimizer.step()
+        losses.append(loss.item())
+        yaw_losses.append(yaw_loss.item())
+    assert losses[0] > 3
+    assert losses[-1] < 0.6
+    assert accuracy > 0.8
+    assert yaw_losses[-1] < 0.6 * yaw_losses[0]
+
+
+def read_weights(path: Path) -> dict[str, torch.Tensor]:
+    return load_checkpoint(path).network.state_dict()
+
+
+def test_a_resumed_run_ends_as_one_without_interruption(folder, tmp_path):
+    whole = train(folder, tmp_path / "whole", CONFIG)
+    train(folder, tmp_path / "cut", CONFIG, stop_after=3)
+    resumed = train(folder, tmp_path / "cut", CONFIG, is_resumed=True)
+    first, second = read_weights(whole), read_weights(resumed)
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    logs = [
+        [json.loads(line) for line in (tmp_path / run / "log.jsonl").read_text().splitlines()]
+        for run in ("whole", "cut")
+    ]
+    assert [line["step"] for line in logs[1]] == [1, 2, 3, 4, 5, 6]
+    assert [line["loss"] for line in logs[0]] == [line["loss"] for line in logs[1]]
+    assert {p.name for p in (tmp_path / "cut").iterdir()} == {
+        "config.json",
+        "log.jsonl",
+        "network.safetensors",
+        "state.safetensors",
+    }
+
+
+def test_a_run_that_died_between_states_repeats_the_steps_since(folder, tmp_path):
+    whole = train(folder, tmp_path / "whole", CONFIG)
+
+    class KilledError(Exception):
+        pass
+
+    def kill(progress):
+        if progress.step == 5:
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        train(folder, tmp_path / "cut", CONFIG, on_progress=kill)
+    resumed = train(folder, tmp_path / "cut", CONFIG, is_resumed=True)
+    first, second = read_weights(whole), read_weights(resumed)
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    assert len((tmp_path / "cut" / "log.jsonl").read_text().splitlines()) == 6
+
+
+def test_training_starts_from_other_weights(folder, tmp_path):
+    first = train(folder, tmp_path / "first", CONFIG)
+    config = dataclasses.replace(CONFIG, steps=1, lr=1e-9, weight_decay=0.0)
+    second = read_weights(train(folder, tmp_path / "second", config, start=first))
+    for name, tensor in read_weights(first).items():
+        torch.testing.assert_close(second[name], tensor, atol=1e-6, rtol=0)
+
+
+def test_what_cannot_be_resumed_or_started_is_refused(folder, tmp_path):
+    with pytest.raises(CheckpointError, match="holds no run to resume"):
+        train(folder, tmp_path / "none", CONFIG, is_resumed=True)
+    path = train(folder, tmp_path / "run", CONFIG, stop_after=1)
+    with pytest.raises(FileExistsError, match="holds a run already"):
+        train(folder, tmp_path / "run", CONFIG)
+    with pytest.raises(CheckpointError, match="begun with another train"):
+        train(folder, tmp_path / "run", dataclasses.replace(CONFIG, lr=1.0), is_resumed=True)
+    network = load_checkpoint(path)
+    network.network.config = dataclasses.replace(TINY, categories=("Hat",))
+    save_checkpoint(tmp_path / "hat.safetensors", network)
+    with pytest.raises(CheckpointError, match="is for Hat; the data have Shirt"):
+        train(folder, tmp_path / "new", CONFIG, start=tmp_path / "hat.safetensors")
+
+
+def test_the_presets_are_as_documented():
+    paper = get_train_config("paper")
+    assert paper.network == "paper"
+    assert (paper.batch.groups, paper.batch.group_size) == (32, 2)
+    assert (paper.batch.positives, paper.batch.negatives, paper.steps) == (20, 150, 40_000)
+    assert TRAIN_PRESETS["cpu"].batch.groups * TRAIN_PRESETS["cpu"].batch.group_size == 16
+    with pytest.raises(ValueError, match=r"one of \['cpu', 'paper', 'tune'\]; got 'gpu'"):
+        get_train_config("gpu")
+    with pytest.raises(ValueError, match="lr must be positive"):
+        TrainConfig(lr=0.0)
