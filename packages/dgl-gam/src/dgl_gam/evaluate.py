@@ -1,0 +1,399 @@
+"""How well a model finds places again: errors on unseen garments, by category and by how they lie."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from dgl_gam.augment import drop_points
+from dgl_gam.confidence import Calibration, compute_auroc, fit_calibration
+from dgl_gam.data.correspondence import compute_places, find_vertices, mirror_places
+from dgl_gam.data.folder import GarmentFolder
+from dgl_gam.data.garment_file import GarmentData
+from dgl_gam.errors import DataError
+from dgl_gam.model import GarmentAffordanceModel
+
+__all__ = [
+    "EvalConfig",
+    "Row",
+    "Trial",
+    "calibrate",
+    "evaluate",
+    "format_markdown",
+    "list_conditions",
+    "run_trial",
+]
+
+_ALL = "all"
+_LATERAL = 0.15  # a place and its mirror image are told apart from this distance on
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvalConfig:
+    """What is measured. Lengths are shares of the target's horizontal diagonal as it lies flat."""
+
+    pairs: int = 40
+    """Pairs of garments for each category and condition."""
+    points: int = 40
+    """Random points for each pair, beside the landmarks."""
+    visible: float = 0.03
+    """A true place counts as visible if one of the observed points is as near to it on the flat garment."""
+    hidden: float = 0.06
+    """It counts as hidden if none is nearer than this. Places in between count as neither."""
+    noise: float = 0.005
+    """Standard deviation of the noise, in the condition with noise."""
+    seed: int = 0
+    """Of everything drawn."""
+
+    def __post_init__(self) -> None:
+        if self.pairs < 1 or self.points < 0:
+            raise ValueError(
+                f"pairs must be positive and points not negative; got {self.pairs}, {self.points}"
+            )
+        if not 0 < self.visible <= self.hidden or self.noise < 0:
+            raise ValueError(
+                "visible and hidden must be positive and grow, noise not negative; got "
+                f"{self.visible}, {self.hidden}, {self.noise}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """One demonstration found on one target; arrays have one entry for each of its K points."""
+
+    error: np.ndarray
+    """Distance of the match to the true position, as a share of the diagonal."""
+    confidence: np.ndarray
+    """The model's probability that the true point is visible."""
+    evidence: np.ndarray
+    """What that was computed from, shape (K, 4)."""
+    is_visible: np.ndarray
+    """Whether it is."""
+    is_hidden: np.ndarray
+    """Whether it is certainly not."""
+    is_landmark: np.ndarray
+    """Whether the point is a landmark, or else random."""
+    is_lateral: np.ndarray
+    """Whether left and right differ for the point."""
+    is_swapped: np.ndarray
+    """Whether the match is nearer to the mirrored place than to the true one."""
+    seconds: float
+    """Time that the model took, nothing cached [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Measures of one category in one condition. NaN where there is nothing to measure."""
+
+    category: str
+    """Category of the garments; "all": the mean of the others."""
+    condition: str
+    """How the target lies, see `list_conditions`."""
+    pairs: int
+    """Pairs of garments."""
+    points: int
+    """Visible points."""
+    mean_error: float
+    """Mean error of the visible points, as a share of the diagonal."""
+    pck05: float
+    """Share of them that are found within 5 % of the diagonal."""
+    pck10: float
+    """Share of them that are found within 10 %."""
+    landmark_pck05: float
+    """The same for landmarks alone, 5 %."""
+    landmark_pck10: float
+    """The same for landmarks alone, 10 %."""
+    swap_rate: float
+    """Share of the visible lateral points that are found on the wrong side."""
+    hidden: int
+    """Hidden points."""
+    hidden_auroc: float
+    """How well the confidence tells visible from hidden points: area under the ROC curve."""
+    milliseconds: float
+    """Median time of a pair, both clouds computed anew [ms]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; NaN becomes None, as JSON needs it."""
+        return {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in asdict(self).items()
+        }
+
+
+def list_conditions(folder: GarmentFolder, category: str) -> tuple[str, ...]:
+    """Conditions that a category's garments can be measured in.
+
+    "flat_30": lying flat, turned by at most 30°; "flat_any": by any angle; "noise_half": as the first, with noise and
+    half of the points missing; and each other kind of state in the files, turned by any angle.
+    """
+    kinds = {
+        folder.headers[i].state_kinds[s]
+        for i in folder.get_indices(category)
+        for s in range(len(folder.headers[i].state_names))
+    }
+    return ("flat_30", "flat_any", "noise_half", *sorted(kinds - {"flat"}))
+
+
+def run_trial(
+    model: GarmentAffordanceModel,
+    source: GarmentData,
+    target: GarmentData,
+    condition: str,
+    config: EvalConfig,
+    rng: np.random.Generator,
+) -> Trial | None:
+    """Let a model find points of a garment lying flat on another one.
+
+    Args:
+        model: The model.
+        source: The demonstrated garment.
+        target: The observed garment.
+        condition: How it lies, see `list_conditions`.
+        config: What is measured.
+        rng: Source of randomness.
+
+    Returns:
+        What was found; None if the files have no such view of the target or no flat one of the source, or if the two
+        share no place.
+    """
+    kind = "flat" if condition in ("flat_30", "flat_any", "noise_half") else condition
+    flat_views, views = source.get_views("flat"), target.get_views(kind)
+    if not len(flat_views) or not len(views):
+        return None
+    source_view, view = int(rng.choice(flat_views)), int(rng.choice(views))
+    source_cloud = source.view_points[source_view].astype(np.float64)
+    source_seen = source.view_vertices[source_view]
+    index, is_landmark = _choose_points(source, source_seen, config, rng)
+    vertices = find_vertices(source, source_seen[index], target)
+    index, is_landmark = index[vertices >= 0], is_landmark[vertices >= 0]
+    vertices = vertices[vertices >= 0]
+    if not len(vertices):
+        return None
+
+    cloud = target.view_points[view].astype(np.float64)
+    seen = target.view_vertices[view]
+    truth = target.states[target.view_state[view]].astype(np.float64)[vertices]
+    limit = math.radians(30) if condition in ("flat_30", "noise_half") else math.pi
+    turn = _make_turn(float(rng.uniform(-limit, limit)))
+    centre = cloud.mean(axis=0)
+    cloud, truth = (cloud - centre) @ turn.T, (truth - centre) @ turn.T
+    observed = cloud
+    if condition == "noise_half":
+        generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+        kept = drop_points(torch.from_numpy(cloud)[None], generator, share=0.5)[0].numpy()
+        cloud, seen = cloud[kept], seen[kept]
+        observed = cloud + rng.normal(size=cloud.shape) * config.noise * target.diagonal
+
+    fresh = (
+        GarmentAffordanceModel(  # holds no demonstration yet, so that the time is that of a pair
+            model.checkpoint,
+            category=model.category,
+            device=model.device,
+            source_views=model.source_views,
+        )
+    )
+    began = time.perf_counter()
+    matches = fresh.locate(source_cloud, source_cloud[index], observed)
+    seconds = time.perf_counter() - began
+
+    places = compute_places(target)
+    nearest = np.linalg.norm(places[seen][None] - places[vertices][:, None], axis=2).min(axis=1)
+    mirrored = mirror_places(places[vertices])
+    found = places[seen[matches.indices]]
+    to_true = np.linalg.norm(found - places[vertices], axis=1)
+    to_mirrored = np.linalg.norm(found - mirrored, axis=1)
+    return Trial(
+        error=np.linalg.norm(cloud[matches.indices] - truth, axis=1) / target.diagonal,
+        confidence=matches.confidence,
+        evidence=matches.evidence,
+        is_visible=nearest <= config.visible,
+        is_hidden=nearest > config.hidden,
+        is_landmark=is_landmark,
+        is_lateral=np.linalg.norm(mirrored - places[vertices], axis=1) > _LATERAL,
+        is_swapped=to_mirrored < to_true,
+        seconds=seconds,
+    )
+
+
+def evaluate(
+    models: Mapping[str, GarmentAffordanceModel],
+    folder: GarmentFolder,
+    config: EvalConfig | None = None,
+    *,
+    on_progress: Callable[[str, str], None] | None = None,
+) -> list[Row]:
+    """Measure models on a folder of garments, each against others of its category.
+
+    Args:
+        models: Model of each category of the folder.
+        folder: Garments, best of the split "test".
+        config: What is measured; the defaults when None.
+        on_progress: Called with category and condition before each is measured.
+
+    Returns:
+        A row for each category and condition, then the means over the categories where there are several.
+
+    Raises:
+        DataError: If a category has a single garment, or a model is missing.
+    """
+    config = config or EvalConfig()
+    rows: list[Row] = []
+    for category in folder.categories:
+        if category not in models:
+            raise DataError(f"there must be a model for each category; none for {category}")
+        for condition in list_conditions(folder, category):
+            if on_progress is not None:
+                on_progress(category, condition)
+            trials = _run_trials(models[category], folder, category, condition, config)
+            if trials:
+                rows.append(_summarize(category, condition, trials))
+    if len(folder.categories) > 1:
+        conditions = dict.fromkeys(row.condition for row in rows)
+        rows += [_average(c, [r for r in rows if r.condition == c]) for c in conditions]
+    return rows
+
+
+def calibrate(
+    models: Mapping[str, GarmentAffordanceModel],
+    folder: GarmentFolder,
+    config: EvalConfig | None = None,
+) -> Calibration:
+    """Fit the confidence on garments, best on those that the model was trained on, so that the others stay unseen.
+
+    Raises:
+        DataError: If all true points are visible, or all hidden.
+    """
+    config = config or EvalConfig()
+    evidence, is_visible = [], []
+    for category in folder.categories:
+        for condition in list_conditions(folder, category):
+            for trial in _run_trials(models[category], folder, category, condition, config):
+                used = trial.is_visible | trial.is_hidden
+                evidence.append(trial.evidence[used])
+                is_visible.append(trial.is_visible[used])
+    labels = np.concatenate(is_visible) if is_visible else np.zeros(0, bool)
+    if not 0 < labels.sum() < len(labels):
+        raise DataError(
+            "a calibration needs visible and hidden points; the data have one kind only"
+        )
+    return fit_calibration(np.concatenate(evidence), labels)
+
+
+def format_markdown(rows: Sequence[Row]) -> str:
+    """Write rows as a table; errors and shares in percent."""
+    lines = [
+        "| category | condition | pairs | mean error | PCK@.05 | PCK@.10 | landmarks PCK@.05 | PCK@.10 "
+        "| swapped | hidden AUROC | ms |",
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for row in rows:
+        shares = [
+            _format(value, 100, 1, " %")
+            for value in (
+                row.mean_error,
+                row.pck05,
+                row.pck10,
+                row.landmark_pck05,
+                row.landmark_pck10,
+                row.swap_rate,
+            )
+        ]
+        cells = [row.category, row.condition, str(row.pairs), *shares]
+        cells += [_format(row.hidden_auroc, 1, 2, ""), _format(row.milliseconds, 1, 0, "")]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _format(value: float, factor: float, digits: int, unit: str) -> str:
+    return "" if math.isnan(value) else f"{value * factor:.{digits}f}{unit}"
+
+
+def _choose_points(
+    source: GarmentData, seen: np.ndarray, config: EvalConfig, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Visible points of the source that are landmarks, then random ones: indices, and whether they are landmarks."""
+    places = compute_places(source)
+    distance = np.linalg.norm(places[source.landmarks][:, None] - places[seen][None], axis=2)
+    nearest = distance.argmin(axis=1) if len(distance) else np.zeros(0, np.int64)
+    nearest = nearest[distance.min(axis=1) <= config.visible] if len(distance) else nearest
+    drawn = rng.choice(len(seen), min(config.points, len(seen)), replace=False)
+    index = np.concatenate([nearest, drawn]).astype(np.int64)
+    return index, np.arange(len(index)) < len(nearest)
+
+
+def _make_turn(angle: float) -> np.ndarray:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+
+
+def _run_trials(
+    model: GarmentAffordanceModel,
+    folder: GarmentFolder,
+    category: str,
+    condition: str,
+    config: EvalConfig,
+) -> list[Trial]:
+    indices = folder.get_indices(category)
+    if len(indices) < 2:
+        raise DataError(f"there must be at least 2 garments of {category} to compare; got 1")
+    # The same pairs whatever else is measured, and whichever model.
+    rng = np.random.default_rng([config.seed, *(category + condition).encode()])
+    trials = []
+    for _ in range(config.pairs):
+        source, target = rng.choice(indices, 2, replace=False)
+        trial = run_trial(
+            model, folder.load(int(source)), folder.load(int(target)), condition, config, rng
+        )
+        if trial is not None:
+            trials.append(trial)
+    return trials
+
+
+def _summarize(category: str, condition: str, trials: Sequence[Trial]) -> Row:
+    def join(name: str) -> np.ndarray:
+        return np.concatenate([getattr(trial, name) for trial in trials])
+
+    visible, hidden = join("is_visible"), join("is_hidden")
+    error = join("error")
+    marks = visible & join("is_landmark")
+    lateral = visible & join("is_lateral")
+    decided = visible | hidden
+    return Row(
+        category=category,
+        condition=condition,
+        pairs=len(trials),
+        points=int(visible.sum()),
+        mean_error=_mean(error[visible]),
+        pck05=_mean(error[visible] <= 0.05),
+        pck10=_mean(error[visible] <= 0.10),
+        landmark_pck05=_mean(error[marks] <= 0.05),
+        landmark_pck10=_mean(error[marks] <= 0.10),
+        swap_rate=_mean(join("is_swapped")[lateral]),
+        hidden=int(hidden.sum()),
+        hidden_auroc=compute_auroc(join("confidence")[decided], visible[decided]),
+        milliseconds=1e3 * float(np.median([trial.seconds for trial in trials])),
+    )
+
+
+def _average(condition: str, rows: Sequence[Row]) -> Row:
+    def mean(name: str) -> float:
+        values = [getattr(row, name) for row in rows]
+        return _mean(np.array([v for v in values if not math.isnan(v)]))
+
+    measures = ("mean_error", "pck05", "pck10", "landmark_pck05", "landmark_pck10", "swap_rate")
+    return Row(
+        category=_ALL,
+        condition=condition,
+        pairs=sum(row.pairs for row in rows),
+        points=sum(row.points for row in rows),
+        hidden=sum(row.hidden for row in rows),
+        **{name: mean(name) for name in (*measures, "hidden_auroc", "milliseconds")},
+    )
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else float("nan")

@@ -1,0 +1,147 @@
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from dgl_gam import DataError, GarmentAffordanceModel, Matches
+from dgl_gam.checkpoint import Checkpoint
+from dgl_gam.config import PRESETS
+from dgl_gam.data import GarmentFolder
+from dgl_gam.evaluate import (
+    EvalConfig,
+    Trial,
+    _summarize,
+    calibrate,
+    evaluate,
+    format_markdown,
+    list_conditions,
+    run_trial,
+)
+from dgl_gam.network import GarmentNetwork
+
+CONFIG = EvalConfig(pairs=3, points=10)
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.manual_seed(0)
+    config = dataclasses.replace(PRESETS["small"], categories=("Shirt",))
+    return GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
+
+
+@pytest.fixture(scope="module")
+def folder(shirts):
+    return GarmentFolder(shirts)
+
+
+def answer_with(monkeypatch, choose):
+    """Replace the model's matching by a rule: choose(source_points, target_cloud) -> indices."""
+
+    def locate(self, source_cloud, source_points, target_cloud):
+        indices = choose(source_points, target_cloud)
+        count = len(indices)
+        return Matches(
+            indices=indices,
+            similarity=np.zeros((count, len(target_cloud)), np.float32),
+            confidence=np.linspace(0, 1, count, dtype=np.float32),
+            evidence=np.zeros((count, 4)),
+            points=target_cloud[indices],
+        )
+
+    monkeypatch.setattr(GarmentAffordanceModel, "locate", locate)
+
+
+def test_conditions_are_the_flat_ones_and_the_kinds_of_the_files(folder):
+    assert list_conditions(folder, "Shirt") == ("flat_30", "flat_any", "noise_half", "dropped")
+
+
+def test_errors_of_a_matcher_that_knows_and_of_one_that_mirrors(model, folder, monkeypatch):
+    """Within one garment lying flat, at the same yaw, the true point is the nearest; mirrored is -x."""
+    garment = folder.load(0)
+    monkeypatch.setattr("dgl_gam.evaluate._make_turn", lambda angle: np.eye(3))
+
+    def nearest(points, cloud, sign=1):
+        wanted = points[:, None] * [sign, 1, 1]
+        return np.linalg.norm(cloud[None] - wanted, axis=2).argmin(axis=1)
+
+    centre = garment.view_points[0].mean(axis=0)
+    for sign, share in ((1, 0.0), (-1, 1.0)):
+        answer_with(monkeypatch, lambda points, cloud, s=sign: nearest(points, cloud + centre, s))
+        trial = run_trial(
+            model, garment, garment, "flat_30", EvalConfig(points=60), np.random.default_rng(0)
+        )
+        assert trial is not None
+        lateral = trial.is_lateral & trial.is_visible
+        assert lateral.sum() > 30
+        assert trial.is_swapped[lateral].mean() == pytest.approx(share, abs=0.05)
+        if sign == 1:
+            assert np.quantile(trial.error[trial.is_visible], 0.95) < 0.03
+            assert not trial.is_hidden.any()
+        else:
+            assert np.median(trial.error[lateral]) > 0.15
+        assert trial.is_landmark.sum() == 5
+
+
+def test_what_is_missing_is_hidden(model, folder):
+    trial = run_trial(
+        model, folder.load(0), folder.load(1), "noise_half",
+        EvalConfig(points=200), np.random.default_rng(0),
+    )  # fmt: skip
+    assert trial is not None
+    assert 0.2 < trial.is_hidden.mean() < 0.6
+    assert not (trial.is_hidden & trial.is_visible).any()
+
+
+def test_measures_of_a_row_are_those_of_its_points():
+    def make(**changes):
+        values = {
+            "error": np.array([0.01, 0.07, 0.2, 0.9]),
+            "confidence": np.array([0.9, 0.8, 0.3, 0.4]),
+            "evidence": np.zeros((4, 4)),
+            "is_visible": np.array([True, True, True, False]),
+            "is_hidden": np.array([False, False, False, True]),
+            "is_landmark": np.array([True, False, False, True]),
+            "is_lateral": np.array([False, True, True, True]),
+            "is_swapped": np.array([False, False, True, True]),
+            "seconds": 0.02,
+        }
+        return Trial(**{**values, **changes})
+
+    row = _summarize("Shirt", "flat_30", [make(), make(seconds=0.04)])
+    assert (row.pairs, row.points, row.hidden) == (2, 6, 2)
+    assert row.mean_error == pytest.approx(0.28 / 3)
+    assert row.pck05 == pytest.approx(1 / 3)
+    assert row.pck10 == pytest.approx(2 / 3)
+    assert row.landmark_pck05 == 1
+    assert row.swap_rate == 0.5
+    assert row.hidden_auroc == pytest.approx(2 / 3)
+    assert row.milliseconds == pytest.approx(30)
+    none = _summarize("Shirt", "flat_30", [make(is_hidden=np.zeros(4, bool))])
+    assert math.isnan(none.hidden_auroc)
+    assert none.to_dict()["hidden_auroc"] is None
+    table = format_markdown([row, none]).splitlines()
+    assert len(table) == 4
+    assert table[2].startswith("| Shirt | flat_30 | 2 | 9.3 % | 33.3 % | 66.7 % | 100.0 % |")
+    assert table[3].split("|")[-3].strip() == ""
+
+
+def test_evaluation_covers_every_condition_and_repeats_itself(model, folder):
+    rows = evaluate({"Shirt": model}, folder, CONFIG)
+    assert [row.condition for row in rows] == ["flat_30", "flat_any", "noise_half", "dropped"]
+    again = evaluate({"Shirt": model}, folder, CONFIG)
+    for first, second in zip(rows, again, strict=True):
+        assert dataclasses.replace(first, milliseconds=0) == dataclasses.replace(
+            second, milliseconds=0
+        ) or math.isnan(first.hidden_auroc)
+    json.dumps([row.to_dict() for row in rows], allow_nan=False)
+    with pytest.raises(DataError, match="none for Shirt"):
+        evaluate({}, folder, CONFIG)
+
+
+def test_calibration_is_fitted_to_the_folder(model, folder):
+    found = calibrate({"Shirt": model}, folder, EvalConfig(pairs=3, points=60))
+    assert found.samples > 300
+    assert model.with_calibration(found).checkpoint.calibration == found
