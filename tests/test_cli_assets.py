@@ -238,3 +238,20 @@ def test_materials_are_drawn_and_their_maps_written(tmp_path, capsys):
     assert "--out must be a file .png" in capsys.readouterr().err
     assert main(["assets", "materials", "--out", str(out), "--fabrics", "-1"]) == 1
     assert capsys.readouterr().err == "dgl: --fabrics must not be negative; got -1\n"
+
+
+def test_props_are_drawn_and_their_meshes_written(tmp_path, capsys):
+    out, meshes = tmp_path / "props.png", tmp_path / "meshes"
+    words = ["assets", "props", "--out", str(out), "--kinds", "hanger", "pothook"]
+    assert main([*words, "--meshes", str(meshes), "--no-landmarks", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    hanger, pothook = result["props"]
+    assert (hanger["kind"], pothook["kind"]) == ("hanger", "pothook")
+    assert hanger["landmarks"]["target"] == [0.0, 0.0, 0.8]
+    assert pothook["shapes"] == ["box", "box"]
+    assert out.stat().st_size > 5_000
+    assert {p.name for p in meshes.iterdir()} == {
+        f"{kind}.{end}" for kind in ("hanger", "pothook") for end in ("obj", "mtl")
+    }
+    assert main(["assets", "props", "--out", str(out), "--kinds", "shelf"]) == 1
+    assert "prop must be one of" in capsys.readouterr().err

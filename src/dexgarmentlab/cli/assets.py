@@ -13,7 +13,12 @@ from dexgarmentlab.cli.assets_catalogue import (
     show,
 )
 from dexgarmentlab.cli.assets_import import ImportOptions, bring
-from dexgarmentlab.cli.assets_looks import MaterialsOptions, show_materials
+from dexgarmentlab.cli.assets_looks import (
+    MaterialsOptions,
+    PropsOptions,
+    show_materials,
+    show_props,
+)
 
 __all__ = ["Options", "run"]
 
@@ -21,6 +26,7 @@ Options = Annotated[
     Annotated[ListOptions, tyro.conf.subcommand("list")]
     | Annotated[ShowOptions, tyro.conf.subcommand("show")]
     | Annotated[BuildOptions, tyro.conf.subcommand("build")]
+    | Annotated[PropsOptions, tyro.conf.subcommand("props")]
     | Annotated[MaterialsOptions, tyro.conf.subcommand("materials")]
     | Annotated[ImportOptions, tyro.conf.subcommand("import")],
     tyro.conf.arg(name=""),
@@ -29,7 +35,12 @@ Options = Annotated[
 
 
 def run(
-    options: ListOptions | ShowOptions | BuildOptions | MaterialsOptions | ImportOptions,
+    options: ListOptions
+    | ShowOptions
+    | BuildOptions
+    | PropsOptions
+    | MaterialsOptions
+    | ImportOptions,
 ) -> int:
     """Do what the action says."""
     if isinstance(options, ListOptions):
@@ -38,6 +49,8 @@ def run(
         return show(options)
     if isinstance(options, BuildOptions):
         return build(options)
+    if isinstance(options, PropsOptions):
+        return show_props(options)
     if isinstance(options, MaterialsOptions):
         return show_materials(options)
     return bring(options)

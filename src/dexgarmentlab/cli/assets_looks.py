@@ -1,4 +1,4 @@
-"""`dgl assets materials`: pictures of what garments and floors can look like."""
+"""`dgl assets props` and `materials`: what garments are hung on, and what surfaces look like."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,9 +6,28 @@ from typing import Any
 
 from dexgarmentlab.cli import EXIT_OK, console
 
-__all__ = ["MaterialsOptions", "show_materials"]
+__all__ = ["MaterialsOptions", "PropsOptions", "show_materials", "show_props"]
 
 _MAP_SIZES = (32, 2048)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PropsOptions:
+    """Draw hangers, hooks, platforms, stands and tables with their landmarks.
+
+    Example: dgl assets props --out props.png
+    """
+
+    out: Path
+    """Picture to write, PNG."""
+    kinds: tuple[str, ...] = ()
+    """Only these kinds, such as hanger or table; all when none is named."""
+    meshes: Path | None = None
+    """Folder for each prop's mesh, OBJ."""
+    landmarks: bool = True
+    """Mark and name the landmarks."""
+    json: bool = False
+    """Write measures, shapes and landmarks as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,4 +97,38 @@ def show_materials(options: MaterialsOptions) -> int:
         console.out(f"{options.out}: {len(groups[0])} fabrics, {len(groups[1])} floors")
         if options.maps is not None:
             console.out(f"{options.maps}: {3 * len(rows)} maps of {options.size} pixels")
+    return EXIT_OK
+
+
+def show_props(options: PropsOptions) -> int:
+    """Draw the sheet of props, and write their meshes."""
+    from dgl_assets import save_picture
+    from dgl_assets.props import PROP_KINDS, draw_prop_sheet, make_prop, save_obj
+
+    if options.out.suffix.lower() != ".png":
+        raise ValueError(f"--out must be a file .png; got {options.out}")
+    props = [make_prop(kind) for kind in options.kinds or PROP_KINDS]
+    with console.progress("drawing props") as bar:
+        sheet = draw_prop_sheet(props, has_landmarks=options.landmarks)
+        bar.advance()
+    save_picture(sheet, options.out)
+    rows: list[dict[str, Any]] = []
+    for prop in props:
+        row: dict[str, Any] = {
+            "kind": prop.kind,
+            "extent": prop.extent.round(6).tolist(),
+            "mass": prop.mass,
+            "shapes": [shape.kind for shape in prop.shapes],
+            "landmarks": {name: place.tolist() for name, place in prop.landmarks.items()},
+            "parameters": dict(prop.parameters),
+        }
+        if options.meshes is not None:
+            row["mesh"] = str(save_obj(prop, options.meshes / f"{prop.kind}.obj"))
+        rows.append(row)
+    if options.json:
+        console.out_json({"picture": str(options.out), "props": rows})
+    else:
+        console.out(f"{options.out}: {', '.join(prop.kind for prop in props)}")
+        if options.meshes is not None:
+            console.out(f"{options.meshes}: {len(props)} meshes")
     return EXIT_OK

@@ -1,0 +1,143 @@
+"""Collision shapes of props: primitives and convex pieces in the prop's frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from dgl_assets.robots._frames import rotation_from_quaternion
+
+ShapeKind = Literal["box", "capsule", "cylinder", "convex"]
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+_S = float(np.sqrt(0.5))
+ALONG: dict[str, Quaternion] = {
+    "x": (_S, 0.0, _S, 0.0),
+    "y": (_S, -_S, 0.0, 0.0),
+    "z": (1.0, 0.0, 0.0, 0.0),
+}
+"""Orientations that turn the local z axis onto an axis of the prop, wxyz."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PropShape:
+    """One convex solid fixed to a prop. Capsules and cylinders lie along their local z axis."""
+
+    kind: ShapeKind
+    radius: float = 0.0
+    """Radius [m] of a capsule or cylinder."""
+    half_length: float = 0.0
+    """Half length [m] of a cylinder, or of a capsule without its caps."""
+    half_size: Vector3 = (0.0, 0.0, 0.0)
+    """Half sizes [m] of a box along its local axes."""
+    points: np.ndarray | None = None
+    """Of a convex: points [m] whose hull it is, shape (N, 3), local frame."""
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    """Centre [m] in the prop's frame."""
+    wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Orientation in the prop's frame."""
+
+    def __post_init__(self) -> None:
+        sizes = {
+            "capsule": (self.radius, self.half_length),
+            "cylinder": (self.radius, self.half_length),
+            "box": self.half_size,
+            "convex": (),
+        }
+        if self.kind not in sizes:
+            raise ValueError(f"kind must be one of {sorted(sizes)}; got {self.kind!r}")
+        if any(not s > 0.0 for s in sizes[self.kind]):
+            raise ValueError(f"a {self.kind} needs positive sizes; got {sizes[self.kind]}")
+        if (self.points is not None) != (self.kind == "convex"):
+            raise ValueError(f"points must be given for a convex alone; kind is {self.kind!r}")
+        if self.points is not None and (self.points.ndim != 2 or self.points.shape[1] != 3):
+            raise ValueError(f"points must have shape (N, 3); got {self.points.shape}")
+
+    def compute_distance(self, points: np.ndarray) -> np.ndarray:
+        """Compute signed distances, negative inside.
+
+        Args:
+            points: Places [m], shape (N, 3), prop's frame.
+
+        Returns:
+            Distances [m], shape (N,). Outside of a convex beside its edges and corners they are
+            too small: those to the farthest plane.
+        """
+        R = rotation_from_quaternion(np.array(self.wxyz))
+        local = (np.asarray(points, dtype=float) - self.xyz) @ R
+        if self.kind == "convex":
+            assert self.points is not None
+            planes = ConvexHull(self.points).equations
+            return (local @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        if self.kind == "capsule":
+            local[:, 2] -= np.clip(local[:, 2], -self.half_length, self.half_length)
+            return np.linalg.norm(local, axis=1) - self.radius
+        if self.kind == "cylinder":
+            beyond = np.stack(
+                [
+                    np.hypot(local[:, 0], local[:, 1]) - self.radius,
+                    np.abs(local[:, 2]) - self.half_length,
+                ],
+                axis=1,
+            )
+        else:
+            beyond = np.abs(local) - self.half_size
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return outside + np.minimum(beyond.max(axis=1), 0.0)
+
+
+def make_box(low: Vector3, high: Vector3) -> PropShape:
+    """Make an upright box from its corners [m]."""
+    middle, half = (np.array(low) + high) / 2, (np.array(high) - low) / 2
+    return PropShape(
+        kind="box",
+        half_size=(float(half[0]), float(half[1]), float(half[2])),
+        xyz=(float(middle[0]), float(middle[1]), float(middle[2])),
+    )
+
+
+def make_cylinder(radius: float, low: float, high: float) -> PropShape:
+    """Make an upright cylinder about the z axis between two heights [m]."""
+    return PropShape(
+        kind="cylinder",
+        radius=radius,
+        half_length=(high - low) / 2,
+        xyz=(0.0, 0.0, (low + high) / 2),
+    )
+
+
+def make_capsules(path: np.ndarray, radii: np.ndarray | float) -> tuple[PropShape, ...]:
+    """Cover a thick line with capsules.
+
+    Args:
+        path: Corners of the line [m], shape (N, 3).
+        radii: Radius at each corner, shape (N,), or one for all [m].
+    """
+    radii = np.broadcast_to(np.asarray(radii, dtype=float), len(path))
+    shapes = []
+    for a, b, r, s in zip(path[:-1], path[1:], radii[:-1], radii[1:], strict=True):
+        axis, middle = (b - a) / np.linalg.norm(b - a), (a + b) / 2
+        q = _turn_z_onto(axis)
+        shapes.append(
+            PropShape(
+                kind="capsule",
+                radius=float((r + s) / 2),
+                half_length=float(np.linalg.norm(b - a) / 2),
+                xyz=(float(middle[0]), float(middle[1]), float(middle[2])),
+                wxyz=(float(q[0]), float(q[1]), float(q[2]), float(q[3])),
+            )
+        )
+    return tuple(shapes)
+
+
+def _turn_z_onto(axis: np.ndarray) -> np.ndarray:
+    """Find the shortest rotation of z onto a unit vector, wxyz."""
+    x, y, z = axis
+    if z < -1.0 + 1e-9:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    q = np.array([1.0 + z, -y, x, 0.0])
+    return q / np.linalg.norm(q)

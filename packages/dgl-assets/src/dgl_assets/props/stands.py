@@ -1,0 +1,194 @@
+"""Props that carry garments: the hook for coats and the stand for hats."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from dgl_assets.props.hanger import CABLE_TOP
+from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood
+from dgl_assets.props.prop import Prop
+from dgl_assets.props.shapes import PropShape, make_box, make_cylinder
+from dgl_assets.ranges import check_ranges
+from dgl_assets.robots._solids import (
+    Solid,
+    along_x,
+    along_y,
+    cylinder,
+    rounded_box,
+    turn,
+)
+
+_POST_LOW, _POST_HIGH = 0.3, 1.1  # of the pothook (original code) [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PothookParameters:
+    """An arm with a cross-bar that reaches out of a post, as a coat rack's hook.
+
+    The post is picture only and ends above the floor, where the garment lies; it hangs from a
+    thin rod. Source: the original code's figures.
+    """
+
+    height: float = 1.0
+    """Height of arm and cross-bar [m], in [0.5, 1.8] (original code)."""
+    reach: float = 0.20
+    """Length of the arm [m], in [0.1, 0.4] (original code)."""
+    bar_length: float = 0.12
+    """Of the cross-bar, along x [m], in [0.04, 0.3] (original code)."""
+    thickness: float = 0.025
+    """Of arm and cross-bar [m], in [0.012, 0.05] (original code)."""
+    post: float = 0.05
+    """Width of the post [m], in [0.03, 0.1] (original code)."""
+    wood: str = "walnut"
+    """One of `dgl_assets.props.WOODS`."""
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            vars(self),
+            {
+                "height": (0.5, 1.8),
+                "reach": (0.1, 0.4),
+                "bar_length": (0.04, 0.3),
+                "thickness": (0.012, 0.05),
+                "post": (0.03, 0.1),
+            },
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HatStandParameters:
+    """A turned stand: foot, column, a seat for the rim of a hat and a dome inside of its crown.
+
+    Source: the original code's figures for the seat's height and the column's width. Its hats lie
+    on an invisible plate of 0.5 m; here the seat carries them and leaves the brim free.
+    """
+
+    height: float = 0.6
+    """Of the seat [m], in [0.2, 1.6] (original code)."""
+    column: float = 0.07
+    """Largest width of the column [m], in [0.03, 0.12] (original code)."""
+    seat_radius: float = 0.082
+    """[m], in [0.04, 0.2]."""
+    dome_radius: float = 0.056
+    """Of the dome at the seat [m], in [0.02, 0.12], less than that of the seat."""
+    dome_height: float = 0.05
+    """Above the seat [m], in [0.01, 0.15]."""
+    foot_radius: float = 0.14
+    """[m], in [0.06, 0.3]."""
+    wood: str = "cherry"
+    """One of `dgl_assets.props.WOODS`."""
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            vars(self),
+            {
+                "height": (0.2, 1.6),
+                "column": (0.03, 0.12),
+                "seat_radius": (0.04, 0.2),
+                "dome_radius": (0.02, 0.12),
+                "dome_height": (0.01, 0.15),
+                "foot_radius": (0.06, 0.3),
+            },
+        )
+        if not self.dome_radius < self.seat_radius:
+            raise ValueError(
+                f"dome_radius must be less than seat_radius {self.seat_radius}; "
+                f"got {self.dome_radius}"
+            )
+
+
+def make_pothook(parameters: PothookParameters | None = None) -> Prop:
+    """Make the hook of Hang Coat; the target is the middle of the cross-bar."""
+    p = parameters or PothookParameters()
+    r, z, w = p.thickness / 2, p.height, p.post / 2
+    near, far = -0.01, p.reach - 0.01  # ends of the arm in y
+    middle = p.reach + 0.015  # of the post
+    arm = along_y(rounded_box("wood", (r, r, (far - near) / 2), radius=0.003, power=9, segments=32))
+    bar = along_x(rounded_box("wood", (r, r, p.bar_length / 2), radius=0.003, power=9, segments=32))
+    shift = z - 1.0
+    low, high = _POST_LOW + shift, _POST_HIGH + shift
+    post = rounded_box("wood", (w, w, (high - low) / 2), (0, middle, (low + high) / 2),
+                       radius=0.008, power=9, segments=32)  # fmt: skip
+    plate = along_y(cylinder("brass", 1.6 * r, 0.0, 0.006, bevel=0.0015, segments=32))
+    rod = cylinder("steel", 0.004, high - 0.001, CABLE_TOP, segments=12)
+    ferrule = cylinder("brass", 0.011, high, high + 0.02, bevel=0.002, segments=24)
+    wood = make_wood(p.wood, seed=3)
+    return assemble(
+        "pothook",
+        [
+            make_part("arm", _move(arm, 0.0, (near + far) / 2, z), wood),
+            make_part("cross_bar", _move(bar, 0.0, 0.0, z), wood),
+            make_part("post", post, wood, is_solid=False),
+            make_part("plate", _move(plate, 0.0, middle - w - 0.006, z), FINISHES["brass"],
+                      is_solid=False),
+            make_part("rod", _move(rod, 0.0, middle, 0.0), FINISHES["steel"], is_solid=False),
+            make_part("ferrule", _move(ferrule, 0.0, middle, 0.0), FINISHES["brass"],
+                      is_solid=False),
+        ],
+        [
+            make_box((-r, near, z - r), (r, far, z + r)),
+            make_box((-p.bar_length / 2, -r, z - r), (p.bar_length / 2, r, z + r)),
+        ],
+        {
+            "target": (0.0, 0.0, z),
+            "left_end": (-p.bar_length / 2, 0.0, z),
+            "right_end": (p.bar_length / 2, 0.0, z),
+            "top": (0.0, 0.0, z + r),
+            "arm_end": (0.0, far, z),
+        },
+        asdict(p),
+    )  # fmt: skip
+
+
+def make_hat_stand(parameters: HatStandParameters | None = None) -> Prop:
+    """Make the stand of Wear Baseball Cap and Wear Bowl Hat; the target is the seat's middle."""
+    p = parameters or HatStandParameters()
+    h, c, f, s = p.height, p.column / 2, p.foot_radius, p.seat_radius
+    thick, foot = 0.016, 0.026
+    # The column: a ring at the foot, a belly, a waist and a collar below the seat.
+    rise = h - thick - foot
+    share = np.array([0.0, 0.03, 0.075, 0.27, 0.55, 0.84, 0.905, 0.925, 0.955, 0.975, 1.0])
+    width = np.array([0.9, 0.9, 0.62, 1.0, 0.78, 0.56, 0.56, 0.84, 0.84, 0.62, 0.62])
+    heights = np.linspace(0.0, 1.0, 100)
+    radii = c * PchipInterpolator(share, width)(heights)
+    column = turn("wood", [(0.0, foot - 0.002), *zip(radii, foot + rise * heights, strict=True),
+                           (0.0, h - thick + 0.002)], 40)  # fmt: skip
+    base = turn("wood", [(0.0, 0.0), (f - 0.004, 0.0), (f, 0.004), (f, 0.016), (f - 0.003, 0.0195),
+                         (f - 0.012, 0.0215), (f - 0.02, foot), (0.0, foot)], 64)  # fmt: skip
+    seat = turn("wood", [(0.0, h - thick), (s - 0.006, h - thick), (s, h - thick + 0.006),
+                         (s, h - 0.006), (s - 0.002, h - 0.002), (s - 0.006, h), (0.0, h)],
+                48)  # fmt: skip
+    bow = np.linspace(0.0, np.pi / 2, 12)
+    profile = [(p.dome_radius * np.cos(a), h + p.dome_height * np.sin(a)) for a in bow[:-1]]
+    dome = turn("pad", [(0.0, h - 0.001), *profile, (0.0, h + p.dome_height)], 40)
+    bounds = [0.0, 0.035, 0.06, 0.1, 0.17, 0.4, 0.55, 0.7, 0.91, 0.97, 1.0]
+    shapes: list[PropShape] = [make_cylinder(f, 0.0, foot), make_cylinder(s, h - thick, h)]
+    for a, b in pairwise(bounds):
+        inside = radii[(heights >= a - 1e-9) & (heights <= b + 1e-9)]
+        shapes.append(make_cylinder(float(inside.mean()), foot + rise * a, foot + rise * b))
+    shapes.append(PropShape(kind="convex", points=np.unique(dome.vertices, axis=0)))
+    wood = make_wood(p.wood, seed=4)
+    return assemble(
+        "hat_stand",
+        [
+            make_part("stand", [base, column, seat], wood),
+            make_part("dome", dome, make_wood("maple", seed=5)),
+        ],
+        shapes,
+        {
+            "target": (0.0, 0.0, h),
+            "seat": (0.0, 0.0, h),
+            "top": (0.0, 0.0, h + p.dome_height),
+        },
+        asdict(p),
+    )
+
+
+def _move(solid: Solid, x: float, y: float, z: float) -> Solid:
+    T = np.eye(4)
+    T[:3, 3] = (x, y, z)
+    return solid.moved(T)
