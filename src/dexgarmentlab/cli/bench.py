@@ -5,20 +5,24 @@ from typing import Annotated
 import tyro  # noqa: TID253 - names the subjects; the command line imports it anyway
 
 from dexgarmentlab.cli.bench_assets import AssetsOptions, measure_assets
+from dexgarmentlab.cli.bench_gam import GamOptions, measure_gam
 from dexgarmentlab.cli.bench_physics import PhysicsOptions, measure_physics
 
 __all__ = ["Options", "run"]
 
 Options = Annotated[
     Annotated[PhysicsOptions, tyro.conf.subcommand("physics")]
-    | Annotated[AssetsOptions, tyro.conf.subcommand("assets")],
+    | Annotated[AssetsOptions, tyro.conf.subcommand("assets")]
+    | Annotated[GamOptions, tyro.conf.subcommand("gam")],
     tyro.conf.arg(name=""),
 ]
 """What each subject takes."""
 
 
-def run(options: PhysicsOptions | AssetsOptions) -> int:
+def run(options: PhysicsOptions | AssetsOptions | GamOptions) -> int:
     """Measure the subject."""
     if isinstance(options, PhysicsOptions):
         return measure_physics(options)
+    if isinstance(options, GamOptions):
+        return measure_gam(options)
     return measure_assets(options)

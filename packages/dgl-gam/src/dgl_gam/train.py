@@ -170,7 +170,10 @@ def train(
     }
     done = 0
     if is_resumed:
-        done = _load_state(out / STATE_FILE, described, parameters, optimizer)
+        if not (out / CONFIG_FILE).exists():
+            raise CheckpointError(f"{out} holds no run to resume")
+        if (out / STATE_FILE).exists():  # or else it was interrupted before its first state
+            done = _load_state(out / STATE_FILE, described, parameters, optimizer)
         _trim_log(out / LOG_FILE, done)
     else:
         out.mkdir(parents=True, exist_ok=True)
@@ -279,7 +282,7 @@ def _load_state(
             # Cloned: the file is mapped, and will be replaced while these are in use.
             tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as err:
-        raise CheckpointError(f"{path.parent} holds no run to resume: {err}") from err
+        raise CheckpointError(f"{path} cannot be read: {err}") from err
     if meta.get("format") != _STATE_FORMAT:
         raise CheckpointError(f"{path} is no state of a training; got {meta.get('format')!r}")
     before, now = json.loads(meta["described"]), json.loads(json.dumps(described))

@@ -1,0 +1,72 @@
+"""The model card: what a network was trained on, how well it works, and where it does not."""
+
+from collections.abc import Sequence
+
+from dgl_gam.checkpoint import Checkpoint
+from dgl_gam.evaluate import Row, format_markdown
+
+__all__ = ["format_card"]
+
+_TEMPLATE = """# {name}
+
+Weights of the Garment Affordance Model of `dgl_gam`: dense correspondence between clouds of garments of one category.
+
+| | |
+|---|---|
+| categories | {categories} |
+| parameters | {parameters:,} |
+| features of a point | {features} |
+| trained on | {garments} garments, {steps} steps |
+| seed | {seed} |
+| confidence | {calibration} |
+| made with | {versions} |
+
+```python
+from dgl_gam import GarmentAffordanceModel
+
+model = GarmentAffordanceModel.load("{name}.safetensors"{category})
+indices, similarity = model.match(demonstrated_cloud, points, observed_cloud)
+```
+
+## How well it works
+
+On garments that it was not trained on. Errors are shares of the garment's horizontal diagonal; the columns are explained in
+`docs/gam.md`.
+
+{table}
+
+## Limits
+
+A match is returned for a hidden point too: look at its confidence. Trained on generated garments: real ones that are
+asymmetric, torn or heavily decorated are outside of what it has seen. Licence: Apache-2.0.
+"""
+
+
+def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
+    """Write the card of a network.
+
+    Args:
+        name: Name of the file without its ending.
+        checkpoint: The network, with the card that training left in it.
+        rows: How well it works, see `dgl_gam.evaluate`.
+
+    Returns:
+        Markdown.
+    """
+    config, card = checkpoint.network.config, checkpoint.card
+    train = card.get("train", {})
+    samples = checkpoint.calibration.samples
+    several = len(config.categories) > 1
+    return _TEMPLATE.format(
+        name=name,
+        categories=", ".join(config.categories),
+        parameters=sum(p.numel() for p in checkpoint.network.parameters()),
+        features=config.features,
+        garments=card.get("garments", "unknown"),
+        steps=card.get("steps_done", "unknown"),
+        seed=train.get("seed", "unknown"),
+        calibration=f"calibrated on {samples:,} matches" if samples else "not calibrated",
+        versions=", ".join(f"{k} {v}" for k, v in card.get("versions", {}).items()) or "unknown",
+        category=f', category="{config.categories[0]}"' if several else "",
+        table=format_markdown(rows),
+    )

@@ -1,0 +1,27 @@
+"""Verb `dgl gam`: its actions are in the modules beside, one subcommand each."""
+
+from typing import Annotated
+
+import tyro  # noqa: TID253 - names the actions; the command line imports it anyway
+
+from dexgarmentlab.cli.gam_eval import EvalOptions, PackOptions, evaluate_models, pack
+from dexgarmentlab.cli.gam_match import MatchOptions, match
+
+__all__ = ["Options", "run"]
+
+Options = Annotated[
+    Annotated[MatchOptions, tyro.conf.subcommand("match")]
+    | Annotated[EvalOptions, tyro.conf.subcommand("eval")]
+    | Annotated[PackOptions, tyro.conf.subcommand("pack")],
+    tyro.conf.arg(name=""),
+]
+"""What each action takes."""
+
+
+def run(options: MatchOptions | EvalOptions | PackOptions) -> int:
+    """Do what the action says."""
+    if isinstance(options, MatchOptions):
+        return match(options)
+    if isinstance(options, EvalOptions):
+        return evaluate_models(options)
+    return pack(options)

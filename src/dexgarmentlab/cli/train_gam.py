@@ -1,0 +1,138 @@
+"""`dgl train gam`: train the affordance model."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+
+from dexgarmentlab.cli import EXIT_OK, console
+
+if TYPE_CHECKING:
+    from dgl_gam.data import GarmentFolder
+    from dgl_gam.train import Progress, TrainConfig
+
+__all__ = ["TrainGamOptions", "train_gam"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainGamOptions:
+    """Train the affordance model: a network for each category of the data, or one for all of them.
+
+    Each run is a folder of --out: its log, the state to go on from, and network.safetensors at the end. Ctrl-C
+    loses the steps since the last state; --resume goes on from there, to the same weights.
+
+    Example: dgl train gam --data gam-data --out gam-runs --preset cpu
+    """
+
+    subject: Annotated[Literal["gam"], tyro.conf.Positional]
+    """What to train: the affordance model."""
+    data: Path
+    """Folder of training data, one file a garment; garments of the split "train" are used."""
+    out: Path
+    """Folder of the runs, one folder each."""
+    together: bool = False
+    """Train one network for all categories."""
+    category: tuple[str, ...] = ()
+    """Only these categories; all of the data when none is named."""
+    preset: Literal["cpu", "tune", "paper"] = "cpu"
+    """cpu: small network, from the start; tune: refines the weights of --start; paper: the paper's batches."""
+    steps: int | None = None
+    """Steps; the preset's when not given."""
+    start: Path | None = None
+    """Weights to start from, .safetensors."""
+    seed: int = 0
+    """Of the weights and of everything drawn."""
+    device: str = "cpu"
+    """Where to compute: cpu or cuda."""
+    threads: int | None = None
+    """Threads of the CPU; torch decides when not given. Resume with the same number."""
+    resume: bool = False
+    """Go on with the runs in the folder, and begin those that are missing."""
+    json: bool = False
+    """Write the result as JSON."""
+
+
+def train_gam(options: TrainGamOptions) -> int:
+    """Train each run, and say where the networks are."""
+    import torch
+
+    from dexgarmentlab.gam.runs import TOGETHER
+    from dgl_gam.data import GarmentFolder
+    from dgl_gam.train import CONFIG_FILE, get_train_config
+
+    config = dataclasses.replace(get_train_config(options.preset), seed=options.seed)
+    if options.steps is not None:
+        config = dataclasses.replace(config, steps=options.steps)
+    if options.preset == "tune" and options.start is None:
+        raise ValueError("--preset tune refines other weights: name them with --start")
+    if options.device.startswith("cuda") and not torch.cuda.is_available():
+        raise ValueError(f"--device {options.device}: torch finds no CUDA device here")
+    if options.threads is not None:
+        torch.set_num_threads(options.threads)
+    chosen = options.category or None
+    folder = GarmentFolder(options.data, categories=chosen, split="train")
+    runs = {TOGETHER: folder}
+    if not options.together:
+        runs = {
+            name: GarmentFolder(options.data, categories=[name], split="train")
+            for name in folder.categories
+        }
+    begun = [name for name in runs if (options.out / name / CONFIG_FILE).exists()]
+    if begun and not options.resume:
+        raise FileExistsError(
+            f"{options.out} holds the runs {', '.join(begun)} already; give --resume or another --out"
+        )
+    if options.resume and not begun:
+        raise ValueError(f"{options.out} holds no run to resume")
+    results = [_train_one(options, config, name, garments) for name, garments in runs.items()]
+    if options.json:
+        console.out_json({"runs": results})
+    else:
+        for result in results:
+            console.out(
+                f"{result['network']}: {result['garments']} garments, {result['steps']} steps, "
+                f"InfoNCE {result['loss']:.3f}, {result['accuracy']:.1%} of the points right"
+                if result["loss"] is not None
+                else f"{result['network']}: finished before"
+            )
+    return EXIT_OK
+
+
+def _train_one(
+    options: TrainGamOptions, config: "TrainConfig", name: str, garments: "GarmentFolder"
+) -> dict[str, Any]:
+    from dgl_gam.train import CONFIG_FILE, train
+
+    shown, recent = 0, []
+    is_resumed = options.resume and (options.out / name / CONFIG_FILE).exists()
+    with console.progress(f"training {name}", config.steps) as bar:
+
+        def show(progress: "Progress") -> None:
+            nonlocal shown
+            recent.append(progress)
+            del recent[:-50]
+            loss = sum(p.loss for p in recent) / len(recent)
+            note = f"InfoNCE {loss:.3f}, {progress.seconds:.2f} s a step"
+            bar.advance(progress.step - shown, note=note)
+            shown = progress.step
+
+        network = train(
+            garments,
+            options.out / name,
+            config,
+            start=options.start,
+            is_resumed=is_resumed,
+            device=options.device,
+            on_progress=show,
+        )
+    count = len(recent)
+    return {
+        "name": name,
+        "network": str(network),
+        "garments": len(garments),
+        "steps": config.steps,
+        "loss": sum(p.loss for p in recent) / count if count else None,
+        "accuracy": sum(p.accuracy for p in recent) / count if count else None,
+    }

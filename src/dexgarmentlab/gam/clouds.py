@@ -1,0 +1,152 @@
+"""Clouds of garments, from files or from the catalogue."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+__all__ = ["Cloud", "load_cloud", "see_from_above"]
+
+POINTS = 2048
+_DENSE = 100_000
+_CELL = 0.01  # raster that decides what is uppermost [m]
+_LAYER = 0.006  # points so far below the uppermost one still count as it [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cloud:
+    """A cloud, with what is known about it."""
+
+    name: str
+    """File or id that it came from."""
+    points: np.ndarray
+    """Shape (N, 3) [m], float64."""
+    category: str | None = None
+    """Category of the garment, where it is known."""
+    landmarks: dict[str, np.ndarray] | None = None
+    """Positions of the landmarks [m], each of shape (3,), where they are known."""
+
+
+def load_cloud(what: str, *, seed: int = 0) -> Cloud:
+    """Load the cloud that a word on the command line means.
+
+    Args:
+        what: A file .npy (points), .ply (vertices), or .safetensors (a garment's training data, lying flat, or a tensor
+            named "points"); or an id of the catalogue, such as Trousers/000003, seen from above.
+        seed: Of the points that are drawn from a garment.
+
+    Raises:
+        ValueError: If it is neither, or the file holds no cloud.
+        FileNotFoundError: If the file does not exist.
+    """
+    path = Path(what)
+    if path.suffix.lower() in (".npy", ".ply", ".safetensors"):
+        if not path.is_file():
+            raise FileNotFoundError(f"{what} does not exist")
+        if path.suffix.lower() == ".npy":
+            return Cloud(name=what, points=_read_npy(path))
+        if path.suffix.lower() == ".ply":
+            return Cloud(name=what, points=_read_ply(path))
+        return _read_safetensors(path)
+    from dgl_assets import load_garment
+
+    if "/" not in what:
+        raise ValueError(
+            "a cloud must be a file .npy, .ply or .safetensors, or an id such as Trousers/000003; "
+            f"got {what!r}"
+        )
+    garment = load_garment(what)
+    vertices = garment.vertices.astype(np.float64)
+    points = see_from_above(vertices, garment.faces, np.random.default_rng(seed))[0]
+    return Cloud(
+        name=what,
+        points=points,
+        category=garment.category,
+        landmarks={name: vertices[vertex] for name, vertex in garment.landmarks.items()},
+    )
+
+
+def see_from_above(
+    vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = POINTS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw points of a surface that a camera above it would see.
+
+    Args:
+        vertices: Shape (V, 3) [m], z up.
+        faces: Shape (F, 3).
+        rng: Source of randomness.
+        count: How many points.
+
+    Returns:
+        Points, shape (count, 3) [m], and the nearest corner of the triangle that each is on, shape (count,).
+    """
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normals, axis=1)
+    face = rng.choice(len(faces), _DENSE, p=area / area.sum())
+    weights = rng.dirichlet(np.ones(3), _DENSE)
+    points = (corners[face] * weights[..., None]).sum(axis=1)
+    cell = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / _CELL).astype(np.int64)
+    key = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    # Near a seam the layers are closer than any tolerance: what faces down is hidden by all that faces up there.
+    is_up = normals[face, 2] > 0
+    top, top_up = np.full((2, key.max() + 1), -np.inf)
+    np.maximum.at(top, key, points[:, 2])
+    np.maximum.at(top_up, key[is_up], points[is_up, 2])
+    is_uppermost = points[:, 2] >= top[key] - _LAYER
+    seen = np.flatnonzero(is_uppermost & (is_up | (points[:, 2] > top_up[key] + _LAYER)))
+    chosen = rng.choice(seen, count, replace=len(seen) < count)
+    return points[chosen], faces[face[chosen], weights[chosen].argmax(axis=1)]
+
+
+def _read_npy(path: Path) -> np.ndarray:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError) as err:
+        raise ValueError(f"{path} is no array of numbers: {err}") from err
+    return _check(path, array)
+
+
+def _read_ply(path: Path) -> np.ndarray:
+    import trimesh
+
+    try:
+        loaded = trimesh.load(path, process=False)
+    except Exception as err:  # trimesh has no exception of its own for damaged files
+        raise ValueError(f"{path} cannot be read as PLY: {err}") from err
+    return _check(path, getattr(loaded, "vertices", None))
+
+
+def _read_safetensors(path: Path) -> Cloud:
+    from safetensors import SafetensorError, safe_open
+
+    from dgl_gam.data import read_garment
+
+    try:
+        with safe_open(path, framework="np") as file:
+            names = set(file.keys())
+            points = file.get_tensor("points") if "points" in names else None
+    except SafetensorError as err:
+        raise ValueError(f"{path} cannot be read as safetensors: {err}") from err
+    if points is not None:
+        return Cloud(name=str(path), points=_check(path, points))
+    garment = read_garment(path)
+    flat = garment.get_views("flat")
+    view = int(flat[0]) if len(flat) else 0
+    state = garment.states[garment.view_state[view]].astype(np.float64)
+    return Cloud(
+        name=garment.header.garment_id,
+        points=garment.view_points[view].astype(np.float64),
+        category=garment.header.category,
+        landmarks={
+            name: state[vertex]
+            for name, vertex in zip(garment.header.landmark_names, garment.landmarks, strict=True)
+        },
+    )
+
+
+def _check(path: Path, array: np.ndarray | None) -> np.ndarray:
+    if array is None or array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
+        shape = None if array is None else (array.shape, str(array.dtype))
+        raise ValueError(f"{path} must hold points of shape (N, 3) or more columns; got {shape}")
+    return np.asarray(array[:, :3], dtype=np.float64)

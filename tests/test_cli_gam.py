@@ -1,0 +1,183 @@
+"""The verbs `train gam`, `gam` and `bench gam`, on a handful of garments of the catalogue."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from dexgarmentlab.cli import main
+from dexgarmentlab.gam.clouds import load_cloud, see_from_above
+from dgl_assets import garment_ids, load_garment
+from dgl_gam.data import write_garment
+
+CATEGORY = "Trousers"
+
+
+def write_data(folder: Path, garment_id: str, split: str) -> None:
+    garment = load_garment(garment_id, spacing=0.025)
+    rng = np.random.default_rng(0)
+    vertices = garment.vertices.astype(np.float64)
+    views = [see_from_above(vertices, garment.faces, rng) for _ in range(2)]
+    write_garment(
+        folder / f"{garment_id.replace('/', '_')}.safetensors",
+        category=garment.category,
+        garment_id=garment_id,
+        split=split,
+        seed=0,
+        state_names=["flat"],
+        landmark_names=list(garment.landmarks),
+        view_directions=np.tile([0.0, 0.0, 1.0], (2, 1)),
+        generator_versions={"test": "1"},
+        canonical=garment.canonical,
+        states=garment.vertices[None],
+        faces=garment.faces,
+        landmarks=np.array(list(garment.landmarks.values())),
+        view_points=np.stack([points for points, _ in views]),
+        view_vertices=np.stack([seen for _, seen in views]),
+        view_state=np.zeros(2, np.int32),
+    )
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    for split in ("train", "test"):
+        for garment_id in garment_ids(CATEGORY, split, count=2):
+            write_data(folder, garment_id, split)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runs(data, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "runs"
+    assert main(["train", "gam", "--data", str(data), "--out", str(out), "--steps", "1"]) == 0
+    return out
+
+
+def test_a_run_is_trained_and_found_again(data, runs, capsys):
+    assert (runs / CATEGORY / "network.safetensors").is_file()
+    command = ["train", "gam", "--data", str(data), "--out", str(runs), "--steps", "1"]
+    assert main(command) == 1
+    assert "holds the runs Trousers already; give --resume" in capsys.readouterr().err
+    assert main([*command, "--resume", "--json"]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["loss"] is None  # nothing was left to do
+    assert run["garments"] == 2
+
+
+def test_what_cannot_be_trained_is_said_in_one_line(data, tmp_path, capsys):
+    command = ["train", "gam", "--data", str(data), "--out", str(tmp_path)]
+    for words, message in (
+        (["--preset", "tune"], "name them with --start"),
+        (["--resume"], "holds no run to resume"),
+        (["--category", "Hat"], "no garments of Hat; it has ['Trousers']"),
+        (["--start", str(tmp_path / "none.safetensors")], "none.safetensors cannot be read"),
+    ):
+        assert main([*command, *words]) == 1
+        error = capsys.readouterr().err
+        assert message in error
+        assert len(error.strip().splitlines()[-1:]) == 1
+
+
+def test_two_garments_of_the_catalogue_are_matched_and_drawn(runs, tmp_path, capsys):
+    picture = tmp_path / "match.png"
+    first, second = garment_ids(CATEGORY, "test", count=2)
+    words = ["gam", "match", first, second, "--out", str(picture), "--weights", str(runs)]
+    assert main([*words, "--landmark", "crotch", "left_knee", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [found["point"] for found in result["matches"]] == ["crotch", "left_knee"]
+    assert all(0 <= found["confidence"] <= 1 for found in result["matches"])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main([*words, "--heat", "3"]) == 0
+    assert "confidence" in capsys.readouterr().out
+    assert main([*words, "--landmark", "left_ear"]) == 1
+    assert "has no landmark left_ear; it has centre" in capsys.readouterr().err
+    assert main([*words, "--heat", "8"]) == 1
+    assert "--heat must be in [0, 8)" in capsys.readouterr().err
+
+
+def test_files_of_every_kind_are_clouds(data, runs, tmp_path, capsys):
+    import trimesh
+
+    points = np.random.default_rng(0).uniform(size=(60, 3)).astype(np.float32)
+    np.save(tmp_path / "a.npy", points)
+    trimesh.PointCloud(points).export(tmp_path / "a.ply")
+    save_file({"points": points}, tmp_path / "a.safetensors")
+    for name in ("a.npy", "a.ply", "a.safetensors"):
+        np.testing.assert_allclose(load_cloud(str(tmp_path / name)).points, points, atol=1e-6)
+    garment = load_cloud(str(next(iter(data.glob("*.safetensors")))))
+    assert garment.category == CATEGORY
+    assert garment.landmarks is not None
+    assert np.linalg.norm(garment.points - garment.landmarks["crotch"], axis=1).min() < 0.03
+    words = ["gam", "match", str(tmp_path / "a.npy"), str(tmp_path / "a.ply")]
+    words += ["--out", str(tmp_path / "m.png"), "--weights", str(runs)]
+    assert main(words) == 1
+    assert "name it with --category" in capsys.readouterr().err
+    assert main([*words, "--category", CATEGORY]) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.npy", b"rubbish", "is no array of numbers"),
+        ("a.ply", b"rubbish", "a.ply"),
+        ("a.safetensors", b"rubbish", "cannot be read as safetensors"),
+        ("b.npy", None, "does not exist"),
+        ("Trousers", None, "or an id such as Trousers/000003"),
+    ],
+)
+def test_what_is_no_cloud_is_refused(tmp_path, capsys, name, content, message):
+    path = tmp_path / name if "." in name else Path(name)
+    if content is not None:
+        path.write_bytes(content)
+    assert main(["gam", "match", str(path), str(path), "--out", str(tmp_path / "m.png")]) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_weights_that_are_missing_are_said(tmp_path, capsys):
+    words = ["gam", "match", "Glove/000001", "Glove/000002", "--out", str(tmp_path / "m.png")]
+    assert main([*words, "--weights", str(tmp_path)]) == 1
+    assert "has no weights for Glove" in capsys.readouterr().err
+
+
+def test_points_seen_from_above_are_on_the_upper_layer():
+    garment = load_garment("Trousers/000001", spacing=0.025)
+    vertices = garment.vertices.astype(np.float64)
+    points, seen = see_from_above(vertices, garment.faces, np.random.default_rng(0))
+    assert points.shape == (2048, 3)
+    assert np.linalg.norm(points - vertices[seen], axis=1).max() < 0.04
+    assert (garment.canonical[seen, 2] >= 0).mean() > 0.97
+
+
+def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
+    measured = ["gam", "eval", "--data", str(data), "--weights", str(runs), "--pairs", "2"]
+    assert main([*measured, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["condition"] for row in rows] == ["flat_30", "flat_any", "noise_half"]
+    assert main([*measured, "--markdown"]) == 0
+    assert capsys.readouterr().out.startswith("| category | condition |")
+    assert main(measured) == 0
+    assert "swap_rate" in capsys.readouterr().out
+    packing = ["gam", "pack", "--runs", str(runs), "--data", str(data), "--pairs", "2"]
+    assert main([*packing, "--out", str(tmp_path), "--json"]) == 0
+    (packed,) = json.loads(capsys.readouterr().out)["packed"]
+    assert packed["bytes"] < 1.4e6
+    card = (tmp_path / f"{CATEGORY}.md").read_text(encoding="utf-8")
+    assert "calibrated on" in card
+    assert "| Trousers | flat_any | 2 |" in card
+    assert main(["gam", "pack", "--runs", str(data), "--data", str(data), "--out", "x"]) == 1
+    assert "holds no finished run" in capsys.readouterr().err
+
+
+def test_the_speed_is_measured_with_a_bar_for_a_pair(capsys, monkeypatch):
+    monkeypatch.setattr("dexgarmentlab.gam.speed._BATCH", 2)
+    assert main(["bench", "gam", "--network", "small", "--repeats", "1", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["small, pair, cpu"]["bar"] == "<= 40"
+    assert rows["small, batch of 2, cpu"]["value"] > 0
+    assert "small, pair, cuda" in rows or "small, pair, source known, cuda" in rows
+    assert not any(name.startswith("paper") for name in rows)
+    assert main(["bench", "gam", "--repeats", "0"]) == 1
+    assert "must be positive" in capsys.readouterr().err
