@@ -1,5 +1,6 @@
 """Contact sheets of dropped garments: as made, as they came to lie, and those that were strained most."""
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +40,9 @@ def load_dropped(folder: Path, attempt: Attempt) -> Garment:
 
 
 def draw_sheet(garments: Sequence[Garment], labels: Sequence[str] = ()) -> np.ndarray:
-    """Draw garments beside each other, with a label below each where there are some.
+    """Draw garments of a category beside each other, with a label below each where there are some.
+
+    The fabrics are those of the category and the place, so that the same garments are alike on two sheets.
 
     Returns:
         Picture, shape (H, W, 3), uint8, sRGB: rows of `SIZE` pixels, and `STRIP` more with labels.
@@ -47,7 +50,8 @@ def draw_sheet(garments: Sequence[Garment], labels: Sequence[str] = ()) -> np.nd
     from PIL import Image, ImageDraw, ImageFont
 
     columns = min(COLUMNS, len(garments))
-    sheet = draw_contact_sheet(garments, columns=columns, size=SIZE)
+    seed = zlib.crc32(garments[0].category.encode())
+    sheet = draw_contact_sheet(garments, columns=columns, size=SIZE, seed=seed)
     if not labels:
         return sheet
     rows = sheet.reshape(-1, SIZE, *sheet.shape[1:])

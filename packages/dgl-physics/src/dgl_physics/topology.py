@@ -47,7 +47,9 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
 def compute_edges(faces: np.ndarray) -> np.ndarray:
     """Compute the unique edges of a mesh, shape (E, 2), int32, sorted."""
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return np.unique(np.sort(directed, axis=1), axis=0).astype(np.int32)
+    count = int(directed.max(initial=0)) + 1
+    keys = np.unique(directed.min(axis=1).astype(np.int64) * count + directed.max(axis=1))
+    return np.column_stack(np.divmod(keys, count)).astype(np.int32)
 
 
 def compute_hinges(faces: np.ndarray) -> np.ndarray:

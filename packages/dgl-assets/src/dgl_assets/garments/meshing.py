@@ -110,7 +110,10 @@ def compute_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         Edges with the smaller index first, shape (E, 2), and face counts, shape (E,).
     """
     half_edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return np.unique(np.sort(half_edges, axis=1), axis=0, return_counts=True)
+    stride = int(half_edges.max(initial=0)) + 1
+    keys = half_edges.min(axis=1).astype(np.int64) * stride + half_edges.max(axis=1)
+    keys, counts = np.unique(keys, return_counts=True)
+    return np.column_stack(np.divmod(keys, stride)).astype(faces.dtype), counts
 
 
 def compute_boundary_loops(faces: np.ndarray) -> list[np.ndarray]:
