@@ -171,6 +171,17 @@ def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
     assert "holds no finished run" in capsys.readouterr().err
 
 
+def test_garments_are_registered_without_their_coordinates(data, tmp_path, capsys):
+    out = tmp_path / "registered"
+    words = ["gam", "skeleton", CATEGORY, "--data", str(data), "--out", str(out), "--steps", "1"]
+    assert main([*words, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["garments"] == len(list(out.glob("*.safetensors"))) == 4
+    assert 0 <= result["measured"]["pck05"] <= result["measured"]["pck10"] <= 1
+    assert main(words) == 1
+    assert "is not empty; choose another --out" in capsys.readouterr().err
+
+
 def test_the_speed_is_measured_with_a_bar_for_a_pair(capsys, monkeypatch):
     monkeypatch.setattr("dexgarmentlab.gam.speed._BATCH", 2)
     assert main(["bench", "gam", "--network", "small", "--repeats", "1", "--json"]) == 0

@@ -6,22 +6,26 @@ import tyro  # noqa: TID253 - names the actions; the command line imports it any
 
 from dexgarmentlab.cli.gam_eval import EvalOptions, PackOptions, evaluate_models, pack
 from dexgarmentlab.cli.gam_match import MatchOptions, match
+from dexgarmentlab.cli.gam_skeleton import SkeletonOptions, register_category
 
 __all__ = ["Options", "run"]
 
 Options = Annotated[
     Annotated[MatchOptions, tyro.conf.subcommand("match")]
     | Annotated[EvalOptions, tyro.conf.subcommand("eval")]
-    | Annotated[PackOptions, tyro.conf.subcommand("pack")],
+    | Annotated[PackOptions, tyro.conf.subcommand("pack")]
+    | Annotated[SkeletonOptions, tyro.conf.subcommand("skeleton")],
     tyro.conf.arg(name=""),
 ]
 """What each action takes."""
 
 
-def run(options: MatchOptions | EvalOptions | PackOptions) -> int:
+def run(options: MatchOptions | EvalOptions | PackOptions | SkeletonOptions) -> int:
     """Do what the action says."""
     if isinstance(options, MatchOptions):
         return match(options)
     if isinstance(options, EvalOptions):
         return evaluate_models(options)
-    return pack(options)
+    if isinstance(options, PackOptions):
+        return pack(options)
+    return register_category(options)

@@ -256,7 +256,7 @@ class GarmentAffordanceModel:
             generator = torch.Generator().manual_seed(0)
             frame = encoded.frame.cpu().expand(self.source_views - 1, -1, -1)
             bent = warp_clouds(frame, generator, yaw=math.radians(15.0)).to(self.device)
-            views = self._compute_features(center_clouds(bent)[0])
+            views = self.compute_features(center_clouds(bent)[0])
             total = encoded.features + views.sum(dim=0)
             encoded = replace(encoded, features=functional.normalize(total, dim=1))
         self._sources[key] = encoded
@@ -289,13 +289,13 @@ class GarmentAffordanceModel:
         logits = self._network.yaw(_reduce(points))
         yaws, masses = self._network.yaw.find_peaks(logits, 2)
         frame = rotate_yaw(points, -yaws[:, 0])
-        features = self._compute_features(frame)
+        features = self.compute_features(frame)
         chosen = yaws[:, 0].tolist()
         if source is not None:
             rivals = torch.nonzero(masses[:, 1] > _RIVAL * masses[:, 0]).flatten()
             if len(rivals):
                 other_frame = rotate_yaw(points[rivals], -yaws[rivals, 1])
-                other = self._compute_features(other_frame)
+                other = self.compute_features(other_frame)
                 for row, rival in enumerate(rivals.tolist()):
                     if _score(source, other[row]) > _score(source, features[rival]):
                         features[rival], frame[rival] = other[row], other_frame[row]
@@ -305,8 +305,15 @@ class GarmentAffordanceModel:
             for f, p, y in zip(features, frame, chosen, strict=True)
         ]
 
-    def _compute_features(self, frame: Tensor) -> Tensor:
-        """Features of clouds of any size, shape (B, N, 3), in the garment's frame."""
+    def compute_features(self, frame: Tensor) -> Tensor:
+        """Compute features of clouds of any size in the normalised frame, turned into the garment's own.
+
+        Args:
+            frame: Clouds, shape (B, N, 3), on the model's device.
+
+        Returns:
+            Unit vectors, shape (B, N, features); gradients flow where they are recorded.
+        """
         config = self._network.config
         category = None
         if len(config.categories) > 1 and self.category is not None:
