@@ -53,6 +53,21 @@ def test_collect_says_how_many_succeeded(fake, tmp_path, capsys):
     assert commands[1].endswith("--resume")
 
 
+def test_the_look_is_an_option_of_the_attempts(monkeypatch, tmp_path):
+    seen = []
+
+    def stop(config):
+        seen.append(config)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(collect_verb, "collect_with_progress", stop)
+    for look in ("studio", "random"):
+        with pytest.raises(KeyboardInterrupt):
+            collect_verb.run(options(tmp_path / "out", look=look))
+    assert [config.options for config in seen] == [{}, {"look": "random"}]
+    assert [" --look random" in config.command for config in seen] == [False, True]
+
+
 def test_collect_refuses_in_one_line(fake, tmp_path):
     fake()
     with pytest.raises(UnknownTaskError, match="did you mean 'FoldTops-v1'"):

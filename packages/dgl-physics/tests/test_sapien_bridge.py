@@ -113,6 +113,23 @@ def test_a_moving_body_is_followed():
     assert x == pytest.approx([0.1 * 59 / 60, 0, 0.1 + 0.1 * 59 / 60 + 0.01 + REST], abs=2e-3)
 
 
+def test_a_kinematic_body_gets_no_forces(capfd):
+    """It cannot be moved by them, and PhysX reports each one as an error."""
+    scene = make_scene()
+    builder = scene.create_actor_builder()
+    builder.add_box_collision(half_size=[0.1, 0.1, 0.01], material=make_material())
+    builder.build_kinematic(name="tray").set_pose(sapien.Pose([0, 0, 0.1]))
+    cloth = SapienCloth([scene])
+    cloth.add_garment(np.add(TRIANGLE, [0, 0, 0.11 + REST]), FACE)
+    cloth.build()
+    for _ in range(5):
+        cloth.apply_forces()
+        scene.step()
+        cloth.step()
+    assert cloth.get_forces()[0, 0, 2] < 0, "what lies on it presses on it"
+    assert "kinematic" not in "".join(capfd.readouterr())
+
+
 @pytest.fixture
 def drop(sheet):
     """Drop a sheet on a floating block without gravity; body, cloth and the impulse it got."""

@@ -16,7 +16,12 @@ BLOCKS = {
 
 @pytest.mark.parametrize(
     "title",
-    ["Environment", pytest.param("Pictures and clouds", marks=pytest.mark.render), "Motion"],
+    [
+        "Environment",
+        "Props",
+        pytest.param("Pictures and clouds", marks=pytest.mark.render),
+        "Motion",
+    ],
 )
 def test_the_code_runs(title, capsys):
     (code,) = BLOCKS[title]
@@ -25,6 +30,8 @@ def test_the_code_runs(title, capsys):
     if title == "Environment":
         assert names["observation"].shape == (1, 134)
         assert "False" in capsys.readouterr().out
+    elif title == "Props":
+        assert names["props"]["platform"].pose[:2] == pytest.approx([0.1, 1.6])
     elif title == "Motion":
         assert names["rows"].shape[1] == 60
     else:
@@ -35,6 +42,7 @@ def test_the_code_runs(title, capsys):
 def test_no_block_is_left_out():
     assert {title for title, blocks in BLOCKS.items() if blocks} == {
         "Environment",
+        "Props",
         "Pictures and clouds",
         "Motion",
     }

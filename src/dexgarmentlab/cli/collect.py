@@ -40,6 +40,8 @@ class Options:
     """Processes that make attempts at the same time."""
     resume: bool = False
     """Continue the run in the output folder."""
+    look: Literal["studio", "random"] = "studio"
+    """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
     engine: Literal["local"] = "local"
     """What runs the workers: processes of this machine."""
     json: bool = False
@@ -50,6 +52,7 @@ class Options:
         """The command line that asks for the same, without --resume and --json."""
         words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
         words += ["--workers", self.workers, "--out", self.out]
+        words += ["--look", self.look] if self.look != "studio" else []
         return shlex.join(str(word) for word in words)
 
 
@@ -66,6 +69,8 @@ def run(options: Options) -> int:
         resume=options.resume,
         command=options.command + (" --resume" if options.resume else ""),
     )
+    if options.look != "studio":
+        config = dataclasses.replace(config, options={**config.options, "look": options.look})
     summary, report = collect_with_progress(config)
     if options.json:
         console.out_json({**dataclasses.asdict(summary), "report": str(report)})

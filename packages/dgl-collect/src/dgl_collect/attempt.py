@@ -22,7 +22,7 @@ from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend")
+OPTIONS = ("garment", "render_backend", "look")
 
 
 def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
@@ -31,7 +31,8 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
     Args:
         task: Environment id.
         options: "garment": catalogue id to use in every attempt instead of drawing one;
-            "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default.
+            "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default;
+            "look": "studio", the default, or "random": floors and fabrics of all kinds.
     """
     unknown = set(options) - set(OPTIONS)
     if unknown:
@@ -46,7 +47,12 @@ class DemonstrationAttempts:
     """Makes attempts in one environment, one after the other; an attempt depends on its seed alone."""
 
     def __init__(
-        self, task: str, *, garment: str | None = None, render_backend: str | None = None
+        self,
+        task: str,
+        *,
+        garment: str | None = None,
+        render_backend: str | None = None,
+        look: str = "studio",
     ) -> None:
         """Build the environment and load the demonstration."""
         import gymnasium
@@ -63,6 +69,7 @@ class DemonstrationAttempts:
             sim_backend="physx_cpu",
             render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
             render_mode="rgb_array",
+            look=look,
         ).unwrapped
         self._setup = Setup(
             env=self.env,  # pyright: ignore[reportArgumentType]

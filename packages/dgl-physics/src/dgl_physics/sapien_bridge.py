@@ -257,7 +257,10 @@ class SapienCloth:
         """Apply the last frame's contact forces to the bodies; before each step of SAPIEN."""
         for e, b in zip(*np.nonzero(np.abs(self._forces[..., :3]).sum(axis=-1)), strict=True):
             component = self.bodies[e][b]
-            if isinstance(component, physx.PhysxRigidBodyComponent):
+            is_driven = isinstance(component, physx.PhysxRigidDynamicComponent) and (
+                component.kinematic  # PhysX refuses forces on what its poses alone move
+            )
+            if isinstance(component, physx.PhysxRigidBodyComponent) and not is_driven:
                 force = self._forces[e, b]
                 component.add_force_torque(force[:3], force[3:])  # pyright: ignore[reportArgumentType]
 

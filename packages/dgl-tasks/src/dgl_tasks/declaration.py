@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement, Side
 from dgl_physics import ClothMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
@@ -37,6 +38,37 @@ class Stage:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PropPlacement:
+    """A prop of a task: what it is, where it stands, and what is drawn at random."""
+
+    name: str
+    """Its name in the scene, in `GarmentEnv.props` and in the episode's draws."""
+    prop: str | PropParameters
+    """Kind, such as "hanger", or parameters of `dgl_assets.props`."""
+    position: Vector3
+    """Nominal place of the prop's frame [m], world frame; most stand on z = 0."""
+    yaw: float = 0.0
+    """Rotation about z [rad]."""
+    x_range: Range = (0.0, 0.0)
+    """Range of what is added to x [m]."""
+    y_range: Range = (0.0, 0.0)
+    """Range of what is added to y [m]."""
+    friction: float = 0.5
+    """A factor on the garment's friction."""
+    is_solid_to_robot: bool = True
+    """Whether the whole robot collides with it; its palms and fingers always do, unless the
+    agent says otherwise."""
+
+    def __post_init__(self) -> None:
+        for name in ("x_range", "y_range"):
+            low, high = getattr(self, name)
+            if not low <= high:
+                raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")
+        if not self.friction >= 0.0:
+            raise ValueError(f"friction must be >= 0; got {self.friction}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """A garment-manipulation task."""
 
@@ -62,6 +94,8 @@ class Task:
     """Height that the garment is dropped from [m]."""
     settle_frames: int = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
+    props: tuple[PropPlacement, ...] = ()
+    """What stands in the scene besides robots and garment."""
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     cameras: Mapping[str, CameraPlacement]
@@ -77,5 +111,8 @@ class Task:
             low, high = getattr(self, name)
             if not low <= high:
                 raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")
+        names = [placement.name for placement in self.props]
+        if len(set(names)) < len(names):
+            raise ValueError(f"props must have different names; got {names}")
         if not self.stages:
             raise ValueError(f"task {self.id} must have at least one stage")

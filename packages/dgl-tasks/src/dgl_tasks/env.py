@@ -1,6 +1,6 @@
 """The garment environment: a task's declaration as a ManiSkill environment."""
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import sapien
@@ -9,6 +9,7 @@ from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
 from dgl_assets import Garment, garment_ids, load_garment
+from dgl_assets.garments.catalogue import Split
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, BasePlacement, Robot
 from dgl_physics import SolverConfig
@@ -16,11 +17,22 @@ from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import RenderingUnavailableError
+from dgl_tasks.props import SceneProp
 from dgl_tasks.robot import let_robot_pass, make_agent_class
-from dgl_tasks.scene import build_floor, build_shadow, light_scene
+from dgl_tasks.scene import (
+    STUDIO,
+    FloorLook,
+    FloorPicture,
+    build_floor,
+    light_scene,
+    sample_floor_look,
+)
 from dgl_tasks.shadows import FloorShadow
 from dgl_tasks.success import Verdict
 from dgl_tasks.tasks import get_task
+
+LookName = Literal["studio", "random"]
+"""Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
 
 STILL_SPEED = 0.05
 """RMS speed of the particles below which a garment counts as at rest [m/s]."""
@@ -43,36 +55,46 @@ class GarmentEnv(BaseEnv):
     def __init__(
         self,
         *args: Any,
-        task: str,
+        task: str | Task,
         robot: Robot = DEFAULT_ROBOT,
         robot_uids: Any = None,
         num_envs: int = 1,
-        garment_split: str = "train",
+        garment_split: Split = "train",
+        look: LookName = "studio",
         **kwargs: Any,
     ) -> None:
         """Build the environment.
 
         Args:
             args: ManiSkill's.
-            task: Environment id.
+            task: Environment id, or a declaration of your own.
             robot: Arms and hands, such as `dgl_assets.robots.load_robot` gives.
             robot_uids: An agent class instead, such as one of `make_agent_class` with other bases.
             num_envs: One.
             garment_split: Garments to draw from, "train" or "test".
+            look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
+                draws floor, mat and fabric among all there are. Both follow from the seed, and
+                nothing else does from the look.
             kwargs: ManiSkill's.
         """
         if num_envs != 1:
             raise ValueError(
                 f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
             )
-        self.task: Task = get_task(task)
+        if look not in get_args(LookName):
+            raise ValueError(f"look must be one of {list(get_args(LookName))}; got {look!r}")
+        self.task: Task = task if isinstance(task, Task) else get_task(task)
+        self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._garment_visual: GarmentVisual | None = None
         self._shadow: FloorShadow | None = None
+        self._floor: FloorPicture | None = None
         self._is_drawn = False
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
+        self.floor_look: FloorLook = STUDIO
+        self.props: dict[str, SceneProp] = {}
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
             robot_uids = make_agent_class(
@@ -105,11 +127,19 @@ class GarmentEnv(BaseEnv):
         return [self.task.cameras["video_camera"].build()]
 
     def _load_scene(self, options: dict) -> None:
-        self.ground = build_floor(
-            self.scene, mat_centre=self._mat_centre, pedestals=[b[:2] for b in self._bases]
-        )
+        self.ground = build_floor(self.scene)
         let_robot_pass(self.ground)
-        self._garment_visual = self._shadow = None
+        self._garment_visual = self._shadow = self._floor = None
+        self.props = {p.name: SceneProp(self.scene, p) for p in self.task.props}
+        self.floor_look = STUDIO
+        if self.scene.can_render():
+            self._floor = FloorPicture(
+                self.scene,
+                self.ground,
+                mat_centre=self._mat_centre,
+                pedestals=[b[:3] for b in self._bases],
+            )
+            self._floor.draw(self.floor_look)
 
     @property
     def _mat_centre(self) -> tuple[float, float]:
@@ -129,13 +159,17 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
         garment_id = options.get("garment", drawn)
-        self.fabric = sample_fabric_material([seed, 7], has_pale=False)
+        self.fabric = sample_fabric_material([seed, 7], has_pale=self._look == "random")
         self.draws = {
             "garment": garment_id,
             "x": float(x),
             "y": float(y),
             "fabric": self.fabric.name,
         }
+        for prop in self.props.values():
+            self.draws |= prop.draw(rng)
+        if self._look == "random":
+            self._change_floor(sample_floor_look([seed, 8]))
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
@@ -146,6 +180,15 @@ class GarmentEnv(BaseEnv):
         self._initial_marks = {
             name: positions[self.garment.landmarks[name]] for name in self.task.judging_points
         }
+
+    def _change_floor(self, look: FloorLook) -> None:
+        self.floor_look = look
+        self.draws["floor"] = look.material.name if look.material is not None else "studio"
+        if self._floor is not None:
+            self._floor.draw(look)
+            if self._shadow is not None:
+                self.scene.sub_scenes[0].remove_entity(self._shadow.entity)
+                self._shadow = None
 
     def _load_garment(self, garment_id: str, x: float, y: float) -> None:
         garment = load_garment(garment_id)
@@ -179,6 +222,9 @@ class GarmentEnv(BaseEnv):
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
             return self.task.hand_friction
+        for prop in self.props.values():
+            if component.entity.name == prop.entity_name:
+                return prop.placement.friction
         return self.task.ground_friction
 
     # Stepping ------------------------------------------------------------------------------
@@ -313,12 +359,8 @@ class GarmentEnv(BaseEnv):
                 texture=maps.base_colour,
             )
         if self._shadow is None:
-            self._shadow = build_shadow(
-                self.scene,
-                self.cloth.bodies[0],
-                mat_centre=self._mat_centre,
-                pedestals=[b[:3] for b in self._bases],
-            )
+            assert self._floor is not None
+            self._shadow = self._floor.build_shadow(self.cloth.bodies[0])
         particles = self.get_particles()
         self._garment_visual.update(particles)
         self._shadow.update(particles, self.garment.faces)

@@ -1,5 +1,6 @@
 """What the cameras see, as arrays: pictures and point clouds in the world frame."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,33 @@ def get_garment_points(env: "GarmentEnv", picture: Picture) -> np.ndarray:
 def get_garment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.ndarray:
     """Sample the garment's cloud, shape (2048, 3), float32."""
     points = get_garment_points(env, picture)
+    return points[farthest_point_sample(points, CLOUD_SIZE, seed=seed)].astype(np.float32)
+
+
+def get_object_cloud(
+    env: "GarmentEnv", picture: Picture, *, seed: int, names: Sequence[str] | None = None
+) -> np.ndarray:
+    """Sample the cloud of the scene's props, shape (2048, 3), float32.
+
+    Args:
+        env: The environment.
+        picture: What a camera sees.
+        seed: Of the sampling.
+        names: Only these props; all of the task when None.
+
+    Raises:
+        ValueError: If there is no such prop.
+        PerceptionError: If none of them is in the picture.
+    """
+    wanted = list(env.props) if names is None else list(names)
+    unknown = sorted(set(wanted) - set(env.props))
+    if unknown or not wanted:
+        raise ValueError(f"names must be some of {sorted(env.props)}; got {unknown or wanted}")
+    segments = [env.props[name].segment for name in wanted]
+    mask = np.isin(picture.segments, segments) & np.isfinite(picture.points[..., 2])
+    points = picture.points[mask]
+    if len(points) == 0:
+        raise PerceptionError(f"the camera sees nothing of {', '.join(wanted)}")
     return points[farthest_point_sample(points, CLOUD_SIZE, seed=seed)].astype(np.float32)
 
 

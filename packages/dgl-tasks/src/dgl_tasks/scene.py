@@ -6,6 +6,7 @@ cheap to draw on a processor, and so are the flat shadows of `dgl_tasks.shadows`
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ import imageio.v3 as iio
 import numpy as np
 import sapien
 
+from dgl_assets.materials import YARNS, FloorMaterial, sample_floor_material
 from dgl_tasks.shadows import CORNERS, FloorShadow
 
 if TYPE_CHECKING:
@@ -45,65 +47,116 @@ SHADE = 0.62
 _COLUMN = 0.15  # width of the robots' columns [m]
 _NEAR_SIDE, _FAR_SIDE = 6.0, 60.0  # the detailed middle of the floor and all of it [m]
 _EDGE = 0.006  # width of a drawn edge [m]
+_NEAR_PIXEL = _NEAR_SIDE / 1024  # of the detailed middle [m]
+_FINEST = 0.02  # pixels above this size show no grain of a floor [m]
 
 
-def build_floor(
-    scene: "ManiSkillScene", *, mat_centre: Point2, pedestals: Sequence[Point2] = ()
-) -> "Actor":
-    """Add the ground: a collision plane at z = 0 and, where pictures are taken, its look.
+@dataclass(frozen=True, kw_only=True)
+class FloorLook:
+    """How the floor and the mat on it look."""
 
-    Args:
-        scene: ManiSkill's scene; with `render_backend="none"` nothing is drawn.
-        mat_centre: Centre of the work mat [m], world frame.
-        pedestals: Where robots stand [m]; the floor is darker around them, as it would be.
-    """
+    material: FloorMaterial | None = None
+    """What the floor is made of; the studio's plain floor when None."""
+    turn: float = 0.0
+    """Angle between the material's u and the world's x [rad]."""
+    offset: Point2 = (0.0, 0.0)
+    """Where the material's tile begins [m]."""
+    mat: tuple[float, float, float] | None = MAT
+    """Colour of the mat, linear; without a mat when None."""
+
+
+STUDIO = FloorLook()
+"""A plain floor with a work mat."""
+
+
+def sample_floor_look(seed: int | Sequence[int] | np.random.Generator) -> FloorLook:
+    """Draw a floor, how it lies, and a mat of some colour or none."""
+    rng = np.random.default_rng(seed)
+    material = sample_floor_material(rng)
+    x, y = rng.uniform(0.0, material.tile_size, 2)
+    colours = list(YARNS.values())
+    colour = colours[rng.integers(len(colours))]
+    r, g, b = (float((c / 255.0) ** 2.2) for c in colour)
+    return FloorLook(
+        material=material,
+        turn=float(rng.uniform(0.0, 2 * np.pi)),
+        offset=(float(x), float(y)),
+        mat=(r, g, b) if rng.random() < 0.5 else None,
+    )
+
+
+def build_floor(scene: "ManiSkillScene") -> "Actor":
+    """Add the ground, a collision plane at z = 0; `draw_floor` gives it a look."""
     builder = scene.create_actor_builder()
     # SAPIEN's planes face along x
     builder.add_plane_collision(sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0]))
     builder.initial_pose = sapien.Pose()  # pyright: ignore[reportAttributeAccessIssue]
-    ground = builder.build_static(name="ground")
-    if scene.can_render():
-        for side, hole, pixels in ((_NEAR_SIDE, 0.0, 1024), (_FAR_SIDE, _NEAR_SIDE, 512)):
-            image = paint_floor(side, pixels, mat_centre=mat_centre, pedestals=pedestals)
-            shape = _make_square(side, hole, mat_centre, image)
-            for entity in ground._objs:  # noqa: SLF001  ManiSkill has no way to add a mesh
-                component = sapien.render.RenderBodyComponent()
-                component.attach(shape)
-                entity.add_component(component)
-    return ground
+    return builder.build_static(name="ground")
 
 
-def build_shadow(
-    scene: "ManiSkillScene",
-    bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
-    *,
-    mat_centre: Point2,
-    pedestals: Sequence[Point3] = (),
-) -> FloorShadow:
-    """Add the shadow that garment, bodies and pedestals throw onto the floor of `build_floor`.
+class FloorPicture:
+    """What is seen of the ground of `build_floor`, with what is thrown onto it."""
 
-    Args:
-        scene: ManiSkill's scene, which must be able to render.
-        bodies: Rigid bodies that throw shadows.
-        mat_centre: Centre of the work mat [m].
-        pedestals: Upper ends of the robots' columns [m].
-    """
-    feet = [base[:2] for base in pedestals]
-    image = paint_floor(_NEAR_SIDE, 1024, mat_centre=mat_centre, pedestals=feet)
-    shaded = (image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
-    columns = [
-        np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
-        for x, y, z in pedestals
-    ]
-    return FloorShadow(
-        scene.sub_scenes[0],
-        bodies,
-        direction=KEY_DIRECTION,
-        material=_make_matt(shaded),
-        picture_centre=mat_centre,
-        picture_side=_NEAR_SIDE,
-        fixed=columns,
-    )
+    def __init__(
+        self,
+        scene: "ManiSkillScene",
+        ground: "Actor",
+        *,
+        mat_centre: Point2,
+        pedestals: Sequence[Point3] = (),
+    ) -> None:
+        """Remember where things stand; nothing is drawn until `draw`.
+
+        Args:
+            scene: ManiSkill's scene, which must be able to render.
+            ground: The ground.
+            mat_centre: Centre of the work mat [m], world frame.
+            pedestals: Upper ends of the robots' columns [m]; the floor is darker around their feet.
+        """
+        self._scene = scene
+        (self._entity,) = ground._objs  # noqa: SLF001  ManiSkill has no way to add a mesh
+        self._centre = mat_centre
+        self._pedestals = list(pedestals)
+        self._components: list[sapien.render.RenderBodyComponent] = []
+        self._image: np.ndarray | None = None
+
+    def draw(self, look: FloorLook) -> None:
+        """Draw the floor anew."""
+        for component in self._components:
+            self._entity.remove_component(component)
+        self._components = []
+        feet = [base[:2] for base in self._pedestals]
+        for side, hole, pixels in ((_FAR_SIDE, _NEAR_SIDE, 512), (_NEAR_SIDE, 0.0, 1024)):
+            self._image = paint_floor(
+                side, pixels, mat_centre=self._centre, pedestals=feet, look=look
+            )
+            component = sapien.render.RenderBodyComponent()
+            component.attach(_make_square(side, hole, self._centre, self._image))
+            self._entity.add_component(component)
+            self._components.append(component)
+
+    def build_shadow(self, bodies: Sequence[sapien.physx.PhysxRigidBaseComponent]) -> FloorShadow:
+        """Add the shadow that garment, bodies and pedestals throw onto the floor as it looks now.
+
+        Args:
+            bodies: Rigid bodies that throw shadows.
+        """
+        if self._image is None:
+            raise RuntimeError("draw() must be called before build_shadow()")
+        shaded = (self._image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
+        columns = [
+            np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
+            for x, y, z in self._pedestals
+        ]
+        return FloorShadow(
+            self._scene.sub_scenes[0],
+            bodies,
+            direction=KEY_DIRECTION,
+            material=_make_matt(shaded),
+            picture_centre=self._centre,
+            picture_side=_NEAR_SIDE,
+            fixed=columns,
+        )
 
 
 def light_scene(scene: "ManiSkillScene") -> None:
@@ -116,7 +169,12 @@ def light_scene(scene: "ManiSkillScene") -> None:
 
 
 def paint_floor(
-    side: float, pixels: int, *, mat_centre: Point2, pedestals: Sequence[Point2] = ()
+    side: float,
+    pixels: int,
+    *,
+    mat_centre: Point2,
+    pedestals: Sequence[Point2] = (),
+    look: FloorLook = STUDIO,
 ) -> np.ndarray:
     """Paint a square of floor around the mat.
 
@@ -125,6 +183,7 @@ def paint_floor(
         pixels: Pixels along a side.
         mat_centre: Centre of the mat and of the square [m].
         pedestals: Where robots stand [m].
+        look: Of floor and mat.
 
     Returns:
         Picture, shape (pixels, pixels, 3), uint8, sRGB; rows follow world y, columns world x.
@@ -133,14 +192,17 @@ def paint_floor(
     x, y = np.meshgrid(offset, offset)  # from the mat's centre
     soft = max(_EDGE, side / pixels)
     colour = np.broadcast_to(np.array(FLOOR), (pixels, pixels, 3))
+    if look.material is not None:
+        colour = _lay(look.material, look, x, y, pixel=side / pixels)
 
     depth = _depth_in_rounded_box(x, y, MAT_SIZE, radius=0.07)
-    is_mat = _ramp(depth, -soft / 2, soft / 2)
-    is_rim = is_mat * (1.0 - _ramp(np.abs(depth - 0.035), 0.0015, 0.0015 + soft))
-    shadow = 0.88 + 0.12 * _ramp(-depth, -0.01, 0.05)
-    colour = colour * shadow[..., None]
-    colour = _mix(colour, np.array(MAT), is_mat)
-    colour = _mix(colour, np.array(FLOOR), 0.55 * is_rim)
+    if look.mat is not None:
+        is_mat = _ramp(depth, -soft / 2, soft / 2)
+        is_rim = is_mat * (1.0 - _ramp(np.abs(depth - 0.035), 0.0015, 0.0015 + soft))
+        shadow = 0.88 + 0.12 * _ramp(-depth, -0.01, 0.05)
+        colour = colour * shadow[..., None]
+        colour = _mix(colour, np.array(look.mat), is_mat)
+        colour = _mix(colour, np.array(FLOOR), 0.55 * is_rim)
     for px, py in pedestals:
         distance = np.hypot(x - (px - mat_centre[0]), y - (py - mat_centre[1]))
         colour = colour * (1.0 - 0.55 * np.exp(-((distance / 0.26) ** 2)))[..., None]
@@ -150,6 +212,22 @@ def paint_floor(
     is_backdrop = _ramp(np.hypot(x, y), 2.2, 9.0)
     colour = _mix(colour, np.array(HORIZON) / light_on_floor(), is_backdrop)
     return np.clip(255 * np.clip(colour, 0, 1) ** (1 / 2.2) + 0.5, 0, 255).astype(np.uint8)
+
+
+def _lay(
+    material: FloorMaterial, look: FloorLook, x: np.ndarray, y: np.ndarray, *, pixel: float
+) -> np.ndarray:
+    """Lay a material on the floor, linear, shape (..., 3); its mean where pixels are too large."""
+    # Texels as large as the picture's pixels: finer ones would make patterns of their own.
+    maps = material.render(int(np.clip(material.tile_size / _NEAR_PIXEL, 64, 1024)))
+    mean = np.array(maps.mean_colour)
+    if pixel > _FINEST:
+        return np.broadcast_to(mean, (*x.shape, 3))
+    c, s = np.cos(look.turn), np.sin(look.turn)
+    u, v = c * x + s * y + look.offset[0], c * y - s * x + look.offset[1]
+    colour = (maps.sample_colour(u, v) / 255.0) ** 2.2
+    # The detailed middle of the floor ends here, and meets the rest of it.
+    return _mix(colour, mean, _ramp(np.hypot(x, y), 0.8 * _NEAR_SIDE / 2, _NEAR_SIDE / 2))
 
 
 def light_on_floor() -> np.ndarray:

@@ -19,6 +19,9 @@ _OUTLINE = 14  # corners of a convex body's shadow
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 """Corners of a cube of side 2 about the origin, shape (8, 3)."""
 
+_TURN = np.arange(16) * np.pi / 8
+_RIM = np.column_stack([np.cos(_TURN), np.sin(_TURN)])  # of a cylinder of radius 1
+
 Body = physx.PhysxRigidBaseComponent
 
 
@@ -40,7 +43,7 @@ class FloorShadow:
 
         Args:
             scene: Where it is drawn.
-            bodies: Rigid bodies; their capsules, spheres and boxes throw shadows.
+            bodies: Rigid bodies; their convex shapes throw shadows.
             direction: Where the light goes, shape (3,), downward.
             material: Material of the floor in shadow.
             picture_centre: Centre of the material's picture on the floor [m].
@@ -53,8 +56,9 @@ class FloorShadow:
         shapes = [(body, shape) for body in bodies for shape in _list_convex(body)]
         self._bodies = [body for body, _ in shapes]
         described = [_describe(shape) for _, shape in shapes]
-        self._points = np.array([points for points, _ in described]).reshape(-1, 8, 3)
-        self._fixed = np.array(list(fixed), dtype=float).reshape(-1, 8, 3)
+        count = max([8, *(len(points) for points, _ in described)])
+        self._points = _stack([points for points, _ in described], count)
+        self._fixed = _stack(fixed, count)
         self._radii = np.array([radius for _, radius in described] + [0.0] * len(self._fixed))
         self._component: render.RenderBodyComponent | None = None
         self.entity = sapien.Entity()
@@ -137,12 +141,14 @@ def _list_convex(body: Body) -> list[physx.PhysxCollisionShape]:
         physx.PhysxCollisionShapeBox,
         physx.PhysxCollisionShapeCapsule,
         physx.PhysxCollisionShapeSphere,
+        physx.PhysxCollisionShapeCylinder,
+        physx.PhysxCollisionShapeConvexMesh,
     )
     return [shape for shape in body.collision_shapes if isinstance(shape, kinds)]
 
 
 def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float]:
-    """Give a shape as eight points [m], frame of its body, thickened by a sphere's radius."""
+    """Give a shape as points [m], frame of its body, thickened by a sphere's radius."""
     if isinstance(shape, physx.PhysxCollisionShapeBox):
         points, radius = CORNERS * np.asarray(shape.half_size), 0.0
     elif isinstance(shape, physx.PhysxCollisionShapeCapsule):
@@ -150,10 +156,22 @@ def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float]:
         points, radius = CORNERS * [shape.half_length, 0.0, 0.0], float(shape.radius)
     elif isinstance(shape, physx.PhysxCollisionShapeSphere):
         points, radius = CORNERS * 0.0, float(shape.radius)
+    elif isinstance(shape, physx.PhysxCollisionShapeCylinder):
+        rim = np.column_stack([np.zeros(len(_RIM)), _RIM * shape.radius])
+        ends = np.array([[-shape.half_length, 0.0, 0.0], [shape.half_length, 0.0, 0.0]])
+        points, radius = (rim + ends[:, None]).reshape(-1, 3), 0.0
+    elif isinstance(shape, physx.PhysxCollisionShapeConvexMesh):
+        points, radius = np.asarray(shape.vertices) * np.asarray(shape.scale), 0.0
     else:
-        raise TypeError(f"shape must be a box, a capsule or a sphere; got {type(shape).__name__}")
+        raise TypeError(f"shape must be convex; got {type(shape).__name__}")
     T = shape.local_pose.to_transformation_matrix()
     return points @ T[:3, :3].T + T[:3, 3], radius
+
+
+def _stack(sets: Sequence[np.ndarray], count: int) -> np.ndarray:
+    """Bring sets of points to one length by repeating their first, shape (S, count, 3)."""
+    padded = [np.concatenate([s, np.repeat(s[:1], count - len(s), axis=0)]) for s in sets]
+    return np.array(padded, dtype=float).reshape(-1, count, 3)
 
 
 def _facing_up(faces: np.ndarray, flat: np.ndarray) -> np.ndarray:

@@ -170,7 +170,8 @@ def make_hat_stand(parameters: HatStandParameters | None = None) -> Prop:
     for a, b in pairwise(bounds):
         inside = radii[(heights >= a - 1e-9) & (heights <= b + 1e-9)]
         shapes.append(make_cylinder(float(inside.mean()), foot + rise * a, foot + rise * b))
-    shapes.append(PropShape(kind="convex", points=np.unique(dome.vertices, axis=0)))
+    hull = turn("pad", [*profile[::2], (0.0, h + p.dome_height)], 24)  # PhysX takes 255 points
+    shapes.append(PropShape(kind="convex", points=np.unique(hull.vertices, axis=0)))
     wood = make_wood(p.wood, seed=4)
     return assemble(
         "hat_stand",

@@ -1,0 +1,136 @@
+"""Props in scenes: seen by the cameras, felt by cloth and robots."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sapien
+
+from dgl_assets.props import Prop, PropPart, PropShape, make_prop
+from dgl_tasks.declaration import PropPlacement, Vector3
+from dgl_tasks.robot import let_robot_pass
+
+if TYPE_CHECKING:
+    from mani_skill.envs.scene import ManiSkillScene
+    from mani_skill.utils.structs import Actor
+
+_TEXELS = 256  # of a wood's tile of 0.6 m: 2.3 mm
+# SAPIEN's capsules and cylinders are along x, those of props along z.
+_X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
+
+
+class SceneProp:
+    """A prop that stands in a scene; it moves only when it is placed."""
+
+    def __init__(self, scene: "ManiSkillScene", placement: PropPlacement) -> None:
+        """Add a kinematic body with the prop's shapes and, where pictures are taken, its looks."""
+        self.placement = placement
+        self.prop: Prop = make_prop(placement.prop)
+        builder = scene.create_actor_builder()
+        builder.initial_pose = _make_pose(placement.position, placement.yaw)  # pyright: ignore[reportAttributeAccessIssue]
+        self.actor: Actor = builder.build_kinematic(name=placement.name)
+        (entity,) = self.actor._objs  # noqa: SLF001  ManiSkill has no way to add shapes of points
+        self._entity: sapien.Entity = entity
+        body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+        assert isinstance(body, sapien.physx.PhysxRigidDynamicComponent)
+        material = sapien.physx.PhysxMaterial(placement.friction, placement.friction, 0.0)
+        for shape in self.prop.shapes:
+            body.attach(_convert_shape(shape, material))
+        if not placement.is_solid_to_robot:
+            let_robot_pass(self.actor)
+        if scene.can_render():
+            component = sapien.render.RenderBodyComponent()
+            for part in self.prop.parts:
+                component.attach(_draw_part(part))
+            entity.add_component(component)
+
+    @property
+    def segment(self) -> int:
+        """Segmentation id of the prop in pictures."""
+        return self._entity.per_scene_id
+
+    @property
+    def entity_name(self) -> str:
+        """Name of the prop's entity in SAPIEN's scene."""
+        return self._entity.name
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Where the prop is: xyz [m] + quaternion wxyz, shape (7,), world frame."""
+        pose = self._entity.pose
+        return np.concatenate([pose.p, pose.q]).astype(np.float64)
+
+    def get_landmarks(self) -> dict[str, np.ndarray]:
+        """Places of the prop's landmarks now [m], shape (3,), world frame."""
+        return self.prop.compute_landmarks(self.pose)
+
+    def place(self, position: Vector3, yaw: float = 0.0) -> None:
+        """Put the prop somewhere at once.
+
+        Cloth takes a move between two of its frames for a motion and is carried or hit by it; to
+        avoid that, call `SapienCloth.sync_bodies(is_jump=True)` after placing.
+
+        Args:
+            position: Of the prop's frame [m], world frame.
+            yaw: Rotation about z [rad].
+        """
+        self._entity.set_pose(_make_pose(position, yaw))
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """Place the prop at random within its ranges; returns the draws by name [m]."""
+        p = self.placement
+        dx, dy = float(rng.uniform(*p.x_range)), float(rng.uniform(*p.y_range))
+        x, y, z = p.position
+        self.place((x + dx, y + dy, z), p.yaw)
+        return {f"{p.name}_x": x + dx, f"{p.name}_y": y + dy}
+
+
+def _make_pose(position: Vector3, yaw: float) -> sapien.Pose:
+    return sapien.Pose(list(position), [np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+
+
+def _convert_shape(
+    shape: PropShape, material: sapien.physx.PhysxMaterial
+) -> sapien.physx.PhysxCollisionShape:
+    pose = sapien.Pose(list(shape.xyz), list(shape.wxyz))
+    if shape.kind == "box":
+        solid = sapien.physx.PhysxCollisionShapeBox(list(shape.half_size), material)  # pyright: ignore[reportArgumentType]
+    elif shape.kind == "convex":
+        assert shape.points is not None
+        solid = sapien.physx.PhysxCollisionShapeConvexMesh(
+            vertices=shape.points.astype(np.float32), scale=[1.0, 1.0, 1.0], material=material
+        )
+    else:
+        make = {
+            "capsule": sapien.physx.PhysxCollisionShapeCapsule,
+            "cylinder": sapien.physx.PhysxCollisionShapeCylinder,
+        }[shape.kind]
+        solid = make(shape.radius, shape.half_length, material)
+        pose = pose * _X_FROM_Z
+    solid.local_pose = pose
+    return solid
+
+
+def _draw_part(part: PropPart) -> sapien.render.RenderShapeTriangleMesh:
+    finish = part.finish
+    material = sapien.render.RenderMaterial()
+    material.base_color = [*finish.colour, 1.0]
+    material.roughness, material.metallic = finish.roughness, finish.metallic
+    material.specular = 0.3
+    uvs = part.uvs
+    if finish.wood is not None:
+        maps = finish.wood.render(_TEXELS)
+        opaque = np.full((_TEXELS, _TEXELS, 1), 255, dtype=np.uint8)
+        material.base_color_texture = sapien.render.RenderTexture2D(
+            np.concatenate([maps.base_colour, opaque], axis=2),
+            "R8G8B8A8Unorm",
+            mipmap_levels=int(np.log2(_TEXELS)),
+            srgb=True,
+        )
+        uvs = maps.compute_uvs(uvs)
+    return sapien.render.RenderShapeTriangleMesh(
+        vertices=part.vertices,
+        triangles=part.faces.astype(np.uint32),
+        normals=part.normals,
+        uvs=uvs,
+        material=material,
+    )
