@@ -155,7 +155,7 @@ def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
     measured = ["gam", "eval", "--data", str(data), "--weights", str(runs), "--pairs", "2"]
     assert main([*measured, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert [row["condition"] for row in rows] == ["flat_30", "flat_any", "noise_half"]
+    assert [row["condition"] for row in rows] == ["flat_30", "flat_any", "noise_half", "all"]
     assert main([*measured, "--markdown"]) == 0
     assert capsys.readouterr().out.startswith("| category | condition |")
     assert main(measured) == 0

@@ -130,7 +130,11 @@ def test_measures_of_a_row_are_those_of_its_points():
 
 def test_evaluation_covers_every_condition_and_repeats_itself(model, folder):
     rows = evaluate({"Shirt": model}, folder, CONFIG)
-    assert [row.condition for row in rows] == ["flat_30", "flat_any", "noise_half", "dropped"]
+    assert [row.condition for row in rows] == [
+        *("flat_30", "flat_any", "noise_half", "dropped"),
+        "all",
+    ]
+    assert rows[-1].points == sum(row.points for row in rows[:-1])
     again = evaluate({"Shirt": model}, folder, CONFIG)
     for first, second in zip(rows, again, strict=True):
         assert dataclasses.replace(first, milliseconds=0) == dataclasses.replace(

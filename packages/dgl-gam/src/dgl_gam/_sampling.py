@@ -28,35 +28,31 @@ def sample_farthest(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
     if points.device.type == "cpu":
         # Each step is a handful of tiny operations: NumPy starts one in a third of torch's time.
         clouds = points.numpy()
-        found = [_sample_farthest_one(cloud, count) for cloud in clouds]
-        return (
-            torch.from_numpy(np.stack([indices for indices, _ in found])),
-            torch.from_numpy(np.stack([squared for _, squared in found])),
-        )
+        indices = np.empty((len(clouds), count), np.int64)
+        squared = np.empty((len(clouds), count, size), clouds.dtype)
+        for number, cloud in enumerate(clouds):
+            _sample_farthest_one(cloud, indices[number], squared[number])
+        return torch.from_numpy(indices), torch.from_numpy(squared)
     return _sample_farthest_batch(points, count)
 
 
-def _sample_farthest_one(cloud: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """One cloud, shape (N, 3): indices (count,) and squared distances (count, N)."""
-    x, y, z = np.ascontiguousarray(cloud.T)
-    centre = cloud.mean(axis=0)
-    first = (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2
-    index = int(first.argmax())
-    chosen = np.empty(count, np.int64)
-    squared = np.empty((count, len(x)), cloud.dtype)
-    nearest = np.full(len(x), np.inf, cloud.dtype)
-    part = np.empty_like(x)
+def _sample_farthest_one(cloud: np.ndarray, chosen: np.ndarray, squared: np.ndarray) -> None:
+    """Fill the indices, shape (count,), and squared distances, shape (count, N), of one cloud, shape (N, 3)."""
+    centred = cloud - cloud.mean(axis=0)
+    size = (centred * centred).sum(axis=1)
+    twice = -2.0 * centred
+    index = int(size.argmax())
+    nearest = np.full(len(cloud), np.inf, cloud.dtype)
     for step, row in enumerate(squared):
         chosen[step] = index
-        np.subtract(x, x[index], out=row)
-        np.multiply(row, row, out=row)
-        for plane in (y, z):
-            np.subtract(plane, plane[index], out=part)
-            np.multiply(part, part, out=part)
-            np.add(row, part, out=row)
+        # |p - q|^2 = |p|^2 - 2 p q + |q|^2: one product of a matrix and a vector.
+        np.dot(twice, centred[index], out=row)
+        row += size
+        row += size[index]
         np.minimum(nearest, row, out=nearest)
+        nearest[index] = -1.0  # rounding must not let a chosen point be chosen again
         index = int(nearest.argmax())
-    return chosen, squared
+    np.maximum(squared, 0.0, out=squared)
 
 
 def _sample_farthest_batch(points: Tensor, count: int) -> tuple[Tensor, Tensor]:

@@ -92,7 +92,7 @@ class Row:
     category: str
     """Category of the garments; "all": the mean of the others."""
     condition: str
-    """How the target lies, see `list_conditions`."""
+    """How the target lies, see `list_conditions`; "all": every condition together."""
     pairs: int
     """Pairs of garments."""
     points: int
@@ -235,7 +235,8 @@ def evaluate(
         on_progress: Called with category and condition before each is measured.
 
     Returns:
-        A row for each category and condition, then the means over the categories where there are several.
+        For each category a row for each condition, and one for all together, where there are enough hidden points for
+        a meaningful AUROC; then the means over the categories where there are several.
 
     Raises:
         DataError: If a category has a single garment, or a model is missing.
@@ -245,12 +246,16 @@ def evaluate(
     for category in folder.categories:
         if category not in models:
             raise DataError(f"there must be a model for each category; none for {category}")
+        every: list[Trial] = []
         for condition in list_conditions(folder, category):
             if on_progress is not None:
                 on_progress(category, condition)
             trials = _run_trials(models[category], folder, category, condition, config)
             if trials:
                 rows.append(_summarize(category, condition, trials))
+                every += trials
+        if every:
+            rows.append(_summarize(category, _ALL, every))
     if len(folder.categories) > 1:
         conditions = dict.fromkeys(row.condition for row in rows)
         rows += [_average(c, [r for r in rows if r.condition == c]) for c in conditions]
@@ -287,8 +292,8 @@ def format_markdown(rows: Sequence[Row]) -> str:
     """Write rows as a table; errors and shares in percent."""
     lines = [
         "| category | condition | pairs | mean error | PCK@.05 | PCK@.10 | landmarks PCK@.05 | PCK@.10 "
-        "| swapped | hidden AUROC | ms |",
-        "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+        "| swapped | hidden | AUROC | ms |",
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
         shares = [
@@ -303,7 +308,8 @@ def format_markdown(rows: Sequence[Row]) -> str:
             )
         ]
         cells = [row.category, row.condition, str(row.pairs), *shares]
-        cells += [_format(row.hidden_auroc, 1, 2, ""), _format(row.milliseconds, 1, 0, "")]
+        cells += [str(row.hidden), _format(row.hidden_auroc, 1, 2, "")]
+        cells.append(_format(row.milliseconds, 1, 0, ""))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
