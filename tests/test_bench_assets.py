@@ -1,6 +1,7 @@
 """Garments are chosen, measured and dropped; a run can be interrupted and continued."""
 
 import json
+import multiprocessing
 import re
 from collections import Counter
 from dataclasses import replace
@@ -9,6 +10,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from dexgarmentlab import bench_assets
 from dexgarmentlab.bench_assets import (
     Attempt,
     RunConfig,
@@ -30,6 +32,7 @@ from dexgarmentlab.bench_assets.selection import find_partners, select_ids
 from dexgarmentlab.bench_assets.sheets import load_dropped
 from dexgarmentlab.cli import main
 from dgl_assets import garment_ids, list_categories, load_garment
+from dgl_collect.errors import WorkerError
 
 GOOD = Attempt(
     id="Scarf/000001",
@@ -304,9 +307,14 @@ def test_a_run_is_interrupted_and_continued(tmp_path):
     ids = list(select_ids(3, ["Scarf"]))
     running = drop_garments(config, tmp_path, command="first")
     first = next(running)
-    running.close()
     assert first.id == ids[0]
-    assert [a.id for a in load_run(tmp_path)[1]] == ids[:1]
+    with pytest.raises(ValueError, match="another run is writing"):
+        next(drop_garments(config, tmp_path, resume=True))
+    for process in multiprocessing.active_children():
+        process.kill()  # out of memory, say
+    with pytest.raises(WorkerError, match="--resume continues"):
+        list(running)
+    assert first in load_run(tmp_path)[1]
 
     with pytest.raises(ValueError, match="is not empty; add --resume"):
         next(drop_garments(config, tmp_path))
@@ -315,7 +323,7 @@ def test_a_run_is_interrupted_and_continued(tmp_path):
         next(drop_garments(other, tmp_path, resume=True))
 
     path = tmp_path / "attempts.jsonl"
-    whole = path.read_text()
+    whole = first.to_line() + "\n"
     path.write_text(whole + first.to_line()[:50])  # torn by a power cut
     attempts = list(drop_garments(config, tmp_path, resume=True, command="second"))
     assert [a.id for a in attempts] == ids
@@ -384,6 +392,31 @@ def test_a_share_is_not_rounded_up_to_all():
     rows = [replace(GOOD, id=f"Scarf/{k:06d}") for k in range(2500)]
     rows[7] = replace(rows[7], strain_worst=0.02)
     assert make_table(rows).splitlines()[2].split(" | ")[1:3] == ["2,500", "99.9 %"]
+
+
+def test_the_command_is_interrupted(tmp_path, monkeypatch, capsys):
+    is_closed = []
+
+    def drop(config, folder, **_):
+        try:
+            yield replace(GOOD, id="Scarf/004000")
+            raise KeyboardInterrupt
+        finally:
+            is_closed.append(True)
+
+    monkeypatch.setattr(bench_assets, "drop_garments", drop)
+    out = str(tmp_path / "a b")
+    words = ["--count", "5", "--category", "Scarf", "--workers", "2", "--json"]
+    assert main(["bench", "assets", "--out", out, *words]) == 130
+    assert is_closed
+    written = capsys.readouterr()
+    assert find_row_of(json.loads(written.out), "all.garments")["value"] == 1
+    again = f"dgl bench assets --out '{out}' --count 5 --category Scarf --workers 2 --resume"
+    assert f"interrupted after 1 of 5 garments; continue with: {again}" in written.err
+
+
+def find_row_of(rows, name):
+    return next(row for row in rows if row["name"] == name)
 
 
 def test_a_folder_without_a_run_is_no_run(tmp_path):

@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from dexgarmentlab.bench_assets.attempts import (
 )
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
 from dexgarmentlab.bench_assets.selection import choose_categories, find_partners, select_ids
+from dgl_collect.errors import WorkerError
 from dgl_collect.files import write_json
 from dgl_collect.results import drop_unfinished_line, package_versions
 
@@ -93,6 +95,7 @@ def drop_garments(
 
     Raises:
         ValueError: If `workers` is not positive, or the folder is not empty, busy, or of another run.
+        WorkerError: If a process died; what had finished is kept.
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1; got {workers}")
@@ -126,11 +129,20 @@ def drop_garments(
                     )
                 finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                 for future in finished:
-                    attempt = future.result()
+                    attempt = _get_result(future)
                     append_attempt(folder / ATTEMPTS_FILE, attempt)
                     yield attempt
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _get_result(future: Future[Attempt]) -> Attempt:
+    try:
+        return future.result()
+    except BrokenProcessPool as err:
+        raise WorkerError(
+            "a worker process died, out of memory or killed; finished garments are kept, and --resume continues"
+        ) from err
 
 
 def load_run(folder: Path) -> tuple[dict, list[Attempt]]:
