@@ -8,7 +8,7 @@ from dgl_assets import draw_contact_sheet, draw_garment, save_picture
 from dgl_assets.garments.view import compute_vertex_normals, project
 from dgl_assets.materials import sample_fabric_material
 
-FABRIC = sample_fabric_material(0, weaves=["jersey"], has_pale=False).render(128)
+FABRIC = sample_fabric_material(0, weaves=["jersey"]).render(128)
 
 
 def _is_background(picture: np.ndarray) -> np.ndarray:

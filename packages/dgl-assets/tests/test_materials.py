@@ -8,6 +8,7 @@ import pytest
 from dgl_assets import garment_ids, load_garment
 from dgl_assets.materials import (
     FLOOR_KINDS,
+    PALE,
     SPECIES,
     WEAVES,
     FabricMaterial,
@@ -17,7 +18,6 @@ from dgl_assets.materials import (
     sample_fabric_material,
     sample_floor_material,
 )
-from dgl_assets.materials.colours import PALE
 from dgl_assets.materials.fields import make_fractal, make_noise
 from dgl_assets.materials.weaves import CROSSINGS, make_relief
 
@@ -50,7 +50,7 @@ def test_seeds_reach_all_kinds():
 
 def test_choices_are_kept():
     for seed in range(60):
-        fabric = sample_fabric_material(seed, weaves=["jersey", "rib"], has_pale=False)
+        fabric = sample_fabric_material(seed, weaves=["jersey", "rib"], avoid=PALE)
         assert fabric.weave in ("jersey", "rib")
         assert fabric.label.split("/")[0] not in PALE
         assert sample_floor_material(seed, kinds=["marble"]).kind == "marble"
@@ -224,6 +224,10 @@ def test_floors_that_cannot_be_made_are_refused(change, message):
 def test_unknown_choices_and_sizes_are_refused():
     with pytest.raises(ValueError, match=r"weaves must be some of .*got \['felt'\]"):
         sample_fabric_material(0, weaves=["felt"])
+    with pytest.raises(ValueError, match=r"avoid must be some of .*got \['blau'\]"):
+        sample_fabric_material(0, avoid=["blau"])
+    with pytest.raises(ValueError, match="avoid must leave a yarn for denim"):
+        sample_fabric_material(0, weaves=["denim"], avoid=["navy", "denim", "black", "charcoal"])
     with pytest.raises(ValueError, match="kinds must be some of"):
         sample_floor_material(0, kinds=[])
     with pytest.raises(ValueError, match=r"size must be a whole number in \[32, 2048\]; got 16"):

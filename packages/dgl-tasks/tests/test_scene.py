@@ -6,7 +6,7 @@ import pytest
 
 import dgl_tasks  # noqa: F401  registers the environments
 from dgl_tasks.cameras import FOLD_CAMERAS
-from dgl_tasks.scene import FLOOR, MAT, MAT_SIZE, paint_floor
+from dgl_tasks.scene import FLOOR, MAT, MAT_SIZE, paint_floor, sample_studio_fabric
 from dgl_tasks.shadows import outline, project
 
 CENTRE = (0.0, 0.8)
@@ -40,6 +40,15 @@ def test_near_and_far_floor_agree_where_they_meet():
         np.testing.assert_allclose(
             _colour_at(near, 6.0, x, y), _colour_at(far, 60.0, x, y), atol=0.02
         )
+
+
+def test_studio_fabrics_are_told_from_floor_and_mat():
+    fabrics = [sample_studio_fabric([seed, 7]) for seed in range(150)]
+    assert len({f.weave for f in fabrics}) >= 6
+    for fabric in fabrics:
+        yarn = np.array(fabric.colours[0]) / 255.0
+        for ground in (FLOOR, MAT):
+            assert np.abs(yarn - np.array(ground) ** (1 / 2.2)).max() > 0.1, fabric.name
 
 
 def test_points_move_along_the_light_and_stay_below_the_ground():

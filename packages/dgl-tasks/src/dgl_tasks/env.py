@@ -26,6 +26,7 @@ from dgl_tasks.scene import (
     build_floor,
     light_scene,
     sample_floor_look,
+    sample_studio_fabric,
 )
 from dgl_tasks.shadows import FloorShadow
 from dgl_tasks.success import Verdict
@@ -159,7 +160,8 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
         garment_id = options.get("garment", drawn)
-        self.fabric = sample_fabric_material([seed, 7], has_pale=self._look == "random")
+        sample_fabric = sample_studio_fabric if self._look == "studio" else sample_fabric_material
+        self.fabric = sample_fabric([seed, 7])
         self.draws = {
             "garment": garment_id,
             "x": float(x),

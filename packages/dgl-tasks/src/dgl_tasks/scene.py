@@ -14,7 +14,16 @@ import imageio.v3 as iio
 import numpy as np
 import sapien
 
-from dgl_assets.materials import YARNS, FloorMaterial, sample_floor_material
+from dgl_assets.materials import (
+    PALE,
+    WEAVES,
+    YARNS,
+    FabricMaterial,
+    FloorMaterial,
+    Weave,
+    sample_fabric_material,
+    sample_floor_material,
+)
 from dgl_tasks.shadows import CORNERS, FloorShadow
 
 if TYPE_CHECKING:
@@ -44,6 +53,21 @@ KEY_COLOUR = (2.75, 2.68, 2.55)
 SHADE = 0.62
 """Brightness of the floor in shadow, linear, a factor: lighter than true, as under a large lamp."""
 
+_STUDIO_AVOIDED = (
+    *PALE,
+    "navy",
+    "denim",
+    "sky",
+    "charcoal",
+    "black",
+    "olive",
+    "camel",
+    "chocolate",
+    "sage",
+)
+"""Yarns that are too near the colours of floor or mat."""
+_STUDIO_WEAVES: tuple[Weave, ...] = tuple(w for w in WEAVES if w != "denim")
+
 _COLUMN = 0.15  # width of the robots' columns [m]
 _NEAR_SIDE, _FAR_SIDE = 6.0, 60.0  # the detailed middle of the floor and all of it [m]
 _EDGE = 0.006  # width of a drawn edge [m]
@@ -67,6 +91,11 @@ class FloorLook:
 
 STUDIO = FloorLook()
 """A plain floor with a work mat."""
+
+
+def sample_studio_fabric(seed: int | Sequence[int] | np.random.Generator) -> FabricMaterial:
+    """Draw a fabric that is easily told from the studio's floor and mat."""
+    return sample_fabric_material(seed, weaves=_STUDIO_WEAVES, avoid=_STUDIO_AVOIDED)
 
 
 def sample_floor_look(seed: int | Sequence[int] | np.random.Generator) -> FloorLook:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.view import compute_vertex_normals, project
-from dgl_assets.materials import MaterialMaps, sample_fabric_material
+from dgl_assets.materials import PALE, MaterialMaps, sample_fabric_material
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -114,7 +114,7 @@ def draw_contact_sheet(
         row, column = divmod(index, columns)
         sheet[row * size : (row + 1) * size, column * size : (column + 1) * size] = draw_garment(
             garment,
-            fabric=sample_fabric_material([seed, index], has_pale=False).render(_TEXELS),
+            fabric=sample_fabric_material([seed, index], avoid=PALE).render(_TEXELS),
             size=size,
             metres=metres,
             has_landmarks=has_landmarks,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -266,14 +266,18 @@ def sample_fabric_material(
     seed: int | Sequence[int] | np.random.Generator,
     *,
     weaves: Sequence[Weave] = WEAVES,
-    has_pale: bool = True,
+    avoid: Collection[str] = (),
 ) -> FabricMaterial:
     """Draw a fabric.
 
     Args:
         seed: Seed or generator; equal seeds give equal fabrics.
         weaves: Constructions to choose from.
-        has_pale: Whether white, ecru and stone may fill it.
+        avoid: Names of `YARNS` that must not fill it, such as `PALE` on a light floor; they may
+            still be second colours.
+
+    Raises:
+        ValueError: If a construction is unknown, or no yarn is left for the one that was drawn.
     """
     unknown = sorted(set(weaves) - set(WEAVES))
     if unknown or not weaves:
@@ -282,7 +286,7 @@ def sample_fabric_material(
     weave: Weave = pick(rng, {w: _KINDS[w].share for w in weaves})  # pyright: ignore[reportAssignmentType]
     kind = _KINDS[weave]
     pattern: Pattern = pick(rng, {str(p): w for p, w in kind.patterns.items()})  # pyright: ignore[reportAssignmentType]
-    names = _draw_yarns(rng, weave, pattern, has_pale=has_pale)
+    names = _draw_yarns(rng, weave, pattern, avoid)
     scale, width = _SCALES[pattern](rng)
     label = "/".join(names[: 2 if pattern in ("chambray", "stripes", "gingham", "dots") else 1])
     return FabricMaterial(
@@ -300,14 +304,23 @@ def sample_fabric_material(
 
 
 def _draw_yarns(
-    rng: np.random.Generator, weave: Weave, pattern: Pattern, *, has_pale: bool
+    rng: np.random.Generator, weave: Weave, pattern: Pattern, avoid: Collection[str]
 ) -> tuple[str, ...]:
+    unknown = sorted(set(avoid) - set(YARNS))
+    if unknown:
+        raise ValueError(f"avoid must be some of {sorted(YARNS)}; got {unknown}")
+    sets: list[tuple[str, ...]] = [(name,) for name in YARNS]
     if weave == "denim":
-        return (str(rng.choice(["navy", "denim", "black", "charcoal"])), "ecru")
-    if pattern == "tartan":
-        return TARTANS[rng.integers(len(TARTANS))]
-    first = [name for name in YARNS if has_pale or name not in PALE]
-    main = first[rng.integers(len(first))]
+        sets = [("navy", "ecru"), ("denim", "ecru"), ("black", "ecru"), ("charcoal", "ecru")]
+    elif pattern == "tartan":
+        sets = list(TARTANS)
+    sets = [names for names in sets if names[0] not in avoid]
+    if not sets:
+        raise ValueError(f"avoid must leave a yarn for {weave} {pattern}; got {sorted(avoid)}")
+    names = sets[rng.integers(len(sets))]
+    main, *others = names
+    if others:
+        return names
     if COLOUR_COUNTS[pattern] == 1:
         return (main,)
     if pattern == "melange":  # fibres of a quiet colour spun in
