@@ -9,7 +9,7 @@ import torch
 from dgl_gam import DataError, GarmentAffordanceModel, Matches
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import PRESETS
-from dgl_gam.data import GarmentFolder
+from dgl_gam.data import GarmentFolder, write_garment
 from dgl_gam.evaluate import (
     EvalConfig,
     Trial,
@@ -143,6 +143,23 @@ def test_evaluation_covers_every_condition_and_repeats_itself(model, folder):
     json.dumps([row.to_dict() for row in rows], allow_nan=False)
     with pytest.raises(DataError, match="none for Shirt"):
         evaluate({}, folder, CONFIG)
+
+
+def test_several_categories_have_a_mean(tmp_path, shirt_fields):
+    for category in ("Gown", "Shirt"):
+        for seed in (0, 1):
+            fields = shirt_fields(seed, category=category)
+            write_garment(tmp_path / f"{category}{seed}.safetensors", **fields)
+    torch.manual_seed(0)
+    config = dataclasses.replace(PRESETS["small"], categories=("Gown", "Shirt"))
+    shared = Checkpoint(network=GarmentNetwork(config))
+    models = {name: GarmentAffordanceModel(shared, category=name) for name in config.categories}
+    rows = evaluate(models, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=5))
+    assert [row.category for row in rows] == ["Gown"] * 5 + ["Shirt"] * 5 + ["all"] * 5
+    for gown, shirt, mean in zip(rows[:5], rows[5:10], rows[10:], strict=True):
+        assert gown.condition == shirt.condition == mean.condition
+        assert mean.mean_error == pytest.approx((gown.mean_error + shirt.mean_error) / 2)
+        assert mean.points == gown.points + shirt.points
 
 
 def test_calibration_is_fitted_to_the_folder(model, folder):

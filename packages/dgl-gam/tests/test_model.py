@@ -146,6 +146,38 @@ def test_unknown_categories_and_missing_weights_are_refused(checkpoint, tmp_path
         GarmentAffordanceModel(checkpoint, source_views=0)
 
 
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_features_on_cuda_are_those_of_the_cpu(checkpoint, cloud):
+    models = [GarmentAffordanceModel(checkpoint, device=device) for device in ("cpu", "cuda:0")]
+    similarity = [model.match(cloud, cloud[:9], cloud + 1.0)[1] for model in models]
+    np.testing.assert_allclose(*similarity, atol=5e-3)
+
+
+def test_weights_that_come_along_are_loaded_by_category(checkpoint, tmp_path, monkeypatch):
+    monkeypatch.setattr("dgl_gam.model.WEIGHTS", tmp_path)
+    save_checkpoint(tmp_path / "Shirt.safetensors", checkpoint)
+    assert GarmentAffordanceModel.load("Shirt").category == "Shirt"
+    with pytest.raises(WeightsNotFoundError, match="for 'Hat' come with dgl_gam; there are: Shirt"):
+        GarmentAffordanceModel.load("Hat")
+    several = dataclasses.replace(PRESETS["small"], categories=("Hat", "Scarf"))
+    save_checkpoint(tmp_path / "garments.safetensors", Checkpoint(network=GarmentNetwork(several)))
+    assert GarmentAffordanceModel.load("Scarf").category == "Scarf"
+    with pytest.raises(ValueError, match="category must be one of Hat, Scarf; got None"):
+        GarmentAffordanceModel.load(tmp_path / "garments.safetensors")
+
+
+def test_the_category_matters_where_a_network_is_for_several(cloud):
+    torch.manual_seed(0)
+    several = dataclasses.replace(PRESETS["small"], categories=("Hat", "Scarf"))
+    shared = Checkpoint(network=GarmentNetwork(several))
+    results = [
+        GarmentAffordanceModel(shared, category=name).match(cloud, cloud[:5], cloud)[1]
+        for name in several.categories
+    ]
+    assert not np.allclose(*results, atol=1e-3)
+
+
 def test_what_is_saved_is_loaded(model, cloud, tmp_path):
     calibration = Calibration(weights=(1.0, 2.0, 3.0, 4.0), bias=0.5, samples=7)
     model.with_calibration(calibration).save(tmp_path / "deep" / "a.safetensors")

@@ -9,7 +9,7 @@ import torch
 from dgl_gam import CheckpointError
 from dgl_gam.checkpoint import load_checkpoint, save_checkpoint
 from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
-from dgl_gam.data import GarmentFolder
+from dgl_gam.data import GarmentFolder, write_garment
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
 from dgl_gam.loss import compute_info_nce
 from dgl_gam.network import GarmentNetwork
@@ -146,6 +146,23 @@ def test_a_run_that_died_between_states_repeats_the_steps_since(folder, tmp_path
     first, second = read_weights(whole), read_weights(resumed)
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert len((tmp_path / "cut" / "log.jsonl").read_text().splitlines()) == 6
+
+
+def test_one_network_is_trained_for_several_categories(tmp_path, shirt_fields):
+    for category in ("Gown", "Shirt"):
+        for seed in (0, 1):
+            fields = shirt_fields(seed, category=category)
+            write_garment(tmp_path / "data" / f"{category}{seed}.safetensors", **fields)
+    both = GarmentFolder(tmp_path / "data")
+    config = dataclasses.replace(CONFIG, steps=3, batch=dataclasses.replace(CONFIG.batch, groups=4))
+    path = train(both, tmp_path / "together", config)
+    network = load_checkpoint(path).network
+    assert network.config.categories == ("Gown", "Shirt")
+    assert network.category is not None
+    # Refined for one of them, it stays a network for both.
+    gown = GarmentFolder(tmp_path / "data", categories=["Gown"])
+    refined = train(gown, tmp_path / "gown", dataclasses.replace(config, steps=1), start=path)
+    assert load_checkpoint(refined).network.config.categories == ("Gown", "Shirt")
 
 
 def test_training_starts_from_other_weights(folder, tmp_path):

@@ -83,7 +83,7 @@ def adapt(
     if not pairs:
         raise ValueError("pairs must not be empty")
     prepared = [_prepare(model, number, pair) for number, pair in enumerate(pairs)]
-    network = copy.deepcopy(model.checkpoint.network)
+    network = copy.deepcopy(model.checkpoint.network).to(model.device)
     adapted = GarmentAffordanceModel(
         replace(model.checkpoint, network=network, calibration=Calibration()),
         category=model.category,

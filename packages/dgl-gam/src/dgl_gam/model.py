@@ -1,5 +1,6 @@
 """The model as it is used: clouds in, corresponding points out."""
 
+import copy
 import hashlib
 import math
 from collections import OrderedDict
@@ -97,11 +98,14 @@ class GarmentAffordanceModel:
         """The network and what is known about it."""
         self.category = category
         """Category of the garments."""
-        self.device = torch.device(device)
+        self.device = torch.empty(0, device=device).device  # "cuda" becomes "cuda:0"
         """Where it computes."""
         self.source_views = source_views
         """Views of the demonstrated cloud that its features are averaged over."""
-        self._network = checkpoint.network.to(self.device).eval()
+        network = checkpoint.network
+        if next(network.parameters()).device != self.device:
+            network = copy.deepcopy(network).to(self.device)  # others may use it where it is
+        self._network = network.eval()
         self._sources: OrderedDict[bytes, Encoded] = OrderedDict()
 
     @classmethod

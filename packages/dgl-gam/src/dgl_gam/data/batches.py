@@ -43,7 +43,7 @@ class BatchConfig:
     """Nearest that a negative may be to the true place, as a share of the diagonal."""
     near: float = 0.25
     """How far "near the positive" goes, as a share of the diagonal."""
-    yaw: float = math.radians(30.0)
+    yaw: float = math.radians(15.0)
     """Turn of a view in the garment's own frame, either way [rad]: what the yaw may be found wrong by."""
     bend: float = 0.06
     """Size of the smooth bending, in normalised units."""
