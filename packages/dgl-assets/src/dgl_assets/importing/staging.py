@@ -12,12 +12,13 @@ from dgl_assets.importing.errors import AssetImportError
 
 
 @contextmanager
-def stage_folder(target: Path, *, overwrite: bool) -> Iterator[Path]:
+def stage_folder(target: Path, *, overwrite: bool, marker: str = "meta.json") -> Iterator[Path]:
     """Give a new folder beside the target, and move it there when the block ends well.
 
     Args:
         target: Folder to appear; parents are made.
         overwrite: Whether a folder that is there is replaced.
+        marker: File by which a folder that may be replaced is known.
 
     Yields:
         An empty folder to write into. If the block fails or is interrupted, it is removed, with the parents that
@@ -26,7 +27,7 @@ def stage_folder(target: Path, *, overwrite: bool) -> Iterator[Path]:
     Raises:
         AssetImportError: If the target exists and must not be replaced, or cannot be written.
     """
-    check_target(target, overwrite=overwrite)
+    check_target(target, overwrite=overwrite, marker=marker)
     made = [parent for parent in target.parents if not parent.exists()]
     staging: Path | None = None
     try:
@@ -59,7 +60,7 @@ def stage_folder(target: Path, *, overwrite: bool) -> Iterator[Path]:
                     break
 
 
-def check_target(target: Path, *, overwrite: bool) -> None:
+def check_target(target: Path, *, overwrite: bool, marker: str = "meta.json") -> None:
     """Refuse a target that is there, unless it is an asset that may be replaced.
 
     Raises:
@@ -69,5 +70,5 @@ def check_target(target: Path, *, overwrite: bool) -> None:
         return
     if not overwrite:
         raise AssetImportError(f"{target} exists; choose another name, or ask to overwrite it")
-    if target.is_symlink() or not (target / "meta.json").is_file():
+    if target.is_symlink() or not (target / marker).is_file():
         raise AssetImportError(f"{target} exists and is no asset; it is not overwritten")

@@ -1,0 +1,294 @@
+"""Reading URDF: every number and every reference is checked before anything is made of it."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from dgl_assets.importing.errors import AssetImportError
+from dgl_assets.importing.paths import read_bytes, resolve_reference
+from dgl_assets.robots._frames import rotation_about, transform
+from dgl_assets.robots.errors import RobotImportError
+from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot, RawShape, Rgba
+from dgl_assets.robots.importing.topology import order_tree
+from dgl_assets.robots.importing.xml_safe import parse_xml
+
+MAX_LINKS = 400
+_NAME = re.compile(r"[A-Za-z0-9_.\-]{1,100}")
+_KINDS = ("revolute", "continuous", "prismatic", "fixed")
+
+
+def read_urdf(path: Path, *, packages: Mapping[str, Path] | None = None) -> RawRobot:
+    """Read a URDF.
+
+    Meshes must lie in the folder of the file or below, or in a folder of `packages` or below. A
+    reference `package://NAME/...` without an entry in `packages` is looked up in the folders above the
+    file: in the nearest one called NAME.
+
+    Args:
+        path: The file; xacro must have been expanded.
+        packages: Folders by name of a ROS package.
+
+    Raises:
+        AssetImportError: In one line, what is wrong and where.
+    """
+    data = read_bytes(path)
+    robot = parse_xml(data, path.name)
+    if robot.tag != "robot":
+        raise RobotImportError(
+            f"{path.name} must be a URDF, <robot>; its root is <{robot.tag[:60]}>"
+        )
+    if any("xacro" in element.tag for element in robot.iter()) or b"${" in data:
+        raise RobotImportError(f"{path.name} is xacro; expand it first: xacro in.xacro > out.urdf")
+    return _Reader(path, robot, packages or {}).read()
+
+
+class _Reader:
+    """Reads the elements of one file; messages name the link or joint at hand."""
+
+    def __init__(self, path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> None:
+        self._path, self._robot, self._packages = path, robot, packages
+        self._where = "robot"
+        self._colours: dict[str, Rgba] = {}
+
+    def read(self) -> RawRobot:
+        for material in self._robot.findall("material"):
+            name, colour = material.get("name"), self._read_colour(material)
+            if name and colour:
+                self._colours[name] = colour
+        links = [self._read_link(element) for element in self._robot.findall("link")]
+        if not links:
+            raise self._error("has no links")
+        if len(links) > MAX_LINKS:
+            raise self._error(f"has {len(links)} links; at most {MAX_LINKS} are read")
+        joints = [self._read_joint(element) for element in self._robot.findall("joint")]
+        name = self._robot.get("name") or self._path.stem
+        return order_tree(name, links, joints, source=self._path.name)
+
+    def _error(self, text: str) -> RobotImportError:
+        where = "" if self._where == "robot" else f", {self._where}"
+        return RobotImportError(f"{self._path.name}{where}: {text}")
+
+    # Links -----------------------------------------------------------------------------------
+
+    def _read_link(self, element: ET.Element) -> RawLink:
+        self._where = "a link"
+        name = self._read_name(element)
+        self._where = f"link {name}"
+        mass, T, inertia = self._read_inertial(element.find("inertial"))
+        return RawLink(
+            name=name,
+            mass=mass,
+            inertial_to_link=T,
+            inertia=inertia,
+            visuals=tuple(self._read_shape(e) for e in element.findall("visual")),
+            collisions=tuple(self._read_shape(e) for e in element.findall("collision")),
+        )
+
+    def _read_inertial(self, element: ET.Element | None) -> tuple[float, np.ndarray, np.ndarray]:
+        if element is None:
+            return 0.0, np.eye(4), np.zeros((3, 3))
+        T = self._read_origin(element)
+        mass_element, moments = element.find("mass"), element.find("inertia")
+        if mass_element is None or moments is None:
+            raise self._error("its inertial must have mass and inertia")
+        (mass,) = self._read_numbers(mass_element, "value", 1)
+        if mass <= 0.0:
+            raise self._error(f"its mass must be positive; got {mass:g} (a frame has no inertial)")
+        xx, yy, zz, xy, xz, yz = (
+            self._read_numbers(moments, key, 1)[0]
+            for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        )
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        moments_of_axes = np.linalg.eigvalsh(inertia)
+        if moments_of_axes[0] <= 0.0:
+            raise self._error(
+                f"its inertia must be positive definite; its least moment is {moments_of_axes[0]:.3g}"
+            )
+        if moments_of_axes[2] > 1.5 * (moments_of_axes[0] + moments_of_axes[1]):
+            raise self._error(
+                "its inertia is of no body: one moment exceeds the other two together, "
+                f"{np.array2string(moments_of_axes, precision=3)}"
+            )
+        return mass, T, inertia
+
+    def _read_shape(self, element: ET.Element) -> RawShape:
+        geometry = element.find("geometry")
+        if geometry is None or len(geometry) != 1:
+            raise self._error(f"its {element.tag} must have one geometry")
+        shape, T = geometry[0], self._read_origin(element)
+        rgba = self._read_material(element)
+        if shape.tag == "mesh":
+            scale = self._read_numbers(shape, "scale", 3, default=(1.0, 1.0, 1.0))
+            if min(map(abs, scale)) < 1e-9:
+                raise self._error(f"the scale of a mesh must not be zero; got {scale}")
+            file = self._find_mesh(shape.get("filename", ""))
+            return RawShape(
+                kind="mesh",
+                shape_to_link=T,
+                path=file,
+                scale=(scale[0], scale[1], scale[2]),
+                rgba=rgba,
+            )
+        keys = {
+            "sphere": ("radius",),
+            "cylinder": ("radius", "length"),
+            "capsule": ("radius", "length"),
+        }
+        if shape.tag == "box":
+            size = self._read_numbers(shape, "size", 3)
+        elif shape.tag in keys:
+            size = tuple(self._read_numbers(shape, key, 1)[0] for key in keys[shape.tag])
+        else:
+            raise self._error(
+                f"geometry must be box, cylinder, sphere, capsule or mesh; got {shape.tag[:40]!r}"
+            )
+        if not all(1e-6 <= s <= 10.0 for s in size):
+            raise self._error(f"sizes of a {shape.tag} must be within 1e-6 to 10 m; got {size}")
+        return RawShape(kind=shape.tag, shape_to_link=T, size=size, rgba=rgba)  # pyright: ignore[reportArgumentType]
+
+    def _read_material(self, element: ET.Element) -> Rgba | None:
+        material = element.find("material")
+        if material is None:
+            return None
+        return self._read_colour(material) or self._colours.get(material.get("name", ""))
+
+    def _read_colour(self, material: ET.Element) -> Rgba | None:
+        colour = material.find("color")
+        if colour is None:
+            return None
+        r, g, b, a = self._read_numbers(colour, "rgba", 4)
+        if not all(0.0 <= c <= 1.0 for c in (r, g, b, a)):
+            raise self._error(f"colours must be within 0 to 1; got {(r, g, b, a)}")
+        return r, g, b, a
+
+    def _find_mesh(self, reference: str) -> Path:
+        if not reference:
+            raise self._error("a mesh must have a filename")
+        folder, text = self._path.parent, reference
+        if reference.startswith("package://"):
+            name, _, text = reference.removeprefix("package://").partition("/")
+            folder = self._packages.get(name) or self._find_package(name)
+        elif reference.startswith("file://"):
+            raise self._error(f"{reference[:120]!r} is absolute; make it relative to the file")
+        try:
+            return resolve_reference(folder, text, named_by=f"{self._path.name}, {self._where}")
+        except AssetImportError as err:
+            raise RobotImportError(str(err)) from err
+
+    def _find_package(self, name: str) -> Path:
+        for folder in self._path.resolve().parents:
+            if folder.name == name:
+                return folder
+        raise self._error(
+            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package NAME=FOLDER"
+        )
+
+    # Joints ----------------------------------------------------------------------------------
+
+    def _read_joint(self, element: ET.Element) -> RawJoint:
+        self._where = "a joint"
+        name = self._read_name(element)
+        self._where = f"joint {name}"
+        kind = element.get("type", "")
+        if kind not in _KINDS:
+            raise self._error(f"its type must be one of {', '.join(_KINDS)}; got {kind[:40]!r}")
+        ends = []
+        for tag in ("parent", "child"):
+            end = element.find(tag)
+            if end is None or not end.get("link"):
+                raise self._error(f"must have a {tag} link")
+            ends.append(end.get("link", ""))
+        axis_element = element.find("axis")
+        axis = (
+            np.array([1.0, 0.0, 0.0])
+            if axis_element is None
+            else np.array(self._read_numbers(axis_element, "xyz", 3))
+        )
+        length = float(np.linalg.norm(axis))
+        if kind != "fixed" and length < 1e-6:
+            raise self._error("its axis must not be zero")
+        axis = axis / max(length, 1e-12)
+        lower, upper, effort, speed = self._read_limit(element.find("limit"), kind)
+        mimic = element.find("mimic")
+        return RawJoint(
+            name=name,
+            kind=kind,  # pyright: ignore[reportArgumentType]
+            parent=ends[0],
+            child=ends[1],
+            joint_to_parent=self._read_origin(element),
+            axis=(float(axis[0]), float(axis[1]), float(axis[2])),
+            lower=lower,
+            upper=upper,
+            effort=effort,
+            speed=speed,
+            mimic=None if mimic is None else mimic.get("joint", ""),
+        )
+
+    def _read_limit(
+        self, element: ET.Element | None, kind: str
+    ) -> tuple[float, float, float, float]:
+        if element is None:
+            if kind in ("revolute", "prismatic"):
+                raise self._error(f"a {kind} joint must have a limit")
+            return 0.0, 0.0, 0.0, 0.0
+        effort, speed = (
+            self._read_numbers(element, key, 1, default=(0.0,))[0] for key in ("effort", "velocity")
+        )
+        if effort < 0.0 or speed < 0.0:
+            raise self._error(
+                f"effort and velocity must not be negative; got {effort:g} and {speed:g}"
+            )
+        if kind not in ("revolute", "prismatic"):
+            return 0.0, 0.0, effort, speed
+        lower, upper = (
+            self._read_numbers(element, key, 1, default=(0.0,))[0] for key in ("lower", "upper")
+        )
+        if lower >= upper:
+            raise self._error(f"lower limit must be below the upper; got {lower:g} and {upper:g}")
+        furthest = 100.0 if kind == "revolute" else 10.0
+        if max(-lower, upper) > furthest:
+            raise self._error(f"limits must be within +-{furthest:g}; got {lower:g} and {upper:g}")
+        return lower, upper, effort, speed
+
+    # Pieces ----------------------------------------------------------------------------------
+
+    def _read_name(self, element: ET.Element) -> str:
+        name = element.get("name", "")
+        if not _NAME.fullmatch(name):
+            raise self._error(
+                f"names must be of letters, digits, '_', '.' and '-', at most 100; got {name[:60]!r}"
+            )
+        return name
+
+    def _read_origin(self, element: ET.Element) -> np.ndarray:
+        origin = element.find("origin")
+        if origin is None:
+            return np.eye(4)
+        xyz = self._read_numbers(origin, "xyz", 3, default=(0.0, 0.0, 0.0))
+        if max(map(abs, xyz)) > 100.0:
+            raise self._error(f"an origin must be within 100 m; got {xyz}")
+        roll, pitch, yaw = self._read_numbers(origin, "rpy", 3, default=(0.0, 0.0, 0.0))
+        x, y, z = np.eye(3)
+        R = rotation_about(z, yaw) @ rotation_about(y, pitch) @ rotation_about(x, roll)
+        return transform((xyz[0], xyz[1], xyz[2]), R)
+
+    def _read_numbers(
+        self, element: ET.Element, key: str, count: int, *, default: tuple[float, ...] | None = None
+    ) -> tuple[float, ...]:
+        text = element.get(key)
+        if text is None:
+            if default is not None:
+                return default
+            raise self._error(f"{element.tag} must have {key}")
+        try:
+            values = tuple(float(v) for v in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != count or not np.isfinite(values).all():
+            raise self._error(
+                f"{key} of {element.tag} must be {count} finite number{'s' * (count > 1)}; got {text[:60]!r}"
+            )
+        return values
