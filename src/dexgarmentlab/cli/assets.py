@@ -19,6 +19,12 @@ from dexgarmentlab.cli.assets_looks import (
     show_materials,
     show_props,
 )
+from dexgarmentlab.cli.assets_robots import (
+    ImportRobotOptions,
+    ListRobotsOptions,
+    import_robot,
+    list_robots,
+)
 
 __all__ = ["Options", "run"]
 
@@ -28,7 +34,9 @@ Options = Annotated[
     | Annotated[BuildOptions, tyro.conf.subcommand("build")]
     | Annotated[PropsOptions, tyro.conf.subcommand("props")]
     | Annotated[MaterialsOptions, tyro.conf.subcommand("materials")]
-    | Annotated[ImportOptions, tyro.conf.subcommand("import")],
+    | Annotated[ImportOptions, tyro.conf.subcommand("import")]
+    | Annotated[ImportRobotOptions, tyro.conf.subcommand("import-robot")]
+    | Annotated[ListRobotsOptions, tyro.conf.subcommand("list-robots")],
     tyro.conf.arg(name=""),
 ]
 """What each action takes."""
@@ -40,7 +48,9 @@ def run(
     | BuildOptions
     | PropsOptions
     | MaterialsOptions
-    | ImportOptions,
+    | ImportOptions
+    | ImportRobotOptions
+    | ListRobotsOptions,
 ) -> int:
     """Do what the action says."""
     if isinstance(options, ListOptions):
@@ -53,4 +63,8 @@ def run(
         return show_props(options)
     if isinstance(options, MaterialsOptions):
         return show_materials(options)
+    if isinstance(options, ImportRobotOptions):
+        return import_robot(options)
+    if isinstance(options, ListRobotsOptions):
+        return list_robots(options)
     return bring(options)

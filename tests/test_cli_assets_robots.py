@@ -1,0 +1,59 @@
+"""`dgl assets import-robot` and `list-robots`: results, JSON, and one line when it fails."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+from dexgarmentlab.cli import main
+
+_PATH = Path(__file__).parents[1] / "packages" / "dgl-assets" / "tests" / "dgl_robot_samples.py"
+_SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)
+assert _SPEC is not None
+assert _SPEC.loader is not None
+samples = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(samples)
+
+
+@pytest.fixture
+def hand(tmp_path):
+    path = tmp_path / "hand.urdf"
+    path.write_text(samples.sixteen_joint_hand())
+    return path
+
+
+def test_a_hand_is_imported_listed_and_described(hand, tmp_path, capsys):
+    robots = str(tmp_path / "robots")
+    arguments = ["assets", "import-robot", str(hand), "--name", "sixteen", "--kind", "hand"]
+    assert main([*arguments, "--robots", robots, "--licence", "MIT", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["name"], result["kind"], result["joints"]) == ("sixteen", "hand", 16)
+    assert result["collision_shapes"] == {"box": 17}
+    assert (Path(result["folder"]) / "robot.json").is_file()
+
+    assert main(["assets", "list-robots", "--robots", robots, "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["robots"]}
+    assert list(rows) == ["ur10e", "shadow", "sixteen"]
+    assert rows["sixteen"]["licence"] == "MIT"
+    assert main(["assets", "list-robots"]) == 0
+    assert "shadow" in capsys.readouterr().out
+
+    assert main([*arguments, "--robots", robots]) == 1
+    assert "exists" in capsys.readouterr().err
+
+
+def test_what_cannot_be_imported_is_one_line(hand, tmp_path, capsys):
+    hand.write_text(hand.read_text().replace('type="revolute"', 'type="floating"', 1))
+    arguments = ["assets", "import-robot", str(hand), "--name", "h", "--kind", "hand"]
+    assert main([*arguments, "--robots", str(tmp_path / "robots")]) == 1
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("dgl:")]
+    assert len(error) == 1
+    assert "floating" in error[0]
+    assert not (tmp_path / "robots").exists()
+
+
+@pytest.mark.parametrize("action", ["import-robot", "list-robots"])
+def test_help_has_an_example(action, capsys):
+    assert main(["assets", action, "--help"]) == 0
+    assert f"dgl assets {action}" in capsys.readouterr().out
