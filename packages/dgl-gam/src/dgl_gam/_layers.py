@@ -21,8 +21,8 @@ def make_mlp(width: int, widths: tuple[int, ...]) -> nn.Sequential:
 class SetAbstraction(nn.Module):
     """Groups points around centres; the feature of a group is the maximum over its points.
 
-    The first layer is linear in (position relative to the centre, position, feature), so it is applied to each point
-    once and not once in each group.
+    The first layer is linear in (position relative to the centre, feature), so each part of it is applied to a point once
+    and not once in each group. Relative positions are scaled to about [-1, 1]: they would be lost beside features else.
     """
 
     def __init__(
@@ -32,32 +32,32 @@ class SetAbstraction(nn.Module):
         super().__init__()
         self.neighbours = neighbours
         self.radius = radius
-        self.point = nn.Linear(3 + width, widths[0])
-        self.centre = nn.Linear(3, widths[0], bias=False)
+        # The nearest neighbours reach about half of the radius.
+        self.scale = 2.0 / radius if neighbours else 1.0
+        self.point = nn.Linear(width, widths[0])
+        self.relative = nn.Linear(3, widths[0], bias=False)
         self.norm = nn.LayerNorm(widths[0])
         self.rest = make_mlp(widths[0], widths[1:])
 
-    def forward(
-        self, points: Tensor, features: Tensor | None, centres: Tensor, squared: Tensor
-    ) -> Tensor:
+    def forward(self, points: Tensor, features: Tensor, centres: Tensor, squared: Tensor) -> Tensor:
         """Compute features of the centres.
 
         Args:
             points: Shape (B, N, 3).
-            features: Shape (B, N, C), or None.
+            features: Shape (B, N, C).
             centres: Shape (B, S, 3).
             squared: Squared distances of centres to points, shape (B, S, N).
 
         Returns:
             Shape (B, S, widths[-1]).
         """
-        inputs = points if features is None else torch.cat([points, features], dim=2)
-        each = self.point(inputs)
+        each = self.point(features) + self.relative(points * self.scale)
         if self.neighbours:
             each = gather_points(each, find_ball(squared, self.neighbours, self.radius))
         else:
             each = each.unsqueeze(1)  # (B, 1, N, C): one group of all
-        grouped = torch.relu(self.norm(each - self.centre(centres).unsqueeze(2)))
+        origin = self.relative(centres * self.scale).unsqueeze(2)
+        grouped = torch.relu(self.norm(each - origin))
         return self.rest(grouped).amax(dim=2)
 
 

@@ -42,7 +42,7 @@ class GarmentNetwork(nn.Module):
         self.config = config
         self.yaw = YawNetwork(config.yaw)
         self.down = nn.ModuleList()
-        widths = [0]
+        widths = [3]  # the first level's features are positions
         for level in config.levels:
             self.down.append(
                 SetAbstraction(
@@ -63,9 +63,8 @@ class GarmentNetwork(nn.Module):
         self.up = nn.ModuleList()
         width = coarsest
         for level, up in zip(reversed(range(len(config.levels))), config.up, strict=True):
-            skip = widths[level] + (3 if level == 0 else 0)
             # As the original: the finest level sees positions twice, as coordinates and as features.
-            skip += 3 if level == 0 else 0
+            skip = widths[level] if level else 6
             self.up.append(FeaturePropagation(width, skip, up))
             width = up[-1]
         self.head = nn.Sequential(
@@ -88,7 +87,7 @@ class GarmentNetwork(nn.Module):
         levels = self.config.levels
         counts = [min(level.centres, points.shape[1]) for level in levels if level.centres]
         order, squared = sample_farthest(points, counts[0])
-        places, features = [points], [None]
+        places, features = [points], [points]
         for number, (level, layer) in enumerate(zip(levels, self.down, strict=True)):
             if level.centres:
                 # The first centres of a choice are a choice of fewer, so one search serves all levels.
@@ -104,7 +103,6 @@ class GarmentNetwork(nn.Module):
             features.append(layer(places[-1], features[-1], centres, table))
             places.append(centres)
         tokens = features[-1]
-        assert tokens is not None
         if self.blocks:
             tokens = tokens + self.position(places[-1])
         if self.category is not None:
@@ -117,7 +115,7 @@ class GarmentNetwork(nn.Module):
             tokens = block(tokens)
         for level, layer in zip(reversed(range(len(levels))), self.up, strict=True):
             wanted, fine = places[level], features[level]
-            if fine is None:
+            if level == 0:
                 wanted = points if queries is None else gather_points(points, queries)
                 fine = torch.cat([wanted, wanted], dim=2)
             tokens = layer(places[level + 1], tokens, wanted, fine)
