@@ -53,6 +53,26 @@ def test_what_cannot_be_imported_is_one_line(hand, tmp_path, capsys):
     assert not (tmp_path / "robots").exists()
 
 
+@pytest.mark.parametrize("verb", [["collect", "FoldTops-v1"], ["demo"]])
+def test_an_unknown_robot_is_said_before_anything_starts(verb, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main([*verb, "--out", str(out), "--robot", "shadw"]) == 1
+    assert "did you mean 'shadow'" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_run_remembers_its_robot(tmp_path, hand):
+    from dexgarmentlab.cli.collect import Options, robot_options
+
+    robots = tmp_path / "robots"
+    arguments = ["assets", "import-robot", str(hand), "--name", "sixteen", "--kind", "hand"]
+    assert main([*arguments, "--robots", str(robots)]) == 0
+    assert robot_options("sixteen", robots) == {"robot": "sixteen", "robots": str(robots)}
+    assert robot_options("ur10e+shadow", None) == {}
+    options = Options(task="FoldTops-v1", out=tmp_path, robot="sixteen", robots=robots)
+    assert options.command.endswith(f"--robot sixteen --robots {robots}")
+
+
 @pytest.mark.parametrize("action", ["import-robot", "list-robots"])
 def test_help_has_an_example(action, capsys):
     assert main(["assets", action, "--help"]) == 0

@@ -42,6 +42,28 @@ def test_object_cloud_and_extras_survive(tmp_path, fakes):
     np.testing.assert_array_equal(found.extra["particles"], extra["particles"], strict=True)
 
 
+def test_the_robot_is_recorded_and_says_how_many_joints_there_are(tmp_path, fakes):
+    joints = np.zeros((2, 44), np.float32)
+    stage = fakes.make_stage(joint_state=joints, action=joints)
+    episode = fakes.make_episode(stages=(stage,), robot="ur10e+allegro")
+    found = read_episode(write_episode(tmp_path / "e.h5", episode))
+    assert found.robot == "ur10e+allegro"
+    assert found.stages[0].action.shape == (2, 44)
+    with pytest.raises(ValueError, match=r"ur10e\+shadow must have shape \(T, 60\); got \(T, 44\)"):
+        fakes.make_episode(stages=(stage,))
+    with pytest.raises(ValueError, match="same number of joints"):
+        fakes.make_episode(stages=(stage, fakes.make_stage()), robot="ur10e+allegro")
+    with pytest.raises(ValueError, match=r"action must have shape \(2, 44\); got \(2, 60\)"):
+        fakes.make_stage(joint_state=joints)
+
+
+def test_a_file_that_names_no_robot_is_of_the_default_one(written):
+    with h5py.File(written, "r+") as file:
+        assert file.attrs["robot"] == "ur10e+shadow"
+        del file.attrs["robot"]
+    assert read_episode(written).robot == "ur10e+shadow"
+
+
 def test_the_same_episode_gives_the_same_bytes(tmp_path, fakes):
     first = write_episode(tmp_path / "a.h5", fakes.make_episode(3)).read_bytes()
     time.sleep(1.1)  # HDF5 keeps times in whole seconds

@@ -53,8 +53,12 @@ def test_a_stage_without_frames_is_refused():
 
 
 def test_a_target_of_another_size_is_refused():
+    recorder = StageRecorder(make_start())
+    record(recorder, 1)
     with pytest.raises(ValueError, match=r"shape \(60,\); got \(30,\)"):
-        StageRecorder(make_start()).before_step(np.zeros(30), lambda: None)
+        recorder.before_step(np.zeros(30), lambda: None)
+    with pytest.raises(ValueError, match=r"shape \(D,\); got \(1, 60\)"):
+        StageRecorder(make_start()).before_step(np.zeros((1, 60)), lambda: None)
 
 
 def test_every_frame_goes_to_the_film(tmp_path):

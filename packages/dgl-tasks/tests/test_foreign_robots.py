@@ -11,6 +11,7 @@ from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import SimConfig
 
+from dgl_assets import AssetNotFoundError
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_assets.robots.importing import ImportOptions, import_robot, load_robot
 from dgl_assets.robots.importing.home import compute_reach
@@ -190,6 +191,29 @@ def test_masses_of_the_simulator_are_those_of_the_file(bench):
                 assert links[f"{side}_{link.name}"].mass[0].item() == pytest.approx(
                     link.mass, rel=1e-4
                 )
+
+
+def test_an_environment_takes_a_robot_by_name(library):
+    env = gym.make(
+        "FoldTops-v1",
+        robot="ur10e+sixteen",
+        robots=library,
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend="none",
+    ).unwrapped
+    env.reset(seed=0)
+    assert env.agent.model.name == "ur10e+sixteen"
+    assert env.action_space.shape == (44,)
+    q = env.agent.model.compute_start("open")
+    for _ in range(3):
+        env.advance(q)
+    assert env.agent.get_joint_velocity().abs().max() < 0.05
+    assert not env.is_touching()
+    env.close()
+    with pytest.raises(AssetNotFoundError, match="no robot 'nobody'"):
+        gym.make("FoldTops-v1", robot="nobody", robots=library)
 
 
 def test_agent_classes_of_equal_robots_are_one(library):

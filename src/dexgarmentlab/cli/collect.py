@@ -14,7 +14,7 @@ from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 if TYPE_CHECKING:
     from dgl_collect import CollectConfig, Progress, Summary
 
-__all__ = ["Options", "collect_with_progress", "format_duration", "run"]
+__all__ = ["Options", "collect_with_progress", "format_duration", "robot_options", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +42,10 @@ class Options:
     """Continue the run in the output folder."""
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    robot: str = "ur10e+shadow"
+    """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
+    robots: Path | None = None
+    """Folder of imported robots; see `dgl assets import-robot`."""
     engine: Literal["local"] = "local"
     """What runs the workers: processes of this machine."""
     json: bool = False
@@ -53,7 +57,25 @@ class Options:
         words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
         words += ["--workers", self.workers, "--out", self.out]
         words += ["--look", self.look] if self.look != "studio" else []
+        words += ["--robot", self.robot] if self.robot != "ur10e+shadow" else []
+        words += ["--robots", self.robots] if self.robots is not None else []
         return shlex.join(str(word) for word in words)
+
+
+def robot_options(robot: str, robots: Path | None) -> dict[str, str]:
+    """Give the options of an attempt that name its robot, none for the default one.
+
+    Raises:
+        AssetError: If there is no such robot, or it cannot be loaded.
+    """
+    from dgl_assets.robots import DEFAULT_ROBOT
+    from dgl_assets.robots.importing import load_robot
+
+    model = load_robot(robot, robots)
+    if model is DEFAULT_ROBOT:
+        return {}
+    options = {"robot": robot}
+    return options if robots is None else {**options, "robots": str(robots.resolve())}
 
 
 def run(options: Options) -> int:
@@ -71,6 +93,8 @@ def run(options: Options) -> int:
     )
     if options.look != "studio":
         config = dataclasses.replace(config, options={**config.options, "look": options.look})
+    if chosen := robot_options(options.robot, options.robots):
+        config = dataclasses.replace(config, options={**config.options, **chosen})
     summary, report = collect_with_progress(config)
     if options.json:
         console.out_json({**dataclasses.asdict(summary), "report": str(report)})

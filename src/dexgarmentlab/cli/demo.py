@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.collect import collect_with_progress, format_duration
+from dexgarmentlab.cli.collect import collect_with_progress, format_duration, robot_options
 
 __all__ = ["TASK", "Options", "clear_previous", "run"]
 
@@ -27,6 +27,10 @@ class Options:
 
     out: Path = Path("demo-out")
     """Output folder; an earlier demonstration in it is replaced, anything else is left alone."""
+    robot: str = "ur10e+shadow"
+    """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
+    robots: Path | None = None
+    """Folder of imported robots; see `dgl assets import-robot`."""
     json: bool = False
     """Write where the files are as JSON."""
 
@@ -37,13 +41,19 @@ def run(options: Options) -> int:
     from dgl_collect.results import read_results
     from dgl_collect.run_folder import ATTEMPTS_FILE
 
+    chosen = robot_options(options.robot, options.robots)
     clear_previous(options.out)
+    command = f"{_COMMAND} --out {shlex.quote(str(options.out))}"
+    for name, value in (("robot", options.robot), ("robots", options.robots)):
+        if name in chosen:
+            command += f" --{name} {shlex.quote(str(value))}"
     config = CollectConfig(
         task=TASK,
         episodes=1,
         seed=SEED,
         out=options.out,
-        command=f"{_COMMAND} --out {shlex.quote(str(options.out))}",
+        options=chosen,
+        command=command,
     )
     summary, report = collect_with_progress(config, embed_media=True)
     if summary.status == "interrupted":

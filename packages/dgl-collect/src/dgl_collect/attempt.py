@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from dgl_assets import load_garment
+from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_assets.robots.importing import load_robot
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import write_episode
 from dgl_collect.execution import Execution, Outcome, Setup
@@ -22,7 +24,7 @@ from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend", "look")
+OPTIONS = ("garment", "render_backend", "look", "robot", "robots")
 
 
 def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
@@ -32,7 +34,9 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
         task: Environment id.
         options: "garment": catalogue id to use in every attempt instead of drawing one;
             "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default;
-            "look": "studio", the default, or "random": floors and fabrics of all kinds.
+            "look": "studio", the default, or "random": floors and fabrics of all kinds;
+            "robot": name of arm and hand, such as "ur10e+allegro"; "robots": folder of imported
+            robots, for names that are not built in.
     """
     unknown = set(options) - set(OPTIONS)
     if unknown:
@@ -53,6 +57,8 @@ class DemonstrationAttempts:
         garment: str | None = None,
         render_backend: str | None = None,
         look: str = "studio",
+        robot: str = DEFAULT_ROBOT.name,
+        robots: str | None = None,
     ) -> None:
         """Build the environment and load the demonstration."""
         import gymnasium
@@ -62,6 +68,7 @@ class DemonstrationAttempts:
         demo_garment = load_garment(demonstration.garment)
         surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
         self._garment = garment
+        model = load_robot(robot, robots)
         self.env = gymnasium.make(
             task,
             obs_mode="none",
@@ -70,13 +77,14 @@ class DemonstrationAttempts:
             render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
             render_mode="rgb_array",
             look=look,
+            robot=model,
         ).unwrapped
         self._setup = Setup(
             env=self.env,  # pyright: ignore[reportArgumentType]
             demonstration=demonstration,
             demo_garment=demo_garment,
             demo_cloud=surface.astype(np.float32),
-            motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY),
+            motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY, robot=model),
         )
 
     def close(self) -> None:

@@ -15,7 +15,10 @@ from dgl_collect.errors import CorruptEpisodeError
 from dgl_collect.files import written_beside
 
 FORMAT_VERSION = 1
-JOINT_COUNT = 60
+DEFAULT_ROBOT = "ur10e+shadow"
+"""The robot of files that name none."""
+DEFAULT_JOINTS = 60
+"""Number of its joints."""
 CLOUD_SIZE = 2048
 IMAGE_HEIGHT, IMAGE_WIDTH = 480, 640
 
@@ -27,7 +30,7 @@ Points = Mapping[str, Mapping[str, Sequence[float]]]
 class _Key:
     """Declaration of one data set of a stage."""
 
-    shape: tuple[int, ...]  # without the frame axis
+    shape: tuple[int, ...]  # without the frame axis; 0 stands for the number of the robot's joints
     dtype: str = "float32"
     per_frame: bool = True
     optional: bool = False
@@ -35,8 +38,8 @@ class _Key:
 
 
 _STAGE_KEYS: dict[str, _Key] = {
-    "joint_state": _Key((JOINT_COUNT,), frames_a_chunk=64),
-    "action": _Key((JOINT_COUNT,), frames_a_chunk=64),
+    "joint_state": _Key((0,), frames_a_chunk=64),
+    "action": _Key((0,), frames_a_chunk=64),
     "ee_pose": _Key((2, 7), frames_a_chunk=64),
     "image": _Key((IMAGE_HEIGHT, IMAGE_WIDTH, 3), dtype="uint8", frames_a_chunk=1),
     "env_point_cloud": _Key((CLOUD_SIZE, 6)),
@@ -60,9 +63,9 @@ class StageRecord:
     name: str
     """The stage's name in the task's declaration."""
     joint_state: np.ndarray
-    """Measured joint positions [rad], shape (T, 60)."""
+    """Measured joint positions [rad], shape (T, D), D joints of the robot: 60 by default."""
     action: np.ndarray
-    """Commanded joint targets [rad], shape (T, 60)."""
+    """Commanded joint targets [rad], shape (T, D)."""
     ee_pose: np.ndarray
     """Left and right end effector, position [m] and unit quaternion wxyz, shape (T, 2, 7)."""
     image: np.ndarray
@@ -111,6 +114,8 @@ class Episode:
     """The quantity that the rule judges."""
     stages: tuple[StageRecord, ...]
     """The stages in order."""
+    robot: str = DEFAULT_ROBOT
+    """Name of arm and hand, which says what the joints are."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of this attempt, JSON-ready."""
     measurements: Mapping[str, object] = field(default_factory=dict)
@@ -125,6 +130,16 @@ class Episode:
             raise ValueError("task must not be empty; got ''")
         if not self.stages:
             raise ValueError("stages must hold at least one stage; got none")
+        if not self.robot:
+            raise ValueError("robot must not be empty; got ''")
+        joints = sorted({stage.joint_state.shape[1] for stage in self.stages})
+        if len(joints) > 1:
+            raise ValueError(f"all stages must have the same number of joints; got {joints}")
+        if self.robot == DEFAULT_ROBOT and joints != [DEFAULT_JOINTS]:
+            raise ValueError(
+                f"joint_state of robot {self.robot} must have shape (T, {DEFAULT_JOINTS}); "
+                f"got (T, {joints[0]})"
+            )
         if not np.isfinite(self.success_value):
             raise ValueError(f"success_value must be finite; got {self.success_value}")
         for name in ("randomisation", "measurements", "package_versions"):
@@ -160,6 +175,7 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
         file.attrs["task"] = episode.task
         file.attrs["seed"] = episode.seed
         file.attrs["garment_id"] = episode.garment_id
+        file.attrs["robot"] = episode.robot
         file.attrs["success"] = np.bool_(episode.success)
         file.attrs["success_value"] = float(episode.success_value)
         file.attrs["stage_names"] = json.dumps(episode.stage_names)
@@ -207,7 +223,7 @@ def _write_stage(group: h5py.Group, stage: StageRecord) -> None:
             continue
         chunks = array.shape
         if declared.per_frame:
-            chunks = (min(declared.frames_a_chunk, len(array)), *declared.shape)
+            chunks = (min(declared.frames_a_chunk, len(array)), *array.shape[1:])
         _write_array(group, key, array, chunks=chunks)
 
 
@@ -250,6 +266,7 @@ def _read_file(file: h5py.File) -> Episode:
         task=str(_attribute(file, "task")),
         seed=int(_attribute(file, "seed")),
         garment_id=str(_attribute(file, "garment_id")),
+        robot=str(file.attrs.get("robot", DEFAULT_ROBOT)),
         success=bool(_attribute(file, "success")),
         success_value=float(_attribute(file, "success_value")),
         stages=stages,
@@ -320,9 +337,11 @@ def _check_stage(arrays: Mapping[str, np.ndarray]) -> None:
     frame_count = len(arrays["joint_state"])
     if frame_count < 1:
         raise ValueError("joint_state must hold at least one frame; got 0")
+    joints = arrays["joint_state"].shape[1] if arrays["joint_state"].ndim == 2 else 1
     for key, array in arrays.items():
         declared = _STAGE_KEYS[key]
-        shape = (frame_count, *declared.shape) if declared.per_frame else declared.shape
+        one = tuple(size or max(joints, 1) for size in declared.shape)
+        shape = (frame_count, *one) if declared.per_frame else one
         if array.shape != shape:
             raise ValueError(f"{key} must have shape {shape}; got {array.shape}")
         if array.dtype != np.dtype(declared.dtype):

@@ -293,6 +293,7 @@ class Execution:
             task=self.env.task.id,
             seed=self.seed,
             garment_id=self.env.garment.name,
+            robot=self.motion.robot.name,
             success=outcome.success,
             success_value=outcome.verdict.value,
             stages=tuple(self.records),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dgl_collect.episodes import JOINT_COUNT, Points, StageRecord
+from dgl_collect.episodes import Points, StageRecord
 from dgl_collect.video import VideoWriter
 
 STEPS_PER_FRAME = 5
@@ -19,7 +19,7 @@ class Observation:
     """What the robot sees and feels at one instant; world frame, float32 unless stated."""
 
     joint_state: np.ndarray
-    """Measured joint positions [rad], shape (60,)."""
+    """Measured joint positions [rad], shape (D,)."""
     ee_pose: np.ndarray
     """Left and right end effector, position [m] and unit quaternion wxyz, shape (2, 7)."""
     image: np.ndarray
@@ -67,11 +67,13 @@ class StageRecorder:
         """Record what has to be recorded before the next control step.
 
         Args:
-            target: Commanded joint targets of this step [rad], shape (60,).
+            target: Commanded joint targets of this step [rad], shape (D,).
             observe: Gives the observation; called at every fifth step only, since it renders.
         """
-        if target.shape != (JOINT_COUNT,):
-            raise ValueError(f"target must have shape ({JOINT_COUNT},); got {target.shape}")
+        shape = self._actions[0].shape if self._actions else target.shape
+        if target.ndim != 1 or target.shape != shape:
+            wanted = f"({shape[0]},)" if self._actions else "(D,)"
+            raise ValueError(f"target must have shape {wanted}; got {target.shape}")
         action = np.array(target, dtype=np.float32)  # a copy: controllers reuse their buffers
         if self._step_count % STEPS_PER_FRAME == 0:
             observation = observe()

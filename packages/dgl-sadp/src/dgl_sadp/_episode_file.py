@@ -16,6 +16,7 @@ from dgl_sadp.errors import CorruptEpisodeError
 __all__ = ["FRAME_KEYS", "FrameSlice", "StageFile", "read_frames", "read_static", "scan_stage"]
 
 FORMAT_VERSION = 1
+ROBOT = "ur10e+shadow"  # What files are recorded with that name no robot.
 JOINTS = 60  # Left arm 6, left hand 24, right arm 6, right hand 24.
 
 # Key -> shape of one frame (None: any size) and dtype.
@@ -82,6 +83,9 @@ def scan_stage(path: Path, stage: int) -> StageFile | None:
             raise CorruptEpisodeError(path, "no attribute success")
         if not bool(file.attrs["success"]):
             return None
+        robot = str(file.attrs.get("robot", ROBOT))
+        if robot != ROBOT:
+            raise CorruptEpisodeError(path, f"recorded with robot {robot}; policies are of {ROBOT}")
         group = file.get(f"stage_{stage}")
         if not isinstance(group, h5py.Group):
             stages = sorted(str(key) for key in file if str(key).startswith("stage_"))

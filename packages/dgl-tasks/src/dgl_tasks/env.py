@@ -1,5 +1,6 @@
 """The garment environment: a task's declaration as a ManiSkill environment."""
 
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from dgl_assets import Garment, garment_ids, load_garment
 from dgl_assets.garments.catalogue import Split
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, BasePlacement, Robot
+from dgl_assets.robots.importing import load_robot
 from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
@@ -57,7 +59,8 @@ class GarmentEnv(BaseEnv):
         self,
         *args: Any,
         task: str | Task,
-        robot: Robot = DEFAULT_ROBOT,
+        robot: Robot | str = DEFAULT_ROBOT,
+        robots: str | Path | None = None,
         robot_uids: Any = None,
         num_envs: int = 1,
         garment_split: Split = "train",
@@ -69,7 +72,8 @@ class GarmentEnv(BaseEnv):
         Args:
             args: ManiSkill's.
             task: Environment id, or a declaration of your own.
-            robot: Arms and hands, such as `dgl_assets.robots.load_robot` gives.
+            robot: Arms and hands, or their name, such as "ur10e+allegro".
+            robots: Folder of imported robots, for names that are not built in.
             robot_uids: An agent class instead, such as one of `make_agent_class` with other bases.
             num_envs: One.
             garment_split: Garments to draw from, "train" or "test".
@@ -98,6 +102,8 @@ class GarmentEnv(BaseEnv):
         self.props: dict[str, SceneProp] = {}
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
+            if isinstance(robot, str):
+                robot = load_robot(robot, robots)
             robot_uids = make_agent_class(
                 robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
             )
