@@ -44,7 +44,7 @@ class TrainConfig:
     """Preset of the network; not used when training starts from other weights."""
     steps: int = 3000
     """Batches."""
-    lr: float = 1e-3
+    lr: float = 1.5e-3
     """Largest learning rate, of AdamW."""
     warmup: int = 50
     """Steps over which it rises; it then falls to zero as a cosine."""
@@ -81,13 +81,14 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
     # Refines what another run has learned: near negatives, narrower margins, a small learning rate.
     "tune": TrainConfig(
         steps=600,
-        lr=2e-4,
+        lr=3e-4,
         batch=BatchConfig(near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
     ),
     # Source: paper, section on GAM: 32 pairs, 20 positives, 150 negatives, 40,000 batches.
     "paper": TrainConfig(
         network="paper",
         steps=40_000,
+        lr=1e-3,
         warmup=500,
         save_every=1000,
         batch=BatchConfig(groups=32, group_size=2),
