@@ -51,7 +51,7 @@ def test_every_task_has_a_demonstration_that_fits_it(task_id):
     assert demonstration.task == task.id
     assert [stage.name for stage in demonstration.stages] == [s.name for s in task.stages]
     named = {name for stage in task.stages for name in stage.grasp.values()}
-    assert named | set(task.judging_points) <= set(demonstration.points)
+    assert named | set(task.success.points) <= set(demonstration.points)
     for stage in task.stages:
         demonstrated = demonstration.get_stage(stage.name)
         for waypoint in demonstrated.waypoints:

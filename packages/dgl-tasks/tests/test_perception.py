@@ -117,7 +117,7 @@ def test_a_particle_seen_from_above_is_at_its_pixel(env, from_above):
 
 
 def test_camera_and_geometry_judge_alike(env, from_above):
-    seen = env.task.success(get_garment_points(env, from_above), env._initial_marks)
+    seen = env.task.success(get_garment_points(env, from_above), env.before)
     computed = env.judge_visible_surface()
     assert seen.box == computed.box
     assert seen.value == pytest.approx(computed.value, abs=0.02)

@@ -9,9 +9,10 @@ import pytest
 import dgl_tasks
 from dgl_assets import garment_ids, list_categories, load_garment
 from dgl_assets.robots import SIDES
+from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.errors import UnknownTaskError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import Before, Verdict, compute_covered_area
 
 TASKS = [dgl_tasks.get_task(task_id) for task_id in dgl_tasks.task_ids()]
 each_task = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.id)
@@ -41,21 +42,22 @@ def test_stages_name_hands_points_and_orientations_that_exist(task):
     for stage in task.stages:
         assert stage.grasp
         assert set(stage.grasp) <= set(SIDES)
-        assert set(stage.grasp.values()) <= set(landmarks)
         assert set(stage.grasp) <= set(GRASP_ORIENTATIONS[stage.orientation])
         assert stage.grasp_height > 0
         assert stage.policy_loops >= 1
-    assert set(task.judging_points) <= set(landmarks)
+    assert set(task.success.points) <= set(landmarks)
 
 
 @each_task
-def test_the_rule_needs_the_judging_points_and_nothing_more(task):
+def test_the_rule_judges_a_garment_of_the_category(task):
     garment = load_garment(garment_ids(task.category, "train", count=1)[0])
-    marks = {name: garment.vertices[garment.landmarks[name]] for name in task.judging_points}
-    assert isinstance(task.success(garment.vertices, marks), Verdict)
-    for name in task.judging_points:
-        with pytest.raises(KeyError, match=name):
-            task.success(garment.vertices, {k: v for k, v in marks.items() if k != name})
+    marks = {name: garment.vertices[garment.landmarks[name]] for name in task.success.points}
+    surface = sample_visible_surface(garment.vertices, garment.faces)
+    before = Before(points=marks, flat_area=compute_covered_area(surface))
+    verdict = task.success(surface, before)
+    assert isinstance(verdict, Verdict)
+    # lying flat is the goal of a fling, and not that of a fold
+    assert verdict.success is (not task.success.points)
 
 
 @each_task
@@ -82,6 +84,27 @@ def test_fold_tops_is_as_specified():
     ]
     assert [stage.policy_loops for stage in task.stages] == [8, 8, 12]
     assert task.success_text.startswith("at least 85 %")
+
+
+PLACES = {
+    "FoldTops-v1": ("Tops_LongSleeve", (0.7, 0.9), [8, 8, 12]),
+    "FoldDress-v1": ("Dress_LongSleeve", (0.65, 0.9), [8, 8, 12]),
+    "FoldTrousers-v1": ("Trousers", (0.7, 0.9), [12, 8]),
+    "FlingTops-v1": ("Tops_LongSleeve", (0.5, 0.7), [12, 4]),
+    "FlingDress-v1": ("Dress_LongSleeve", (0.5, 0.7), [12, 4]),
+    "FlingTrousers-v1": ("Trousers", (0.5, 0.7), [12]),
+}
+
+
+@pytest.mark.parametrize("task_id", PLACES)
+def test_category_place_and_policy_loops_are_as_specified(task_id):
+    task = dgl_tasks.get_task(task_id)
+    category, y_range, loops = PLACES[task_id]
+    assert (task.category, task.x_range, task.y_range) == (category, (-0.1, 0.1), y_range)
+    assert [stage.policy_loops for stage in task.stages] == loops
+    tilt = (65, 80) if "Fling" in task_id else (0, 0)
+    np.testing.assert_allclose(np.degrees(task.roll_range), tilt)
+    assert task.yaw == pytest.approx(np.pi / 2 if task_id == "FoldTrousers-v1" else 0.0)
 
 
 def test_contradictory_declarations_are_refused():

@@ -21,7 +21,7 @@ from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import Before, Verdict
 
 APPROACH_HEIGHT = 0.15
 """Height above the grasp point from which a hand comes down [m]."""
@@ -118,10 +118,7 @@ class Execution:
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
         self.motion.reset(self.motion.robot.compute_start("open"))
         self._send(self.motion.park())
-        cloud = self._see_garment()
-        names = list(self.demonstration.points)
-        found, _ = self._match(names, cloud)
-        points = {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
+        points = self._find_points(self._see_garment())
         clock = self._note_time("observe", clock)
         for stage in self.env.task.stages:
             self._run_stage(stage, points)
@@ -135,6 +132,8 @@ class Execution:
         demonstrated = self.demonstration.get_stage(stage.name)
         names = [stage.grasp.get(side, next(iter(stage.grasp.values()))) for side in SIDES]
         cloud = self._see_garment()
+        if stage.looks_again:
+            points = self._find_points(cloud)
         # seen again: the stages before may have dragged the garment along
         found, similarity = self._match(names, cloud)
         grasp = {
@@ -215,6 +214,12 @@ class Execution:
         picture = see.take_picture(self.env, "garment_camera")
         return see.get_garment_cloud(self.env, picture, seed=self._draw_seed())
 
+    def _find_points(self, cloud: np.ndarray) -> dict[str, np.ndarray]:
+        """Find all points of the demonstration in a cloud [m], shape (3,), world frame."""
+        names = list(self.demonstration.points)
+        found, _ = self._match(names, cloud)
+        return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
+
     def _match(self, names: list[str], cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         matcher: Matcher = ExactMatcher(
             self.setup.demo_garment, self.env.garment, self.env.get_particles()
@@ -239,8 +244,13 @@ class Execution:
     def _judge(self, points: Mapping[str, np.ndarray]) -> Outcome:
         picture = see.take_picture(self.env, "garment_camera")
         seen = see.get_garment_points(self.env, picture)
-        marks = {name: points[name] for name in self.env.task.judging_points}
-        verdict = self.env.task.success(seen, marks)
+        rule = self.env.task.success
+        # The flat garment is known of every garment that is to be flung; the points are what was seen.
+        before = Before(
+            points={name: points[name] for name in rule.points},
+            flat_area=self.env.before.flat_area,
+        )
+        verdict = rule(seen, before)
         state = self.env.evaluate()
         reason, detail = None, ""
         if not verdict.success:

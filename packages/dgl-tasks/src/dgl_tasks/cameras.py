@@ -138,6 +138,13 @@ FOLD_CAMERAS: dict[str, CameraPlacement] = {
 }
 """Cameras of the folding tasks; the first two as in the original, the third for people."""
 
+FLING_CAMERAS: dict[str, CameraPlacement] = FOLD_CAMERAS | {
+    "environment_camera": CameraPlacement(
+        name="environment_camera", position=(0.0, 5.0, 8.0), euler_deg=(0, 60, -90)
+    )
+}
+"""Cameras of the flinging tasks, which reach higher and farther; as `FOLD_CAMERAS`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Workspace:

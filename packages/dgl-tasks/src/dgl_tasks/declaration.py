@@ -4,7 +4,7 @@ A declaration says where robots and garment start, what is drawn at random, in w
 work is done, and what counts as success. The same declaration serves collection and evaluation.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,13 +14,16 @@ from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlaceme
 from dgl_physics import ClothMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
 from dgl_tasks.grasps import GraspName
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import SuccessRule
 
 Range = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
-SuccessRule = Callable[[np.ndarray, Mapping[str, np.ndarray]], Verdict]
-"""Judges what a camera sees of the garment, shape (N, 3), with the judging points by name."""
+FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
+"""Range of the tilt of a garment that lands in a heap [rad] (paper)."""
+FLING_GRASP_HEIGHT = 0.002
+"""Height of the grasp point in a heap [m] (original code): the fingers scoop up what lies under them. At
+15 mm they close over flat cloth without taking hold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +32,13 @@ class Stage:
 
     name: str
     grasp: Mapping[Side, str]
-    """Name of the point that each working hand grasps."""
+    """Name of the point that each working hand grasps, as the demonstration marks it."""
     orientation: GraspName = "standard"
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
+    looks_again: bool = False
+    """The points of the waypoints are found anew when the stage begins, instead of those on the initial
+    garment: for a garment that the stages before have laid out differently."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
 
@@ -81,17 +87,18 @@ class Task:
     success_text: str
     """The success rule in words."""
     stages: tuple[Stage, ...]
-    judging_points: tuple[str, ...]
-    """Points found on the initial cloud that the success rule needs."""
     success: SuccessRule
+    """Its points are found on the initial cloud."""
     x_range: Range
     """Range of the garment's centre in x [m]."""
     y_range: Range
     """Range of the garment's centre in y [m]."""
     yaw: float = 0.0
     """Rotation of the garment about z [rad]."""
+    roll_range: Range = (0.0, 0.0)
+    """Range of the garment's rotation about x [rad], before the yaw: how steeply it stands when dropped."""
     drop_height: float = 0.2
-    """Height that the garment is dropped from [m]."""
+    """Height of its lowest point when it is dropped [m]."""
     settle_frames: int = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
     props: tuple[PropPlacement, ...] = ()
@@ -107,7 +114,7 @@ class Task:
     """Friction of the ground (original code), a factor on the material's."""
 
     def __post_init__(self) -> None:
-        for name in ("x_range", "y_range"):
+        for name in ("x_range", "y_range", "roll_range"):
             low, high = getattr(self, name)
             if not low <= high:
                 raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")

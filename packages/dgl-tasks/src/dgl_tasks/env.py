@@ -31,7 +31,7 @@ from dgl_tasks.scene import (
     sample_studio_fabric,
 )
 from dgl_tasks.shadows import FloorShadow
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import Before, Verdict, compute_covered_area
 from dgl_tasks.tasks import get_task
 
 LookName = Literal["studio", "random"]
@@ -95,6 +95,7 @@ class GarmentEnv(BaseEnv):
         self._shadow: FloorShadow | None = None
         self._floor: FloorPicture | None = None
         self._is_drawn = False
+        self.before: Before
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
@@ -166,12 +167,14 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
         garment_id = options.get("garment", drawn)
+        roll = rng.uniform(*self.task.roll_range)
         sample_fabric = sample_studio_fabric if self._look == "studio" else sample_fabric_material
         self.fabric = sample_fabric([seed, 7])
         self.draws = {
             "garment": garment_id,
             "x": float(x),
             "y": float(y),
+            "roll": float(roll),
             "fabric": self.fabric.name,
         }
         for prop in self.props.values():
@@ -181,13 +184,18 @@ class GarmentEnv(BaseEnv):
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
-        self._load_garment(garment_id, float(x), float(y))
+        self._load_garment(garment_id, float(x), float(y), float(roll))
         for _ in range(self.task.settle_frames):
             self.cloth.step()
         positions = self.get_particles()
-        self._initial_marks = {
-            name: positions[self.garment.landmarks[name]] for name in self.task.judging_points
-        }
+        self.before = Before(
+            points={
+                name: positions[self.garment.landmarks[name]] for name in self.task.success.points
+            },
+            flat_area=compute_covered_area(
+                sample_visible_surface(self.garment.vertices, self.garment.faces)
+            ),
+        )
 
     def _change_floor(self, look: FloorLook) -> None:
         self.floor_look = look
@@ -198,7 +206,7 @@ class GarmentEnv(BaseEnv):
                 self.scene.sub_scenes[0].remove_entity(self._shadow.entity)
                 self._shadow = None
 
-    def _load_garment(self, garment_id: str, x: float, y: float) -> None:
+    def _load_garment(self, garment_id: str, x: float, y: float, roll: float) -> None:
         garment = load_garment(garment_id)
         if garment.category != self.task.category:
             raise ValueError(
@@ -207,7 +215,10 @@ class GarmentEnv(BaseEnv):
         self.garment = garment
         c, s = np.cos(self.task.yaw), np.sin(self.task.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        vertices = self.garment.vertices @ turn.T + np.array([x, y, self.task.drop_height])
+        c, s = np.cos(roll), np.sin(roll)
+        tilt = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+        vertices = self.garment.vertices @ (turn @ tilt).T
+        vertices += [x, y, self.task.drop_height - vertices[:, 2].min()]
         scene = self.scene.sub_scenes[0]
         self.cloth = SapienCloth(
             [scene],
@@ -276,7 +287,7 @@ class GarmentEnv(BaseEnv):
     def judge_visible_surface(self) -> Verdict:
         """Apply the task's rule to the surface that is visible from straight above."""
         points = sample_visible_surface(self.get_particles(), self.garment.faces)
-        return self.task.success(points, self._initial_marks)
+        return self.task.success(points, self.before)
 
     def is_touching(self) -> bool:
         """Tell whether a link of the robot touches the garment."""

@@ -4,9 +4,17 @@ import difflib
 
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnknownTaskError
-from dgl_tasks.tasks.fold_tops import TASK as FOLD_TOPS
+from dgl_tasks.tasks import (
+    fling_dress,
+    fling_tops,
+    fling_trousers,
+    fold_dress,
+    fold_tops,
+    fold_trousers,
+)
 
-_TASKS: dict[str, Task] = {task.id: task for task in (FOLD_TOPS,)}
+_MODULES = (fold_tops, fold_dress, fold_trousers, fling_tops, fling_dress, fling_trousers)
+_TASKS: dict[str, Task] = {module.TASK.id: module.TASK for module in _MODULES}
 
 
 def task_ids() -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from dgl_tasks.cameras import FOLD_CAMERAS
 from dgl_tasks.declaration import Stage, Task
-from dgl_tasks.success import judge_fold_tops
+from dgl_tasks.success import FoldRule
 
 TASK = Task(
     id="FoldTops-v1",
@@ -33,6 +33,13 @@ TASK = Task(
             policy_loops=12,
         ),
     ),
-    judging_points=("left_sleeve_joint", "right_sleeve_joint", "centre", "collar"),
-    success=judge_fold_tops,
+    # threshold from the paper, margins from the original code
+    success=FoldRule(
+        left=("left_sleeve_joint",),
+        right=("right_sleeve_joint",),
+        near="centre",
+        far="collar",
+        margins=(0.05, 0.1, 0.05, 0.1),
+        threshold=0.85,
+    ),
 )

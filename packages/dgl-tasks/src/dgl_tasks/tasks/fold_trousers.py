@@ -1,0 +1,47 @@
+"""Fold Trousers: one leg over the other, then the hems to the waistband."""
+
+import numpy as np
+
+from dgl_tasks.cameras import FOLD_CAMERAS
+from dgl_tasks.declaration import Stage, Task
+from dgl_tasks.success import FoldRule
+
+TASK = Task(
+    id="FoldTrousers-v1",
+    title="Fold Trousers",
+    category="Trousers",
+    description=(
+        "Fold trousers that lie flat, the waistband to the left: the near leg over the far one, "
+        "then the hems to the waistband."
+    ),
+    success_text=(
+        "at least 85 % of the garment's visible area lies in the half of the far leg next to the "
+        "waistband, between its outer seam and the middle of the trousers (+- 0.1 m)"
+    ),
+    x_range=(-0.1, 0.1),
+    y_range=(0.7, 0.9),
+    yaw=float(np.pi / 2),
+    cameras=FOLD_CAMERAS,
+    stages=(
+        Stage(
+            name="near_leg_over",
+            grasp={"left": "left_waist", "right": "left_hem_outer"},
+            policy_loops=12,
+        ),
+        Stage(
+            name="hems_to_waist",
+            grasp={"right": "right_hem_middle"},
+            orientation="trousers_2",
+            policy_loops=8,
+        ),
+    ),
+    # threshold from the paper, margins from the original code
+    success=FoldRule(
+        left=("right_waist",),
+        right=("right_waist", "right_hem_outer"),
+        near="centre",
+        far="right_waist",
+        margins=(0.1, 0.1, 0.05, 0.1),
+        threshold=0.85,
+    ),
+)
