@@ -1,5 +1,6 @@
 """Robots of other makers' styles, written in code: text of URDF files and their meshes."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,11 @@ SEVEN_DH = (  # modified Denavit-Hartenberg of a well-known seven-joint arm: a, 
     (0.088, 0.0, np.pi / 2, -2.8, 2.8),
 )
 
+SEVEN_HOME = {  # fingers forward, palm down, elbow up; the palm towards -y of link8
+    "left": [-0.184, 1.079, 0.939, -2.577, 2.265, 2.134, 0.929],
+    "right": [2.773, 0.649, -0.58, -2.638, -2.457, 1.743, 1.869],
+}
+
 
 def write_seven_joint_arm(folder: Path) -> Path:
     """Meshes in millimetres, package references, an endless first joint, and a gripper on its end."""
@@ -163,6 +169,11 @@ def write_seven_joint_arm(folder: Path) -> Path:
         link("jaw", 0.02, **both('<box size="0.02 0.02 0.05"/>', "0 0 0.06")),
         joint("jaw_joint", "gripper", "jaw", "prismatic", axis="0 1 0", limit=(0, 0.04, 20, 0.2)),
     ]
+    home = {
+        side: {f"joint{k}": value for k, value in enumerate(values, start=1)}
+        for side, values in SEVEN_HOME.items()
+    }
+    (folder / "home.json").write_text(json.dumps(home))
     path = package / "urdf" / "seven.urdf"
     path.write_text(robot("seven", *parts))
     return path

@@ -75,7 +75,7 @@ def library(tmp_path_factory):
         name="seven",
         out=folder / "robots",
         kind="arm",
-        options=ImportOptions(ee_link="link8", tool_palm="-y"),
+        options=ImportOptions(ee_link="link8", tool_palm="-y", home=folder / "home.json"),
     )
     return folder / "robots"
 
