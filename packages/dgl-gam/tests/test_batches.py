@@ -122,6 +122,25 @@ def test_the_yaw_of_a_batch_turns_its_clouds_back(folder):
     assert batch.yaw_weight.min() > 0.9
 
 
+def test_deformed_views_are_as_many_however_many_garments_are_flat_only(tmp_path, shirt_fields):
+    for seed in (0, 1, 2, 4, 5, 6):
+        fields = shirt_fields(seed)
+        if seed > 1:  # flat only
+            flat = fields["view_state"] == 0
+            fields["states"], fields["state_names"] = fields["states"][:1], ["flat"]
+            for name in ("view_points", "view_vertices", "view_state", "view_directions"):
+                fields[name] = fields[name][flat]
+        write_garment(tmp_path / f"{seed}.safetensors", **fields)
+    config = dataclasses.replace(SMALL, flat_share=0.5, traced_share=0.0)
+    maker = BatchMaker(GarmentFolder(tmp_path), config, seed=0)
+    rng = np.random.default_rng(0)
+    drawn = [row for _ in range(100) for row in maker._draw_group("Shirt", rng)]
+    is_flat = [np.ptp(points[:, 2]) < 0.01 for _, points, _ in drawn]
+    # Half of them, and of the others two states of three: 1/3, not the 1/18 of drawing among all garments.
+    assert np.mean(is_flat) == pytest.approx(2 / 3, abs=0.1)
+    assert len({garment.header.garment_id for garment, _, _ in drawn}) == 6
+
+
 def test_fitted_yaw_is_the_one_that_was_applied():
     points = torch.rand(4, 50, 3, generator=torch.Generator().manual_seed(0))
     yaw = torch.tensor([0.0, 1.0, -2.0, 3.0])

@@ -58,6 +58,22 @@ def test_conditions_are_the_flat_ones_and_the_kinds_of_the_files(folder):
     assert list_conditions(folder, "Shirt") == ("flat_30", "flat_any", "noise_half", "dropped")
 
 
+def test_a_condition_has_all_its_pairs_where_few_garments_have_the_state(
+    model, tmp_path, shirt_fields, monkeypatch
+):
+    for seed in range(4):
+        fields = shirt_fields(seed)
+        if seed:
+            flat = fields["view_state"] == 0
+            fields["states"], fields["state_names"] = fields["states"][:1], ["flat"]
+            for name in ("view_points", "view_vertices", "view_state", "view_directions"):
+                fields[name] = fields[name][flat]
+        write_garment(tmp_path / f"{seed}.safetensors", **fields)
+    answer_with(monkeypatch, lambda points, cloud: np.zeros(len(points), np.int64))
+    rows = evaluate({"Shirt": model}, GarmentFolder(tmp_path), CONFIG)
+    assert {row.condition: row.pairs for row in rows}["dropped"] == CONFIG.pairs
+
+
 def test_errors_of_a_matcher_that_knows_and_of_one_that_mirrors(model, folder, monkeypatch):
     """Within one garment lying flat, at the same yaw, the true point is the nearest; mirrored is -x."""
     garment = folder.load(0)

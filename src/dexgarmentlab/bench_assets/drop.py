@@ -6,10 +6,10 @@ import numpy as np
 
 from dexgarmentlab.bench_physics.scene import Scene
 from dgl_assets import Garment
-from dgl_physics import ModelBuilder, PhysicsError, SolidMaterial
+from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, SolidMaterial
 from dgl_physics.measure import find_intersections
 
-__all__ = ["FRAMES", "GLOVE", "HEIGHT", "Drop", "drop_garment"]
+__all__ = ["FRAMES", "GLOVE", "HEIGHT", "Drop", "add_garment", "drop_garment"]
 
 FRAMES = 300
 """5 s at the default 60 frames a second."""
@@ -44,6 +44,34 @@ class Drop:
     """Why the simulation ended early; empty when it did not."""
 
 
+def add_garment(
+    builder: ModelBuilder,
+    garment: Garment,
+    start: np.ndarray,
+    *,
+    material: ClothMaterial | None = None,
+    pinned: np.ndarray | tuple[int, ...] = (),
+) -> None:
+    """Add a garment of the catalogue to a model: cloth as cloth, a shell as an elastic wall.
+
+    Args:
+        builder: Of the model.
+        garment: Its rest shape, and the thickness of its wall.
+        start: Where its vertices are at first [m], shape (V, 3). A shell is unstrained there.
+        material: Of cloth; the default when None. A shell has that of its category.
+        pinned: Vertices that do not move by themselves.
+    """
+    if garment.wall_thickness is None:
+        builder.add_garment(
+            start, garment.faces, rest=garment.rest_vertices, material=material, pinned=pinned
+        )
+    else:
+        solid = GLOVE if garment.category == "Glove" else SolidMaterial()
+        builder.add_solid(
+            start, garment.faces, thickness=garment.wall_thickness, material=solid, pinned=pinned
+        )
+
+
 def drop_garment(garment: Garment, *, frames: int = FRAMES, height: float = HEIGHT) -> Drop:
     """Drop a garment flat onto the ground, at the default configuration of dgl-physics.
 
@@ -55,11 +83,7 @@ def drop_garment(garment: Garment, *, frames: int = FRAMES, height: float = HEIG
     builder = ModelBuilder()
     start = garment.vertices.astype(np.float64)
     start[:, 2] += height - start[:, 2].min()
-    if garment.wall_thickness is None:
-        builder.add_garment(start, garment.faces, rest=garment.rest_vertices)
-    else:
-        material = GLOVE if garment.category == "Glove" else SolidMaterial()
-        builder.add_solid(start, garment.faces, thickness=garment.wall_thickness, material=material)
+    add_garment(builder, garment, start)
     builder.add_ground()
     scene = Scene(builder)
     strain = [np.abs(scene.strain()).mean()]

@@ -1,20 +1,13 @@
 """A run: many garments, by one or more processes, which can be interrupted and continued."""
 
-import fcntl
 import json
 import logging
 import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-
-import warp
 
 from dexgarmentlab.bench_assets.attempts import (
     Attempt,
@@ -24,6 +17,7 @@ from dexgarmentlab.bench_assets.attempts import (
 )
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
 from dexgarmentlab.bench_assets.selection import choose_categories, find_partners, select_ids
+from dexgarmentlab.workers import locked_folder, prepare_worker
 from dgl_collect.errors import WorkerError
 from dgl_collect.files import write_json
 from dgl_collect.results import drop_unfinished_line, package_versions
@@ -99,7 +93,7 @@ def drop_garments(
     """
     if workers < 1:
         raise ValueError(f"workers must be at least 1; got {workers}")
-    with _locked(folder):
+    with locked_folder(folder):
         done = _open_run(config, folder, resume=resume, command=command)
         yield from done
         ids = select_ids(config.count, config.categories)
@@ -110,7 +104,7 @@ def drop_garments(
         pool = ProcessPoolExecutor(
             max_workers=workers,
             mp_context=multiprocessing.get_context("spawn"),
-            initializer=_prepare_worker,
+            initializer=prepare_worker,
         )
         try:
             pending: set[Future[Attempt]] = set()
@@ -191,33 +185,3 @@ def _open_run(config: RunConfig, folder: Path, *, resume: bool, command: str) ->
     content = {**config.identity, "versions": versions, "commands": [*commands, command]}
     write_json(folder / RUN_FILE, content)
     return done
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Keep other runs from writing to the folder, which is made if it is missing."""
-    folder.mkdir(parents=True, exist_ok=True)
-    lock = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as err:
-            raise ValueError(f"another run is writing to {folder}") from err
-        yield
-    finally:
-        os.close(lock)  # which gives up the lock
-
-
-def _prepare_worker() -> None:
-    # Ctrl-C reaches every process of a terminal; the one that started the workers ends them.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Warp greets on standard output, which is for results.
-    warp.config.log_level = logging.WARNING
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)  # a parent that was killed cannot end its workers
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import tyro  # noqa: TID253 - names the actions; the command line imports it anyway
 
+from dexgarmentlab.cli.gam_data import DataOptions, make_data
 from dexgarmentlab.cli.gam_eval import EvalOptions, PackOptions, evaluate_models, pack
 from dexgarmentlab.cli.gam_match import MatchOptions, match
 from dexgarmentlab.cli.gam_skeleton import SkeletonOptions, register_category
@@ -11,7 +12,8 @@ from dexgarmentlab.cli.gam_skeleton import SkeletonOptions, register_category
 __all__ = ["Options", "run"]
 
 Options = Annotated[
-    Annotated[MatchOptions, tyro.conf.subcommand("match")]
+    Annotated[DataOptions, tyro.conf.subcommand("data")]
+    | Annotated[MatchOptions, tyro.conf.subcommand("match")]
     | Annotated[EvalOptions, tyro.conf.subcommand("eval")]
     | Annotated[PackOptions, tyro.conf.subcommand("pack")]
     | Annotated[SkeletonOptions, tyro.conf.subcommand("skeleton")],
@@ -20,8 +22,10 @@ Options = Annotated[
 """What each action takes."""
 
 
-def run(options: MatchOptions | EvalOptions | PackOptions | SkeletonOptions) -> int:
+def run(options: DataOptions | MatchOptions | EvalOptions | PackOptions | SkeletonOptions) -> int:
     """Do what the action says."""
+    if isinstance(options, DataOptions):
+        return make_data(options)
     if isinstance(options, MatchOptions):
         return match(options)
     if isinstance(options, EvalOptions):

@@ -138,6 +138,11 @@ def list_conditions(folder: GarmentFolder, category: str) -> tuple[str, ...]:
     return ("flat_30", "flat_any", "noise_half", *sorted(kinds - {"flat"}))
 
 
+def _get_kind(condition: str) -> str:
+    """Kind of the states that a condition is measured in."""
+    return "flat" if condition in ("flat_30", "flat_any", "noise_half") else condition
+
+
 def run_trial(
     model: GarmentAffordanceModel,
     source: GarmentData,
@@ -160,7 +165,7 @@ def run_trial(
         What was found; None if the files have no such view of the target or no flat one of the source, or if the two
         share no place.
     """
-    kind = "flat" if condition in ("flat_30", "flat_any", "noise_half") else condition
+    kind = _get_kind(condition)
     flat_views, views = source.get_views("flat"), target.get_views(kind)
     if not len(flat_views) or not len(views):
         return None
@@ -348,9 +353,12 @@ def _run_trials(
         raise DataError(f"there must be at least 2 garments of {category} to compare; got 1")
     # The same pairs whatever else is measured, and whichever model.
     rng = np.random.default_rng([config.seed, *(category + condition).encode()])
+    kind = _get_kind(condition)
+    targets = [i for i in indices if kind in folder.headers[i].state_kinds]
     trials = []
     for _ in range(config.pairs):
-        source, target = rng.choice(indices, 2, replace=False)
+        target = rng.choice(targets)
+        source = rng.choice([i for i in indices if i != target])
         trial = run_trial(
             model, folder.load(int(source)), folder.load(int(target)), condition, config, rng
         )

@@ -122,11 +122,15 @@ class BatchMaker:
         self._config = config
         self._seed = seed
         self._categories = folder.categories
+        self._deformed: dict[str, tuple[int, ...]] = {}
         for category in self._categories:
-            if len(folder.get_indices(category)) < 2:
+            indices = folder.get_indices(category)
+            if len(indices) < 2:
                 raise DataError(
                     f"there must be at least 2 garments of {category} to train on; got 1"
                 )
+            deformed = tuple(i for i in indices if len(folder.headers[i].state_names) > 1)
+            self._deformed[category] = deformed or indices
 
     def make(self, step: int) -> Batch:
         """Make the batch of a step."""
@@ -166,22 +170,24 @@ class BatchMaker:
         self, category: str, rng: np.random.Generator
     ) -> list[tuple[GarmentData, np.ndarray, np.ndarray]]:
         """Views of one category: garment, points, vertices."""
-        config, indices = self._config, self._folder.get_indices(category)
-        size = config.group_size
-        first = self._folder.load(int(rng.choice(indices)))
-        if rng.random() < config.traced_share or not first.has_canonical:
-            garments = [first] * size
-        else:
-            others = rng.choice(indices, size - 1, replace=len(indices) < size)
-            garments = [first, *(self._folder.load(int(i)) for i in others)]
-            garments = [g if g.has_canonical else first for g in garments]
+        config, every = self._config, self._folder.get_indices(category)
+        deformed = self._deformed[category]
+        is_traced = rng.random() < config.traced_share
+        is_flat = rng.random(config.group_size) < config.flat_share
+        # Where many garments have the flat state only, the others are drawn for their deformed ones all the same.
+        first = self._folder.load(
+            int(rng.choice(deformed if is_traced or not is_flat[0] else every))
+        )
+        is_traced = is_traced or not first.has_canonical
         drawn = []
-        for garment in garments:
-            views = np.arange(len(garment.view_state))
-            if rng.random() < config.flat_share:
-                flat = garment.get_views("flat")
-                views = flat if len(flat) else views
-            view = int(rng.choice(views))
+        for number in range(config.group_size):
+            garment = first
+            if number and not is_traced:
+                other = rng.choice(every if is_flat[number] else deformed)
+                garment = self._folder.load(int(other))
+                garment = garment if garment.has_canonical else first
+            views = garment.get_views("flat") if is_flat[number] else np.zeros(0, np.int64)
+            view = int(rng.choice(views if len(views) else len(garment.view_state)))
             drawn.append((garment, garment.view_points[view], garment.view_vertices[view]))
         return drawn
 
