@@ -104,3 +104,37 @@ def test_one_finger_lifts_nothing(run, sheet, builder, name):
         r.move([[0, 0, z, 1, 0, 0, 0]], is_jump=k == 0)
         r.step()
     assert np.abs(r.x - vertices).max() < 0.003
+
+
+@pytest.mark.parametrize(("lift", "holds"), [(0.02, True), (0.1, False)])
+def test_what_is_pulled_beyond_three_times_its_length_slips(run, sheet, lift, holds):
+    """Two fingers hold a strip whose foot, 7 cm below, is fast, and rise; friction is the original's."""
+    material = ClothMaterial(friction=25.0)
+    builder = ModelBuilder(1)
+    vertices, faces = sheet(0.05, 0.09, EDGE)
+    vertices = vertices[:, [0, 2, 1]]
+    vertices[:, 2] += 0.02 - vertices[:, 2].max()
+    foot = np.flatnonzero(vertices[:, 2] < vertices[:, 2].min() + 1e-6)
+    for side in (-0.5, 0.5):
+        layer = np.add(vertices, [0, side * material.thickness, 0])
+        builder.add_garment(layer, faces, material=material, pinned=foot)
+    for name in ("left", "right"):
+        builder.add_shape(SHAPES["boxes"], body=builder.add_body(name))
+    r = run(builder)
+    closed = 0.5 * material.thickness + material.rest_offset + HALF - 0.002
+    for k in range(11):
+        gap = closed + 0.01 * (1 - k / 10)
+        r.move([[0, s * gap, 0, 1, 0, 0, 0] for s in (-1, 1)], is_jump=k == 0)
+        r.step()
+    inner = np.flatnonzero((np.abs(r.x[:, 0]) < 0.02) & (np.abs(r.x[:, 2]) < 0.007))
+    held = r.x[inner]
+    assert len(inner) >= 4
+    rise = np.linspace(0, lift, max(round(120 * lift), 1) + 1)[1:]  # 0.5 m/s
+    for z in [*rise, *[lift] * 60]:
+        r.move([[0, s * closed, z, 1, 0, 0, 0] for s in (-1, 1)])
+        r.step()
+    slip = np.linalg.norm(r.x[inner] - held - [0, 0, lift], axis=1)
+    if holds:
+        assert slip.max() < 0.005
+    else:
+        assert slip.min() > lift  # it has gone back

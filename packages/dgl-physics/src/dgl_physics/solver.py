@@ -45,11 +45,11 @@ class SolverConfig:
     neighbour_margin: float = 0.005
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
     far a particle may move without a search."""
-    neighbour_capacity: int = 160
+    neighbour_capacity: int = 256
     """Most particles of higher index that a particle can be near to."""
     near_capacity: int = 96
     """Most shapes that a particle can be near to."""
-    sleep_distance: float = 1e-3
+    sleep_distance: float = 1.5e-3
     """Cloth is still while its particles stay this near to where they were, as the root of the mean square
     over an environment [m]; 0 for cloth that never sleeps."""
     sleep_after: float = 0.5
@@ -131,6 +131,7 @@ class SolverXPBD:
             dtype=wp.spatial_vector,  # pyright: ignore[reportArgumentType]
             device=device,
         )
+        self._is_torn = wp.zeros(count, dtype=wp.int32, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
         self._squeeze_next = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -317,7 +318,7 @@ class SolverXPBD:
                     inputs=[
                         first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass,
                         state.positions, rate if m.is_stretch_damped else 0.0, m.garment_index,
-                        m.materials, state.edge_length,
+                        m.materials, state.edge_length, self._is_torn,
                     ],
                 )  # fmt: skip
             self._solve_yarns(state, dt, rate)
@@ -335,7 +336,7 @@ class SolverXPBD:
                     self._inverse_mass, self._active, self._pose_before, self._pose_now, self._near,
                     self._near_count, self._previous, self._squeeze, state.positions,
                     state.velocities, state.impulse, self._pressed, state.is_stuck,
-                    self._tension,
+                    self._tension, self._is_torn,
                 ],
             )  # fmt: skip
 

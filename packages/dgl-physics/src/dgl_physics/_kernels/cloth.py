@@ -10,6 +10,10 @@ from dgl_physics._kernels.types import Material
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 
+TORN_STRETCH = wp.constant(3.0)
+"""An edge this many times its length pulls harder than any grip holds, which one pass cannot tell."""
+
+
 @wp.kernel
 def integrate(
     gravity: wp.vec3,
@@ -48,12 +52,13 @@ def solve_distances(
     garment: wp.array(dtype=wp.int32),
     materials: wp.array(dtype=Material),
     length_before: wp.array(dtype=wp.float32),
+    is_torn: wp.array(dtype=wp.int32),
 ):
     """Project the distance constraints of one colour (Macklin et al. 2016, XPBD, eq. 18).
 
     One iteration per substep, so the multiplier starts at zero and need not be stored
     (Macklin et al. 2019, Small Steps). A negative `damping_rate` is for no damping at all, and
-    `length_before` is left alone then.
+    `length_before` is left alone then. Particles of an edge beyond `TORN_STRETCH` are marked in `is_torn`.
     """
     c = first + wp.tid()
     i = pairs[c][0]
@@ -70,6 +75,9 @@ def solve_distances(
             steps = damping_rate * materials[garment[i]].stretch_damping
             s -= compute_damping(length_before[c], length, steps, soft, w)
             length_before[c] = length
+        if length > TORN_STRETCH * rest_length[c]:
+            is_torn[i] = 1
+            is_torn[j] = 1
         s = s / length
         position[i] = position[i] + d * (s * wi)
         position[j] = position[j] - d * (s * wj)

@@ -218,15 +218,19 @@ def solve_rigid_contact(
     press: wp.array2d(dtype=wp.spatial_vector),
     is_stuck: wp.array(dtype=wp.int32),
     tension: wp.array(dtype=wp.vec3),
+    is_torn: wp.array(dtype=wp.int32),
 ):
     """Resolve rigid contact, and update the velocity.
 
     Contact comes last in the substep, so that a particle that sticks has exactly no tangential
     displacement relative to the surface: no creep. The impulse that the particle gives to the
     shape, and its moment about the world's origin, are added to `impulse`; what squeezed cloth presses the
-    shape with to `press`: that does not move the particle, whose other side presses on another shape.
+    shape with to `press`: that does not move the particle, whose other side presses on another shape. Particles
+    marked in `is_torn` have no friction, and lose the mark.
     """
     i = wp.tid()
+    slips = is_torn[i] == 1
+    is_torn[i] = 0
     w = inverse_mass[i]
     if w == 0.0:
         return
@@ -278,6 +282,8 @@ def solve_rigid_contact(
             wanted = slip + pull - n * along
             length = wp.length(wanted)
             limit = m.friction * shapes.friction[s] * support
+            if slips:
+                limit = 0.0
             reaction = n * push - pull
             if length > limit:
                 slip = slip * wp.min(limit / length, 1.0)
