@@ -4,6 +4,11 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from mani_skill.utils.geometry.rotation_conversions import (
+    euler_angles_to_matrix,
+    matrix_to_euler_angles,
+    quaternion_to_matrix,
+)
 
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
@@ -169,6 +174,72 @@ def test_a_garment_inside_the_box_is_a_success(settled):
     outcome = settled.evaluate()
     assert float(outcome["success_value"]) < 0.85
     assert not outcome["success"]
+
+
+def test_the_dense_reward_grows_with_what_is_done(settled):
+    def reward():
+        return float(settled.compute_normalized_dense_reward(None, torch.zeros(60), {}))
+
+    lying, half_out = settled.get_particles(), press_into_box(settled, share=0.6)
+    inside = press_into_box(settled)
+    rewards = [reward()]
+    for positions in (half_out, inside):
+        put_particles(settled, positions)
+        rewards.append(reward())
+    assert 0 < rewards[0] < rewards[1] < 0.75 < rewards[2] <= 1
+    assert float(settled.compute_dense_reward(None, torch.zeros(60), {})) == 4 * rewards[2]
+    put_particles(settled, inside, np.full_like(inside, 0.05))
+    assert 0.75 < reward() < rewards[2]
+    # nothing is gained with hands that are nearer by half a metre, except for reaching
+    before = settled.compute_reward_terms()
+    put_particles(settled, lying - [0, 0.4, 0])
+    assert settled.compute_reward_terms().reach < before.reach == 1.0
+
+
+def test_rewards_of_each_mode_are_given_by_step():
+    for mode, largest in (("normalized_dense", 1.0), ("dense", 4.0), ("sparse", 1.0)):
+        made = gymnasium.make(
+            "FoldTops-v1", obs_mode="state", reward_mode=mode, render_backend="none"
+        )
+        made.reset(seed=7, options={"garment": GARMENT})
+        reward = made.step(made.unwrapped.agent.get_joint_state()[0].numpy())[1]
+        made.close()
+        assert reward.shape == (1,)
+        assert (0 < float(reward) < largest) is (mode != "sparse")
+
+
+# Of Pinocchio and of NumPy, by SAPIEN's wrapper.
+@pytest.mark.filterwarnings("ignore:Deprecated member:UserWarning")
+@pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
+def test_end_effectors_go_where_they_are_told():
+    made = gymnasium.make(
+        "FoldTops-v1", obs_mode="state", control_mode="pd_ee_pose", render_backend="none"
+    )
+    made.reset(seed=7, options={"garment": GARMENT})
+    agent = made.unwrapped.agent
+    start = agent.get_ee_poses()[0]
+    way = torch.tensor([[0.05, 0.15, -0.05], [-0.1, 0.1, 0.05]])
+    angles = matrix_to_euler_angles(quaternion_to_matrix(start[:, 3:]), "XYZ")
+    angles[0, 0] += 0.2
+    hand = torch.tensor(HAND_POSES["close"].tolist())
+    for k in range(1, 61):
+        position = start[:, :3] + way * min(k / 30, 1)
+        parts = [torch.cat([position[i], angles[i], hand]) for i in range(2)]
+        made.step(torch.cat(parts).numpy())
+    reached = agent.get_ee_poses()[0]
+    np.testing.assert_allclose(reached[:, :3].numpy(), (start[:, :3] + way).numpy(), atol=2e-3)
+    wanted = euler_angles_to_matrix(angles, "XYZ").numpy()
+    np.testing.assert_allclose(quaternion_to_matrix(reached[:, 3:]).numpy(), wanted, atol=5e-3)
+    for side in ("left", "right"):
+        fingers = agent.get_joint_state()[0, joint_slice(side, "hand")]
+        np.testing.assert_allclose(fingers.numpy(), HAND_POSES["close"], atol=0.05)
+    # out of reach: the arm stays
+    parts = [torch.cat([start[i, :3] + 5.0, angles[i], hand]) for i in range(2)]
+    for _ in range(10):
+        made.step(torch.cat(parts).numpy())
+    stayed = agent.get_ee_poses()[0, :, :3]
+    np.testing.assert_allclose(stayed.numpy(), reached[:, :3].numpy(), atol=5e-3)
+    made.close()
 
 
 def test_a_garment_that_moves_is_no_success(settled):

@@ -160,3 +160,28 @@ def test_a_picture_without_the_garment_is_an_error(env, from_above):
         get_garment_cloud(env, empty, seed=0)
     with pytest.raises(PerceptionError, match="nothing inside the workspace"):
         get_environment_cloud(env, empty, seed=0)
+
+
+def test_observations_have_pictures_and_clouds():
+    """Of ManiSkill's modes; the clouds are those of `get_garment_cloud` and `get_environment_cloud`."""
+    made = gymnasium.make("FoldTops-v1", obs_mode="pointcloud", render_backend="cpu")
+    seen, _ = made.reset(seed=0)
+    base = made.unwrapped
+    garment, workspace = seen["garment_cloud"], seen["workspace_cloud"]
+    assert garment.shape == (1, CLOUD_SIZE, 3)
+    assert workspace.shape == (1, CLOUD_SIZE, 6)
+    assert cKDTree(base.get_particles()).query(garment[0])[0].max() < 0.015
+    again = base.get_obs()
+    np.testing.assert_array_equal(again["garment_cloud"], garment)
+    made.close()
+
+    made = gymnasium.make("FoldTops-v1", obs_mode="rgb+depth+segmentation", render_backend="cpu")
+    seen, _ = made.reset(seed=0)
+    base = made.unwrapped
+    for camera in ("garment_camera", "environment_camera"):
+        data = seen["sensor_data"][camera]
+        assert data["rgb"].shape == (1, 480, 640, 3)
+        assert data["depth"].shape == data["segmentation"].shape == (1, 480, 640, 1)
+        is_garment = data["segmentation"][0, ..., 0].numpy() == base.garment_segment
+        assert is_garment.sum() > 1000
+    made.close()

@@ -12,14 +12,17 @@ from mani_skill.utils.structs.types import SimConfig
 from dgl_assets import Garment, garment_ids, load_garment
 from dgl_assets.garments.catalogue import Split
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
-from dgl_assets.robots import DEFAULT_ROBOT, BasePlacement, Robot
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, BasePlacement, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import RenderingUnavailableError
+from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, read_picture
 from dgl_tasks.props import SceneProp
+from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import let_robot_pass, make_agent_class
 from dgl_tasks.scene import (
     STUDIO,
@@ -47,13 +50,16 @@ class GarmentEnv(BaseEnv):
     Make it with `gymnasium.make("FoldTops-v1", ...)` after `import dgl_tasks`. Options of `reset`:
     "garment" (a catalogue id; drawn from the training split otherwise).
 
+    With `obs_mode="pointcloud"` an observation also has "garment_cloud", shape (1, 2048, 3), and
+    "workspace_cloud", shape (1, 2048, 6). Rewards are those of `dgl_tasks.reward`.
+
     The episode's draws depend on the seed alone. `evaluate` judges the surface that is visible
     from above, computed from the particles; `dgl_tasks.perception` gives what the cameras see.
 
     Limitations: one environment, PhysX on the CPU; run several processes for more.
     """
 
-    SUPPORTED_REWARD_MODES = ("sparse", "none")
+    SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
 
     def __init__(
         self,
@@ -96,6 +102,7 @@ class GarmentEnv(BaseEnv):
         self._floor: FloorPicture | None = None
         self._is_drawn = False
         self.before: Before
+        self._start_value = 0.0
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
@@ -196,6 +203,7 @@ class GarmentEnv(BaseEnv):
                 sample_visible_surface(self.garment.vertices, self.garment.faces)
             ),
         )
+        self._start_value = self.judge_visible_surface().value
 
     def _change_floor(self, look: FloorLook) -> None:
         self.floor_look = look
@@ -273,8 +281,7 @@ class GarmentEnv(BaseEnv):
     def evaluate(self) -> dict:
         """Judge the garment: success, the rule's value, whether it lies still and is let go."""
         verdict = self.judge_visible_surface()
-        velocities = self.cloth.state.get_velocities()[0]
-        is_still = float(np.sqrt((velocities**2).sum(axis=1).mean())) < STILL_SPEED
+        is_still = self.measure_speed() < STILL_SPEED
         is_released = not self.is_touching()
         success = verdict.success and is_still and is_released
         return {
@@ -283,6 +290,36 @@ class GarmentEnv(BaseEnv):
             "is_still": torch.tensor([is_still], device=self.device),
             "is_released": torch.tensor([is_released], device=self.device),
         }
+
+    def measure_speed(self) -> float:
+        """Measure the RMS speed of the garment's particles [m/s]."""
+        velocities = self.cloth.state.get_velocities()[0]
+        return float(np.sqrt((velocities**2).sum(axis=1).mean()))
+
+    def compute_reward_terms(self) -> RewardTerms:
+        """Compute the terms of the dense reward; see `dgl_tasks.reward`."""
+        particles = self.get_particles()
+        distances = []
+        for side, pose in zip(SIDES, self.agent.get_ee_poses()[0].cpu().numpy(), strict=True):
+            point = wrist_to_grasp(pose[:3], pose[3:], side, robot=self.agent.model)
+            distances.append(np.linalg.norm(particles - point, axis=1).min())
+        return compute_reward_terms(
+            self.judge_visible_surface(),
+            start=self._start_value,
+            distances=np.array(distances),
+            is_released=not self.is_touching(),
+            speed=self.measure_speed(),
+        )
+
+    def compute_dense_reward(self, obs: Any, action: torch.Tensor, info: dict) -> torch.Tensor:
+        """Reward in [0, 4], shape (1,)."""
+        return torch.tensor([self.compute_reward_terms().dense], device=self.device)
+
+    def compute_normalized_dense_reward(
+        self, obs: Any, action: torch.Tensor, info: dict
+    ) -> torch.Tensor:
+        """Reward in [0, 1], shape (1,)."""
+        return torch.tensor([self.compute_reward_terms().normalized], device=self.device)
 
     def judge_visible_surface(self) -> Verdict:
         """Apply the task's rule to the surface that is visible from straight above."""
@@ -306,6 +343,26 @@ class GarmentEnv(BaseEnv):
 
     def _get_obs_extra(self, info: dict) -> dict:
         return {"ee_poses": self.agent.get_ee_poses().flatten(1)}
+
+    def _get_obs_with_sensor_data(
+        self,
+        info: dict,
+        apply_texture_transforms: bool = True,  # noqa: FBT001, FBT002 - ManiSkill's signature
+    ) -> dict:
+        observation = super()._get_obs_with_sensor_data(info, apply_texture_transforms)
+        if self.obs_mode == "pointcloud":
+            # One seed a step: equal states of one episode give equal clouds.
+            keys = [int(self._episode_seed[0]), int(self.elapsed_steps[0])]
+            seed = int(np.random.SeedSequence(keys).generate_state(1)[0])
+            above = read_picture(self, "garment_camera")
+            ahead = read_picture(self, "environment_camera")
+            clouds = {
+                "garment_cloud": get_garment_cloud(self, above, seed=seed),
+                "workspace_cloud": get_environment_cloud(self, ahead, seed=seed),
+            }
+            for name, cloud in clouds.items():
+                observation[name] = torch.from_numpy(cloud)[None].to(self.device)
+        return observation
 
     # State ---------------------------------------------------------------------------------
 

@@ -37,15 +37,20 @@ def take_picture(env: "GarmentEnv", camera: str) -> Picture:
     sensors = env.scene.sensors
     if camera not in sensors:
         raise ValueError(f"camera must be one of {sorted(sensors)}; got {camera!r}")
-    placement = env.task.cameras[camera]
     env.draw_garment()
     env.scene.update_render(update_sensors=True, update_human_render_cameras=False)
-    sensor = sensors[camera]
-    sensor.capture()
+    sensors[camera].capture()
+    return read_picture(env, camera)
+
+
+def read_picture(env: "GarmentEnv", camera: str) -> Picture:
+    """Return what a camera of the task saw when it was last captured."""
+    placement = env.task.cameras[camera]
     # Positions of the fast shaders are rounded to millimetres; their depth buffer is not.
+    textures = ["Color", "GbufferDepth", "PositionSegmentation"]
     colour, buffer, mixed = (
         texture[0].cpu().numpy()
-        for texture in sensor.camera.get_picture(["Color", "GbufferDepth", "PositionSegmentation"])
+        for texture in env.scene.sensors[camera].camera.get_picture(textures)
     )
     near, far = placement.near, placement.far
     buffer = buffer.reshape(colour.shape[:2])

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 import torch
 from mani_skill.agents.base_agent import BaseAgent, Keyframe
+from mani_skill.agents.controllers.base_controller import ControllerConfig
+from mani_skill.agents.controllers.pd_ee_pose import PDEEPoseControllerConfig
 from mani_skill.agents.controllers.pd_joint_pos import PDJointPosControllerConfig
 from mani_skill.agents.registration import register_agent
 from mani_skill.utils.structs import Actor, Pose
@@ -69,7 +71,9 @@ class BimanualUR10eShadow(BaseAgent):
     """Two UR10e arms with Shadow Hands under one fixed root; gravity does not act on them.
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
-    `dgl_assets.robots.JOINT_NAMES`. Where the bases stand, and which robot it is, are class
+    `dgl_assets.robots.JOINT_NAMES`. That of `pd_ee_pose` has, for left and right, the pose of `ee` in the
+    world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand; an arm that
+    cannot reach its pose stays where it is. Where the bases stand, and which robot it is, are class
     attributes: make a variant with `make_agent_class`.
     """
 
@@ -124,20 +128,34 @@ class BimanualUR10eShadow(BaseAgent):
 
     @property
     def _controller_configs(self) -> dict:
-        groups = {}
+        joints: dict[str, PDJointPosControllerConfig] = {}
+        poses: dict[str, ControllerConfig] = {}
+        bases = {"left": self.left_base, "right": self.right_base}
         for side in SIDES:
-            for part, joints in (("arm", self.model.arm.gains), ("hand", self.model.hand.gains)):
-                gains = DriveGains.from_joints(joints)
-                groups[f"{side}_{part}"] = PDJointPosControllerConfig(
-                    joint_names=list(self.model.joint_names[self.model.joint_slice(side, part)]),
-                    lower=None,
-                    upper=None,
-                    stiffness=gains.stiffness,
-                    damping=gains.damping,
-                    force_limit=gains.force_limit,
-                    normalize_action=False,
-                )
-        return {"pd_joint_pos": groups}
+            for part, drives in (("arm", self.model.arm.gains), ("hand", self.model.hand.gains)):
+                gains = DriveGains.from_joints(drives)
+                drive = {
+                    "joint_names": list(self.model.joint_names[self.model.joint_slice(side, part)]),
+                    "stiffness": gains.stiffness,
+                    "damping": gains.damping,
+                    "force_limit": gains.force_limit,
+                    "normalize_action": False,
+                }
+                group = f"{side}_{part}"
+                joints[group] = PDJointPosControllerConfig(lower=None, upper=None, **drive)
+                poses[group] = joints[group]
+                if part == "arm":
+                    poses[group] = PDEEPoseControllerConfig(
+                        pos_lower=-np.inf,
+                        pos_upper=np.inf,
+                        rot_lower=-np.inf,
+                        rot_upper=np.inf,
+                        ee_link=f"{side}_ee",
+                        urdf_path=str(self.model.build_arm_urdf(self.directory, side, bases[side])),
+                        use_delta=False,
+                        **drive,
+                    )
+        return {"pd_joint_pos": joints, "pd_ee_pose": poses}
 
     def _meets_ground(self, link_name: str) -> bool:
         if self.ground_contact != "hands":
