@@ -10,7 +10,7 @@ from safetensors.numpy import save_file
 from dexgarmentlab.cli import main
 from dexgarmentlab.gam.clouds import load_cloud, see_from_above
 from dgl_assets import garment_ids, load_garment
-from dgl_gam.data import write_garment
+from dgl_gam.data import GarmentFolder, write_garment
 
 CATEGORY = "Trousers"
 
@@ -155,14 +155,26 @@ def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
     measured = ["gam", "eval", "--data", str(data), "--weights", str(runs), "--pairs", "2"]
     assert main([*measured, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert [row["condition"] for row in rows] == ["flat_30", "flat_any", "noise_half", "all"]
+    assert [row["condition"] for row in rows] == [
+        "flat_30",
+        "flat_any",
+        "noise_half",
+        "noise_cut",
+        "all",
+    ]
     assert main([*measured, "--markdown"]) == 0
     assert capsys.readouterr().out.startswith("| category | condition |")
     assert main(measured) == 0
     assert "swap_rate" in capsys.readouterr().out
     packing = ["gam", "pack", "--runs", str(runs), "--data", str(data), "--pairs", "2"]
+    packing += ["--samples", str(tmp_path / "samples")]
     assert main([*packing, "--out", str(tmp_path), "--json"]) == 0
-    (packed,) = json.loads(capsys.readouterr().out)["packed"]
+    result = json.loads(capsys.readouterr().out)
+    (packed,) = result["packed"]
+    kept = GarmentFolder(tmp_path / "samples")
+    assert sorted(result["samples"]) == sorted(str(header.path) for header in kept.headers)
+    assert [header.split for header in kept.headers] == ["test", "test"]
+    assert all(len(kept.load(i).get_views("flat")) > 0 for i in range(2))
     assert packed["bytes"] < 1.4e6
     card = (tmp_path / f"{CATEGORY}.md").read_text(encoding="utf-8")
     assert "calibrated on" in card

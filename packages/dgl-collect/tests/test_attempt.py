@@ -7,7 +7,9 @@ import pytest
 
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
-from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
+from dgl_collect.attempt import DemonstrationAttempts, load_matcher, make_attempt_runner
+from dgl_collect.matching import ExactMatcher
+from dgl_gam import Matcher, WeightsNotFoundError
 from dgl_tasks import get_task
 
 TASK_ID = "FoldTops-v1"
@@ -57,6 +59,41 @@ def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
         assert (tmp_path / "far" / name).stat().st_size > 1000
     assert result.garment_id == result.randomisation["garment"]
     assert result.frames == 0
+
+
+def test_the_matcher_is_chosen_by_name():
+    assert load_matcher("exact", "Tops_LongSleeve") is None
+    model = load_matcher("gam", "Tops_LongSleeve")
+    assert isinstance(model, Matcher)
+    assert not isinstance(model, ExactMatcher)
+    with pytest.raises(WeightsNotFoundError, match="no trained weights for 'Tents'"):
+        load_matcher("gam", "Tents")
+    with pytest.raises(ValueError, match=r"matcher must be one of \('exact', 'gam'\); got 'magic'"):
+        make_attempt_runner(TASK_ID, {"matcher": "magic"})
+
+
+@pytest.mark.render
+def test_a_matcher_is_asked_for_the_demonstrations_points(runner, tmp_path, monkeypatch):
+    asked = []
+
+    class Recorder:
+        """Takes points far apart."""
+
+        def match(self, source_cloud, source_points, target_cloud):
+            asked.append((source_cloud, source_points))
+            count = len(source_points)
+            indices = np.linspace(0, len(target_cloud) - 1, count).astype(np.int64)
+            return indices, np.zeros((count, len(target_cloud)), np.float32)
+
+    setup = dataclasses.replace(runner._setup, matcher=Recorder())
+    monkeypatch.setattr(runner, "_setup", setup)
+    stage = dataclasses.replace(get_task(TASK_ID).stages[0], grasp_height=3.0)  # ends at once
+    task = dataclasses.replace(get_task(TASK_ID), stages=(stage,))
+    monkeypatch.setattr(runner.env, "task", task)
+    assert run(runner, tmp_path / "asked").reason == "unreachable"
+    cloud, points = asked[0]
+    np.testing.assert_array_equal(cloud, setup.demo_cloud)
+    np.testing.assert_array_equal(points, list(setup.demonstration.points.values()))
 
 
 @pytest.mark.slow

@@ -135,10 +135,31 @@ def test_deformed_views_are_as_many_however_many_garments_are_flat_only(tmp_path
     maker = BatchMaker(GarmentFolder(tmp_path), config, seed=0)
     rng = np.random.default_rng(0)
     drawn = [row for _ in range(100) for row in maker._draw_group("Shirt", rng)]
-    is_flat = [np.ptp(points[:, 2]) < 0.01 for _, points, _ in drawn]
+    is_flat = [np.ptp(member.points[:, 2]) < 0.01 for member in drawn]
     # Half of them, and of the others two states of three: 1/3, not the 1/18 of drawing among all garments.
     assert np.mean(is_flat) == pytest.approx(2 / 3, abs=0.1)
-    assert len({garment.header.garment_id for garment, _, _ in drawn}) == 6
+    assert len({member.garment.header.garment_id for member in drawn}) == 6
+
+
+def test_what_hangs_keeps_the_frame_of_its_file(tmp_path, shirt_fields):
+    """Upside down, a fit to the flat garment would turn it round."""
+    for seed in (0, 1):
+        fields = shirt_fields(seed)
+        fields["state_names"] = ["flat", "hung_two", "dropped_1"]
+        hung = fields["view_state"] == 1
+        upside_down = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]])  # x, y, z of what lies
+        points = fields["view_points"]
+        points[hung] = (points[fields["view_state"] == 0] @ upside_down.T).astype(np.float32)
+        fields["view_vertices"][hung] = fields["view_vertices"][fields["view_state"] == 0]
+        for name in ("view_points", "view_vertices", "view_state", "view_directions"):
+            fields[name] = fields[name][hung]  # nothing else to draw
+        write_garment(tmp_path / f"{seed}.safetensors", **fields)
+    maker = BatchMaker(GarmentFolder(tmp_path), dataclasses.replace(SMALL, missing=0.0), seed=0)
+    batch = maker.make(0)
+    back = rotate_yaw(batch.turned, -batch.yaw)
+    # Thin along y, as in the file; bent and turned by up to 15 degrees as all are.
+    assert (back[..., 1].abs().mean(dim=1) < 0.5 * back[..., 0].abs().mean(dim=1)).all()
+    torch.testing.assert_close(batch.yaw_weight, torch.full((6,), 0.5))
 
 
 def test_fitted_yaw_is_the_one_that_was_applied():

@@ -55,7 +55,13 @@ def answer_with(monkeypatch, choose):
 
 
 def test_conditions_are_the_flat_ones_and_the_kinds_of_the_files(folder):
-    assert list_conditions(folder, "Shirt") == ("flat_30", "flat_any", "noise_half", "dropped")
+    assert list_conditions(folder, "Shirt") == (
+        "flat_30",
+        "flat_any",
+        "noise_half",
+        "noise_cut",
+        "dropped",
+    )
 
 
 def test_a_condition_has_all_its_pairs_where_few_garments_have_the_state(
@@ -101,13 +107,18 @@ def test_errors_of_a_matcher_that_knows_and_of_one_that_mirrors(model, folder, m
         assert trial.is_landmark.sum() == 5
 
 
-def test_what_is_missing_is_hidden(model, folder):
+@pytest.mark.parametrize(
+    ("condition", "low", "high"), [("noise_cut", 0.2, 0.6), ("noise_half", 0, 0)]
+)
+def test_what_is_cut_away_is_hidden_and_what_is_thinned_out_is_not(
+    model, folder, condition, low, high
+):
     trial = run_trial(
-        model, folder.load(0), folder.load(1), "noise_half",
+        model, folder.load(0), folder.load(1), condition,
         EvalConfig(points=200), np.random.default_rng(0),
     )  # fmt: skip
     assert trial is not None
-    assert 0.2 < trial.is_hidden.mean() < 0.6
+    assert low <= trial.is_hidden.mean() <= high
     assert not (trial.is_hidden & trial.is_visible).any()
 
 
@@ -147,7 +158,7 @@ def test_measures_of_a_row_are_those_of_its_points():
 def test_evaluation_covers_every_condition_and_repeats_itself(model, folder):
     rows = evaluate({"Shirt": model}, folder, CONFIG)
     assert [row.condition for row in rows] == [
-        *("flat_30", "flat_any", "noise_half", "dropped"),
+        *("flat_30", "flat_any", "noise_half", "noise_cut", "dropped"),
         "all",
     ]
     assert rows[-1].points == sum(row.points for row in rows[:-1])
@@ -171,8 +182,8 @@ def test_several_categories_have_a_mean(tmp_path, shirt_fields):
     shared = Checkpoint(network=GarmentNetwork(config))
     models = {name: GarmentAffordanceModel(shared, category=name) for name in config.categories}
     rows = evaluate(models, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=5))
-    assert [row.category for row in rows] == ["Gown"] * 5 + ["Shirt"] * 5 + ["all"] * 5
-    for gown, shirt, mean in zip(rows[:5], rows[5:10], rows[10:], strict=True):
+    assert [row.category for row in rows] == ["Gown"] * 6 + ["Shirt"] * 6 + ["all"] * 6
+    for gown, shirt, mean in zip(rows[:6], rows[6:12], rows[12:], strict=True):
         assert gown.condition == shirt.condition == mean.condition
         assert mean.mean_error == pytest.approx((gown.mean_error + shirt.mean_error) / 2)
         assert mean.points == gown.points + shirt.points

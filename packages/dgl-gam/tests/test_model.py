@@ -1,4 +1,5 @@
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from dgl_gam import CheckpointError, GarmentAffordanceModel, Matcher, WeightsNot
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.confidence import Calibration, compute_auroc, compute_evidence, fit_calibration
 from dgl_gam.config import PRESETS
+from dgl_gam.model import Encoded
 from dgl_gam.network import GarmentNetwork
 
 
@@ -17,7 +19,10 @@ from dgl_gam.network import GarmentNetwork
 def checkpoint():
     torch.manual_seed(0)
     config = dataclasses.replace(PRESETS["small"], categories=("Shirt",))
-    return Checkpoint(network=GarmentNetwork(config), card={"seed": 0})
+    network = GarmentNetwork(config)
+    with torch.no_grad():
+        network.yaw.last.weight *= 1e4  # as sure of the yaw as a trained one
+    return Checkpoint(network=network, card={"seed": 0})
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +50,23 @@ def test_a_garment_matches_itself_wherever_it_lies(model, cloud):
     distance = np.linalg.norm(turned[indices] - turned[:50], axis=1)
     assert np.quantile(distance, 0.9) < 0.1  # also with random weights
     np.testing.assert_array_equal(indices, similarity.argmax(axis=1))
+
+
+@pytest.mark.parametrize("lead", [0.0, 8.0])
+@pytest.mark.parametrize("demonstrated", [0, 30])
+def test_where_the_shape_does_not_tell_the_yaw_is_that_of_the_demonstration(
+    model, cloud, monkeypatch, lead, demonstrated
+):
+    logits = torch.full((1, 60), -9.0)
+    logits[:, 0], logits[:, 30] = 2.0, 2.0 + lead  # two opposite angles, the second the likelier
+    monkeypatch.setattr(model._network.yaw, "forward", lambda points: logits)
+    monkeypatch.setattr("dgl_gam.model._score", lambda source, features: 0.5)  # as good on either
+    source = Encoded(
+        features=torch.zeros(1, 128), frame=torch.zeros(1, 3), yaw=demonstrated * 2 * math.pi / 60
+    )
+    found = model._encode([cloud], source)[0].yaw
+    wanted = math.pi if lead else source.yaw
+    assert math.cos(found - wanted) > 0.99
 
 
 def test_the_order_of_the_target_does_not_matter(model, cloud, rng):

@@ -169,6 +169,8 @@ def test_training_starts_from_other_weights(folder, tmp_path):
     first = train(folder, tmp_path / "first", CONFIG)
     config = dataclasses.replace(CONFIG, steps=1, lr=1e-9, weight_decay=0.0)
     second = read_weights(train(folder, tmp_path / "second", config, start=first))
+    card = load_checkpoint(tmp_path / "second" / "network.safetensors").card
+    assert card["earlier"] == [{"steps_done": CONFIG.steps, "garments": 9, "deformed": 9}]
     for name, tensor in read_weights(first).items():
         torch.testing.assert_close(second[name], tensor, atol=1e-6, rtol=0)
 

@@ -42,6 +42,8 @@ class Options:
     """Continue the run in the output folder."""
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    matcher: Literal["exact", "gam"] = "exact"
+    """What finds the demonstrated points on a garment: its generator, or the affordance model by its cloud."""
     robot: str = "ur10e+shadow"
     """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
     robots: Path | None = None
@@ -57,6 +59,7 @@ class Options:
         words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
         words += ["--workers", self.workers, "--out", self.out]
         words += ["--look", self.look] if self.look != "studio" else []
+        words += ["--matcher", self.matcher] if self.matcher != "exact" else []
         words += ["--robot", self.robot] if self.robot != "ur10e+shadow" else []
         words += ["--robots", self.robots] if self.robots is not None else []
         return shlex.join(str(word) for word in words)
@@ -93,6 +96,8 @@ def run(options: Options) -> int:
     )
     if options.look != "studio":
         config = dataclasses.replace(config, options={**config.options, "look": options.look})
+    if options.matcher != "exact":
+        config = dataclasses.replace(config, options={**config.options, "matcher": options.matcher})
     if chosen := robot_options(options.robot, options.robots):
         config = dataclasses.replace(config, options={**config.options, **chosen})
     summary, report = collect_with_progress(config)

@@ -51,8 +51,12 @@ class PackOptions:
     """Folder of training data."""
     out: Path
     """Folder for the weights and cards, named by category."""
+    samples: Path | None = None
+    """Folder for two garments of the test split of each category, with a part of their views: clouds to ship."""
     pairs: int = 40
-    """Pairs of garments for each category and condition."""
+    """Pairs of garments for each category and condition, for the card's figures."""
+    calibration_pairs: int = 10
+    """The same, for the calibration."""
     seed: int = 0
     """Of everything drawn."""
     json: bool = False
@@ -101,6 +105,7 @@ def pack(options: PackOptions) -> int:
     from dataclasses import replace
 
     from dexgarmentlab.gam.runs import find_runs
+    from dexgarmentlab.gam.samples import write_samples
     from dgl_gam import GarmentAffordanceModel
     from dgl_gam.card import format_card
     from dgl_gam.checkpoint import load_checkpoint, save_checkpoint
@@ -109,6 +114,7 @@ def pack(options: PackOptions) -> int:
     from dgl_gam.train import NETWORK_FILE
 
     config = EvalConfig(pairs=options.pairs, seed=options.seed)
+    for_calibration = EvalConfig(pairs=options.calibration_pairs, seed=options.seed)
     results = []
     for run in console.track(find_runs(options.runs), "packing"):
         checkpoint = load_checkpoint(run / NETWORK_FILE)
@@ -122,7 +128,7 @@ def pack(options: PackOptions) -> int:
             return {name: GarmentAffordanceModel(which, category=name) for name in names}
 
         trained = GarmentFolder(options.data, categories=categories, split="train")
-        checkpoint = replace(checkpoint, calibration=calibrate(load(), trained, config))
+        checkpoint = replace(checkpoint, calibration=calibrate(load(), trained, for_calibration))
         unseen = GarmentFolder(options.data, categories=categories, split="test")
         rows = evaluate(load(checkpoint), unseen, config)
         save_checkpoint(path, checkpoint, is_half=True)
@@ -136,8 +142,9 @@ def pack(options: PackOptions) -> int:
                 "rows": [row.to_dict() for row in rows],
             }
         )
+    samples = [] if options.samples is None else write_samples(options.data, options.samples)
     if options.json:
-        console.out_json({"packed": results})
+        console.out_json({"packed": results, "samples": [str(path) for path in samples]})
     else:
         for result in results:
             console.out(f"{result['weights']}: {result['bytes'] / 1e6:.2f} MB; {result['card']}")

@@ -59,6 +59,8 @@ class Setup:
     demo_cloud: np.ndarray
     """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
     motion: BimanualMotion
+    matcher: Matcher | None = None
+    """What finds the demonstration's points in clouds; None: the generator's exact correspondence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,9 +223,10 @@ class Execution:
         return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
 
     def _match(self, names: list[str], cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        matcher: Matcher = ExactMatcher(
-            self.setup.demo_garment, self.env.garment, self.env.get_particles()
-        )
+        matcher = self.setup.matcher
+        if matcher is None:
+            particles = self.env.get_particles()
+            matcher = ExactMatcher(self.setup.demo_garment, self.env.garment, particles)
         wanted = np.array([self.demonstration.points[name] for name in names])
         return matcher.match(self.setup.demo_cloud, wanted, cloud)
 

@@ -1,6 +1,8 @@
 """Changes that keep a garment's places: bent, turned, scaled, noisy and incomplete clouds."""
 
 import math
+from collections.abc import Sequence
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -56,13 +58,20 @@ def warp_clouds(
     return out
 
 
-def drop_points(points: Tensor, generator: torch.Generator, *, share: float) -> Tensor:
-    """Choose the points that stay when a round hole, everything beyond a line, or points here and there are missing.
+def drop_points(
+    points: Tensor,
+    generator: torch.Generator,
+    *,
+    share: float,
+    kinds: Sequence[Literal["hole", "line", "thin"]] = ("hole", "line", "thin"),
+) -> Tensor:
+    """Choose the points that stay when others are missing.
 
     Args:
         points: Clouds, shape (B, N, 3), on the CPU.
         generator: Source of randomness.
         share: Share of the points that is missing, in [0, 1).
+        kinds: What is drawn from for each cloud: a round "hole", everything beyond a "line", or points here and there, "thin".
 
     Returns:
         Indices of those that stay, shape (B, N - round(share * N)), int64.
@@ -78,7 +87,7 @@ def drop_points(points: Tensor, generator: torch.Generator, *, share: float) -> 
     direction = _draw(generator, batch, 1, high=math.pi, low=-math.pi)
     line = points[..., 0] * direction.cos() + points[..., 1] * direction.sin()
     thin = torch.rand(batch, size, generator=generator)
-    kind = torch.randint(3, (batch, 1), generator=generator)
-    order = torch.where(kind == 0, hole, torch.where(kind == 1, line, thin))
+    orders = torch.stack([{"hole": hole, "line": line, "thin": thin}[kind] for kind in kinds])
+    order = orders[torch.randint(len(kinds), (batch,), generator=generator), torch.arange(batch)]
     order = order.argsort(dim=1, descending=True)
     return order[:, :count].sort(dim=1).values

@@ -16,7 +16,9 @@ Weights of the Garment Affordance Model of `dgl_gam`: dense correspondence betwe
 | categories | {categories} |
 | parameters | {parameters:,} |
 | features of a point | {features} |
-| trained on | {garments} garments, {steps} steps |
+| trained on | {trained} |
+| states | {states} |
+| data made with | {generators} |
 | seed | {seed} |
 | confidence | {calibration} |
 | made with | {versions} |
@@ -62,8 +64,13 @@ def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
         categories=", ".join(config.categories),
         parameters=sum(p.numel() for p in checkpoint.network.parameters()),
         features=config.features,
-        garments=card.get("garments", "unknown"),
-        steps=card.get("steps_done", "unknown"),
+        trained="; then ".join(
+            f"{part.get('garments', 'unknown')} garments, {part.get('deformed', 'unknown')} of them "
+            f"with deformed states: {part.get('steps_done', 'unknown')} steps"
+            for part in (*card.get("earlier", []), card)
+        ),
+        states=", ".join(card.get("states", [])) or "unknown",
+        generators=", ".join(card.get("generators", [])) or "unknown",
         seed=train.get("seed", "unknown"),
         calibration=f"calibrated on {samples:,} matches" if samples else "not calibrated",
         versions=", ".join(f"{k} {v}" for k, v in card.get("versions", {}).items()) or "unknown",

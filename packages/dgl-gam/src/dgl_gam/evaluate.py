@@ -29,6 +29,8 @@ __all__ = [
 ]
 
 _ALL = "all"
+_SENSOR = ("noise_half", "noise_cut")
+_HANGING = ("hung_one", "hung_two", "over_bar")
 _LATERAL = 0.15  # a place and its mirror image are told apart from this distance on
 
 
@@ -128,19 +130,21 @@ def list_conditions(folder: GarmentFolder, category: str) -> tuple[str, ...]:
     """Conditions that a category's garments can be measured in.
 
     "flat_30": lying flat, turned by at most 30°; "flat_any": by any angle; "noise_half": as the first, with noise and
-    half of the points missing; and each other kind of state in the files, turned by any angle.
+    half of the points missing here and there; "noise_cut": the same, but the missing points are a round hole or all beyond
+    a line; and each other kind of state in the files. What lies is turned by any angle. What hangs by at most 30°: its front
+    and its back look alike, and only the turn tells on which side the camera is.
     """
     kinds = {
         folder.headers[i].state_kinds[s]
         for i in folder.get_indices(category)
         for s in range(len(folder.headers[i].state_names))
     }
-    return ("flat_30", "flat_any", "noise_half", *sorted(kinds - {"flat"}))
+    return ("flat_30", "flat_any", *_SENSOR, *sorted(kinds - {"flat"}))
 
 
 def _get_kind(condition: str) -> str:
     """Kind of the states that a condition is measured in."""
-    return "flat" if condition in ("flat_30", "flat_any", "noise_half") else condition
+    return "flat" if condition in ("flat_30", "flat_any", *_SENSOR) else condition
 
 
 def run_trial(
@@ -182,14 +186,18 @@ def run_trial(
     cloud = target.view_points[view].astype(np.float64)
     seen = target.view_vertices[view]
     truth = target.states[target.view_state[view]].astype(np.float64)[vertices]
-    limit = math.radians(30) if condition in ("flat_30", "noise_half") else math.pi
+    is_limited = condition in ("flat_30", *_SENSOR, *_HANGING)
+    limit = math.radians(30) if is_limited else math.pi
     turn = _make_turn(float(rng.uniform(-limit, limit)))
     centre = cloud.mean(axis=0)
     cloud, truth = (cloud - centre) @ turn.T, (truth - centre) @ turn.T
     observed = cloud
-    if condition == "noise_half":
+    if condition in _SENSOR:
         generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-        kept = drop_points(torch.from_numpy(cloud)[None], generator, share=0.5)[0].numpy()
+        kinds = ("thin",) if condition == "noise_half" else ("hole", "line")
+        kept = drop_points(torch.from_numpy(cloud)[None], generator, share=0.5, kinds=kinds)[
+            0
+        ].numpy()
         cloud, seen = cloud[kept], seen[kept]
         observed = cloud + rng.normal(size=cloud.shape) * config.noise * target.diagonal
 

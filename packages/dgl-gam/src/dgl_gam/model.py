@@ -32,6 +32,10 @@ WEIGHTS = Path(__file__).parent / "weights"
 _SOURCES_HELD = 8
 _MIN_EXTENT_M = 1e-6
 _RIVAL = 0.15  # share of the best yaw's probability from which the second best is tried too
+_BETTER = 0.01  # by which the second best must explain the demonstrated garment better
+_PRIOR = 1.0
+"""Weight of the demonstrated garment's yaw, in logits. Yaws that the shape tells apart differ by 5 and more, those of a scarf's
+two ends or of a round hat by less than 1: there the garment is taken to be turned as the demonstrated one is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -291,6 +295,11 @@ class GarmentAffordanceModel:
         points = torch.from_numpy(local.astype(np.float32)).to(self.device)
         points = center_clouds(points)[0]
         logits = self._network.yaw(_reduce(points))
+        if source is not None:
+            angles = torch.arange(logits.shape[1], device=self.device) * (
+                2 * math.pi / logits.shape[1]
+            )
+            logits = logits + _PRIOR * (angles - source.yaw).cos()
         yaws, masses = self._network.yaw.find_peaks(logits, 2)
         frame = rotate_yaw(points, -yaws[:, 0])
         features = self.compute_features(frame)
@@ -301,7 +310,7 @@ class GarmentAffordanceModel:
                 other_frame = rotate_yaw(points[rivals], -yaws[rivals, 1])
                 other = self.compute_features(other_frame)
                 for row, rival in enumerate(rivals.tolist()):
-                    if _score(source, other[row]) > _score(source, features[rival]):
+                    if _score(source, other[row]) > _score(source, features[rival]) + _BETTER:
                         features[rival], frame[rival] = other[row], other_frame[row]
                         chosen[rival] = float(yaws[rival, 1])
         return [

@@ -77,7 +77,8 @@ class TrainConfig:
 
 
 TRAIN_PRESETS: Mapping[str, TrainConfig] = {
-    "cpu": TrainConfig(),
+    # Half of the points and more pairs of them: more is learned in the same time.
+    "cpu": TrainConfig(batch=BatchConfig(points=1024, positives=48)),
     # Refines what another run has learned: near negatives, narrower margins, a small learning rate.
     "tune": TrainConfig(
         steps=600,
@@ -215,16 +216,38 @@ def train(
                 _save_state(out / STATE_FILE, described, parameters, optimizer, step + 1)
             if step + 1 == stop_after:
                 break
+    earlier = [] if start is None else _describe_earlier(start)
     card = {
         "train": config.to_dict(),
+        "earlier": earlier,
         "steps_done": min(config.steps, stop_after or config.steps),
-        "garments": len(folder),
+        **_describe_data(folder),
         "categories": list(folder.categories),
         "versions": {name: metadata.version(name) for name in ("torch", "numpy", "safetensors")},
     }
     path = out / NETWORK_FILE
     save_checkpoint(path, Checkpoint(network=network.eval(), card=card))
     return path
+
+
+def _describe_data(folder: GarmentFolder) -> dict[str, Any]:
+    """What there was to learn from."""
+    headers = folder.headers
+    return {
+        "garments": len(headers),
+        "deformed": sum(len(h.state_names) > 1 for h in headers),
+        "states": sorted({kind for h in headers for kind in h.state_kinds}),
+        "generators": sorted(
+            {f"{k} {v}" for h in headers for k, v in h.generator_versions.items()}
+        ),
+    }
+
+
+def _describe_earlier(start: Path) -> list[dict[str, Any]]:
+    """What the weights that training starts from have learned from, oldest first."""
+    card = load_checkpoint(start).card
+    last = {name: card.get(name, "unknown") for name in ("steps_done", "garments", "deformed")}
+    return [*card.get("earlier", []), last]
 
 
 def _make_network(folder: GarmentFolder, config: TrainConfig, start: Path | None) -> GarmentNetwork:

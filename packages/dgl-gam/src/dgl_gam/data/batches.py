@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,11 +13,13 @@ from dgl_gam._yaw import rotate_yaw
 from dgl_gam.augment import drop_points, warp_clouds
 from dgl_gam.data.correspondence import compute_places, find_vertices, mirror_places
 from dgl_gam.data.folder import GarmentFolder
-from dgl_gam.data.garment_file import GarmentData
+from dgl_gam.data.garment_file import FACING, VIEW_POINTS, GarmentData
 from dgl_gam.errors import DataError
 from dgl_gam.network import center_clouds
 
 __all__ = ["Batch", "BatchConfig", "BatchMaker", "choose_negatives", "fit_yaw"]
+
+_FACING_STRENGTH = 0.5  # of the yaw of what hangs: front and back look alike
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,8 @@ class BatchConfig:
     """Groups of views; a group is of one category, and its views are compared with each other."""
     group_size: int = 4
     """Views in a group; every two of them are a pair."""
+    points: int = VIEW_POINTS
+    """Points of a view that are used, drawn anew each time."""
     positives: int = 20
     """Pairs of corresponding points, for each pair of views. Source: paper."""
     negatives: int = 150
@@ -60,6 +65,8 @@ class BatchConfig:
                 raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
         if self.group_size < 2:
             raise ValueError(f"group_size must be at least 2; got {self.group_size}")
+        if not 64 <= self.points <= VIEW_POINTS:
+            raise ValueError(f"points must be in [64, {VIEW_POINTS}]; got {self.points}")
         for name in ("near_share", "traced_share", "flat_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be in [0, 1]; got {getattr(self, name)}")
@@ -70,6 +77,15 @@ class BatchConfig:
                 "max_distance, margin and near must be positive and grow; got "
                 f"{self.max_distance}, {self.margin}, {self.near}"
             )
+
+
+class _Member(NamedTuple):
+    """A view in a group."""
+
+    garment: GarmentData
+    points: np.ndarray
+    vertices: np.ndarray
+    is_facing: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,15 +152,15 @@ class BatchMaker:
         """Make the batch of a step."""
         rng = np.random.default_rng([self._seed, step])
         config = self._config
-        members: list[tuple[GarmentData, np.ndarray, np.ndarray]] = []
+        members: list[_Member] = []
         categories: list[int] = []
         for _ in range(config.groups):
             number = int(rng.integers(len(self._categories)))
             categories += [number] * config.group_size
             members += self._draw_group(self._categories[number], rng)
         points, kept, turned, yaw, weight = self._augment(members, rng)
-        places = [compute_places(garment) for garment, _, _ in members]
-        seen = [m[2][k] for m, k in zip(members, kept, strict=True)]  # vertex of each point kept
+        places = [compute_places(member.garment) for member in members]
+        seen = [m.vertices[k] for m, k in zip(members, kept, strict=True)]  # of each point kept
         rows: list[dict[str, np.ndarray]] = []
         for group in range(config.groups):
             start = group * config.group_size
@@ -152,7 +168,7 @@ class BatchMaker:
                 for b in range(a + 1, start + config.group_size):
                     first, second = (a, b) if rng.random() < 0.5 else (b, a)
                     row = self._pair(
-                        members[first][0], seen[first], members[second][0], seen[second],
+                        members[first].garment, seen[first], members[second].garment, seen[second],
                         places[second], rng,
                     )  # fmt: skip
                     rows.append({"clouds": np.array([first, second]), **row})
@@ -166,10 +182,8 @@ class BatchMaker:
             **stacked,
         )
 
-    def _draw_group(
-        self, category: str, rng: np.random.Generator
-    ) -> list[tuple[GarmentData, np.ndarray, np.ndarray]]:
-        """Views of one category: garment, points, vertices."""
+    def _draw_group(self, category: str, rng: np.random.Generator) -> list["_Member"]:
+        """Views of one category."""
         config, every = self._config, self._folder.get_indices(category)
         deformed = self._deformed[category]
         is_traced = rng.random() < config.traced_share
@@ -188,22 +202,30 @@ class BatchMaker:
                 garment = garment if garment.has_canonical else first
             views = garment.get_views("flat") if is_flat[number] else np.zeros(0, np.int64)
             view = int(rng.choice(views if len(views) else len(garment.view_state)))
-            drawn.append((garment, garment.view_points[view], garment.view_vertices[view]))
+            points, vertices = garment.view_points[view], garment.view_vertices[view]
+            if config.points < VIEW_POINTS:
+                some = rng.permutation(VIEW_POINTS)[: config.points]
+                points, vertices = points[some], vertices[some]
+            is_facing = garment.header.state_kinds[garment.view_state[view]] in FACING
+            drawn.append(_Member(garment, points, vertices, is_facing))
         return drawn
 
     def _augment(
         self,
-        members: list[tuple[GarmentData, np.ndarray, np.ndarray]],
+        members: list["_Member"],
         rng: np.random.Generator,
     ) -> tuple[Tensor, np.ndarray, Tensor, Tensor, Tensor]:
         """Clouds as the network sees them, which points are left, and the clouds turned anyhow with their yaw."""
         config = self._config
         generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-        flat = torch.from_numpy(np.stack([g.states[0][v] for g, _, v in members]))
-        points = center_clouds(torch.from_numpy(np.stack([p for _, p, _ in members])))[0]
-        yaw = fit_yaw(flat, points)[0]
+        flat = torch.from_numpy(np.stack([m.garment.states[0][m.vertices] for m in members]))
+        points = center_clouds(torch.from_numpy(np.stack([m.points for m in members])))[0]
+        facing = torch.tensor([m.is_facing for m in members])
+        # What hangs has the file's frame: turned upside down, its left would be on the other side.
+        yaw = fit_yaw(flat, points)[0].masked_fill(facing, 0.0)
+        own = rotate_yaw(points, -yaw)
         points = warp_clouds(
-            rotate_yaw(points, -yaw),
+            own,
             generator,
             yaw=config.yaw,
             bend=config.bend,
@@ -214,6 +236,9 @@ class BatchMaker:
         kept = drop_points(points, generator, share=share)
         points = center_clouds(gather_points(points, kept))[0]
         angle, strength = fit_yaw(gather_points(flat, kept), points)
+        hung = fit_yaw(gather_points(own, kept), points)[0]
+        angle = torch.where(facing, hung, angle)
+        strength = torch.where(facing, _FACING_STRENGTH, strength)
         spin = torch.from_numpy(rng.uniform(-math.pi, math.pi, len(members)).astype(np.float32))
         return points, kept.numpy(), rotate_yaw(points, spin), angle + spin, strength
 

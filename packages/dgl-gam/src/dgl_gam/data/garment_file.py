@@ -15,6 +15,7 @@ from safetensors.numpy import save_file
 from dgl_gam.errors import DataError
 
 __all__ = [
+    "FACING",
     "FORMAT_VERSION",
     "VIEW_POINTS",
     "GarmentData",
@@ -27,6 +28,8 @@ __all__ = [
 
 FORMAT_VERSION = "1"
 VIEW_POINTS = 2048
+FACING = ("hung_one", "hung_two")
+"""Kinds of states that hang with the front towards -y, whichever end is up, instead of lying."""
 _NUMBERED = re.compile(r"_\d+$")
 _SPLITS = ("train", "test")
 _TENSORS: dict[str, tuple[tuple[str | int, ...], tuple[str, ...]]] = {
