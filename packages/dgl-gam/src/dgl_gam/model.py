@@ -33,9 +33,10 @@ _SOURCES_HELD = 8
 _MIN_EXTENT_M = 1e-6
 _RIVAL = 0.15  # share of the best yaw's probability from which the second best is tried too
 _BETTER = 0.01  # by which the second best must explain the demonstrated garment better
-_PRIOR = 1.0
-"""Weight of the demonstrated garment's yaw, in logits. Yaws that the shape tells apart differ by 5 and more, those of a scarf's
-two ends or of a round hat by less than 1: there the garment is taken to be turned as the demonstrated one is."""
+_OPEN = 0.25  # share of the best yaw's probability from which on the shape does not tell the yaw
+_PRIOR = 4.0
+"""Weight of the demonstrated garment's yaw then, in logits. The ends of a scarf and the sides of a round hat look alike: the
+garment is taken to be turned as the demonstrated one is, rather than by whatever is a little likelier."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -295,12 +296,13 @@ class GarmentAffordanceModel:
         points = torch.from_numpy(local.astype(np.float32)).to(self.device)
         points = center_clouds(points)[0]
         logits = self._network.yaw(_reduce(points))
-        if source is not None:
-            angles = torch.arange(logits.shape[1], device=self.device) * (
-                2 * math.pi / logits.shape[1]
-            )
-            logits = logits + _PRIOR * (angles - source.yaw).cos()
         yaws, masses = self._network.yaw.find_peaks(logits, 2)
+        if source is not None:
+            is_open = masses[:, 1:] > _OPEN * masses[:, :1]
+            step = 2 * math.pi / logits.shape[1]
+            turn = torch.arange(logits.shape[1], device=self.device) * step - source.yaw
+            nearest = logits + _PRIOR * turn.cos() * is_open
+            yaws, masses = self._network.yaw.find_peaks(nearest, 2)
         frame = rotate_yaw(points, -yaws[:, 0])
         features = self.compute_features(frame)
         chosen = yaws[:, 0].tolist()

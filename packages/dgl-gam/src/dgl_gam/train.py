@@ -83,7 +83,7 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
     "tune": TrainConfig(
         steps=600,
         lr=3e-4,
-        batch=BatchConfig(near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
+        batch=BatchConfig(positives=48, near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
     ),
     # Source: paper, section on GAM: 32 pairs, 20 positives, 150 negatives, 40,000 batches.
     "paper": TrainConfig(
