@@ -64,6 +64,16 @@ def test_a_file_that_names_no_robot_is_of_the_default_one(written):
     assert read_episode(written).robot == "ur10e+shadow"
 
 
+def test_the_matcher_is_recorded(tmp_path, fakes):
+    path = write_episode(tmp_path / "e.h5", fakes.make_episode(matcher="gam"))
+    assert read_episode(path).matcher == "gam"
+    with h5py.File(path, "r+") as file:
+        del file.attrs["matcher"]
+    assert read_episode(path).matcher == "exact"
+    with pytest.raises(ValueError, match="matcher must not be empty"):
+        fakes.make_episode(matcher="")
+
+
 def test_the_same_episode_gives_the_same_bytes(tmp_path, fakes):
     first = write_episode(tmp_path / "a.h5", fakes.make_episode(3)).read_bytes()
     time.sleep(1.1)  # HDF5 keeps times in whole seconds

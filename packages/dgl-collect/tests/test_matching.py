@@ -5,8 +5,8 @@ import pytest
 
 from dgl_assets import load_garment
 from dgl_collect.demonstration import load_demonstration
-from dgl_collect.matching import ExactMatcher
-from dgl_gam import Matcher
+from dgl_collect.matching import ExactMatcher, make_find_matcher
+from dgl_gam import GarmentAffordanceModel, Matcher
 from dgl_tasks.coverage import sample_visible_surface
 
 DEMONSTRATION = load_demonstration("FoldTops-v1")
@@ -107,3 +107,50 @@ def test_particles_of_another_garment_are_refused(source):
     target = load_garment(OTHERS[0])
     with pytest.raises(ValueError, match=r"target_particles must have shape \(\d+, 3\); got"):
         ExactMatcher(source, target, source.vertices[:-1])
+
+
+class FakeEnv:
+    """As much of an environment as a matcher looks at."""
+
+    def __init__(self, garment):
+        self.garment = garment
+
+    def get_particles(self):
+        return self.garment.vertices
+
+
+def test_the_exact_matcher_is_made_for_the_garment_of_the_environment(source):
+    find = make_find_matcher("exact", source)
+    for name in OTHERS[:2]:
+        garment = load_garment(name)
+        found = find(FakeEnv(garment)).match(source.vertices, POINTS, garment.vertices)
+        wanted = ExactMatcher(source, garment, garment.vertices).match(
+            source.vertices, POINTS, garment.vertices
+        )
+        for a, b in zip(found, wanted, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_the_learned_matcher_is_loaded_once_for_the_category(source, monkeypatch):
+    asked = []
+
+    def load(category):
+        asked.append(category)
+        return object()
+
+    monkeypatch.setattr(GarmentAffordanceModel, "load", load)
+    find = make_find_matcher("gam", source)
+    assert find(FakeEnv(source)) is find(FakeEnv(load_garment(OTHERS[0])))
+    assert asked == ["Tops_LongSleeve"]
+
+
+def test_the_learned_matcher_finds_points_in_clouds(source):
+    matcher = make_find_matcher("gam", source)(FakeEnv(source))
+    assert isinstance(matcher, GarmentAffordanceModel)
+    assert isinstance(matcher, Matcher)
+    assert matcher.category == "Tops_LongSleeve"
+
+
+def test_an_unknown_matcher_is_refused(source):
+    with pytest.raises(ValueError, match=r"matcher must be one of \['exact', 'gam'\]; got 'gan'"):
+        make_find_matcher("gan", source)

@@ -8,8 +8,8 @@ from dgl_tasks import get_task
 from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, turn_inward, wrist_to_grasp
-from dgl_tasks.motion import HAND_FRAMES, PARKED, TURNS, BimanualMotion
-from dgl_tasks.rotations import compute_rotation_angle
+from dgl_tasks.motion import HAND_FRAMES, PARKED, RAMP_FRAMES, TURNS, BimanualMotion
+from dgl_tasks.rotations import compute_rotation_angle, matrix_from_quaternion
 
 TASK = get_task("FoldTops-v1")
 STANDARD = GRASP_ORIENTATIONS["standard"]
@@ -86,9 +86,24 @@ def test_the_longer_line_sets_the_number_of_rows(motion):
     start_above_garment(motion)
     point = goals(0.25)
     point["left"] = point["left"] + (0, 0, 0.2)
-    assert len(motion.move(point, STANDARD, spacing=0.01)) == pytest.approx(20, abs=1)
+    rows = motion.move(point, STANDARD, spacing=0.01)
+    assert len(rows) == pytest.approx(20 + RAMP_FRAMES, abs=1)
     point["left"] = point["left"] - (0, 0, 0.2)
-    assert len(motion.move(point, STANDARD, spacing=0.005)) == pytest.approx(40, abs=1)
+    rows = motion.move(point, STANDARD, spacing=0.005)
+    assert len(rows) == pytest.approx(40 + RAMP_FRAMES, abs=1)
+
+
+@pytest.mark.parametrize(("length", "ramp"), [(0.2, RAMP_FRAMES), (0.04, 2)])
+def test_hands_leave_and_arrive_at_rest(motion, arms, length, ramp):
+    """0.6 m/s, reached in 8 frames, or in half of those of a shorter way."""
+    start_above_garment(motion)
+    rows = [motion.target, *motion.move(goals(0.25 + length), STANDARD)]
+    heights = np.array([grasp_point(arms, row, "left")[2] for row in rows])
+    assert heights[-1] - heights[0] == pytest.approx(length, abs=1e-3)
+    speed = np.concatenate([[0], np.diff(heights), [0]]) / CONTROL_DT
+    assert np.max(speed) == pytest.approx(0.6, rel=0.1)
+    acceleration = np.abs(np.diff(speed)) / CONTROL_DT
+    assert acceleration.max() < 1.3 * 0.6 / (ramp * CONTROL_DT)
 
 
 def test_a_line_of_no_length_is_done(motion):
@@ -204,3 +219,11 @@ def test_when_no_turn_helps_the_message_is_that_of_the_wanted_orientation(motion
         motion.choose_turns("standard", ("right",), rehearse)
     assert len(tried) == len(TURNS)
     np.testing.assert_array_equal(motion.target, before)
+
+
+def test_the_fingers_of_a_heap_grasp_point_down_by_30_degrees():
+    for side in SIDES:
+        along = matrix_from_quaternion(GRASP_ORIENTATIONS["heap"][side])[:, 0]
+        level = matrix_from_quaternion(STANDARD[side])[:, 0]
+        assert along[2] == pytest.approx(-0.5, abs=1e-3)
+        np.testing.assert_allclose(along[:2] / np.cos(np.radians(30)), level[:2], atol=1e-3)

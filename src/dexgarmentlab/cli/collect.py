@@ -43,7 +43,8 @@ class Options:
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
     matcher: Literal["exact", "gam"] = "exact"
-    """What finds the demonstrated points on a garment: its generator, or the affordance model by its cloud."""
+    """What finds the demonstrated points: the generator's correspondence, which knows the simulated garment, or
+    the Garment Affordance Model, which sees its cloud alone."""
     robot: str = "ur10e+shadow"
     """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
     robots: Path | None = None
@@ -94,10 +95,9 @@ def run(options: Options) -> int:
         resume=options.resume,
         command=options.command + (" --resume" if options.resume else ""),
     )
-    if options.look != "studio":
-        config = dataclasses.replace(config, options={**config.options, "look": options.look})
-    if options.matcher != "exact":
-        config = dataclasses.replace(config, options={**config.options, "matcher": options.matcher})
+    for name, default in (("look", "studio"), ("matcher", "exact")):
+        if (value := getattr(options, name)) != default:
+            config = dataclasses.replace(config, options={**config.options, name: value})
     if chosen := robot_options(options.robot, options.robots):
         config = dataclasses.replace(config, options={**config.options, **chosen})
     summary, report = collect_with_progress(config)

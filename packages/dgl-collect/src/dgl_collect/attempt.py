@@ -13,9 +13,9 @@ from dgl_assets.robots.importing import load_robot
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import write_episode
 from dgl_collect.execution import Execution, Outcome, Setup
+from dgl_collect.matching import make_find_matcher
 from dgl_collect.results import AttemptResult, Criterion
 from dgl_collect.video import VideoWriter, save_png
-from dgl_gam import GarmentAffordanceModel, Matcher
 from dgl_physics import PhysicsError
 from dgl_tasks import TaskError, get_task
 from dgl_tasks.coverage import sample_visible_surface
@@ -25,8 +25,7 @@ from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend", "look", "robot", "robots", "matcher")
-MATCHERS = ("exact", "gam")
+OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots")
 
 
 def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
@@ -37,9 +36,9 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
         options: "garment": catalogue id to use in every attempt instead of drawing one;
             "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default;
             "look": "studio", the default, or "random": floors and fabrics of all kinds;
+            "matcher": "exact", the default, knows the simulated garment, "gam" sees its cloud alone;
             "robot": name of arm and hand, such as "ur10e+allegro"; "robots": folder of imported
-            robots, for names that are not built in; "matcher": "exact", the default, the generator's own
-            correspondence, or "gam": what the affordance model of the category sees in the clouds.
+            robots, for names that are not built in.
     """
     unknown = set(options) - set(OPTIONS)
     if unknown:
@@ -60,9 +59,9 @@ class DemonstrationAttempts:
         garment: str | None = None,
         render_backend: str | None = None,
         look: str = "studio",
+        matcher: str = "exact",
         robot: str = DEFAULT_ROBOT.name,
         robots: str | None = None,
-        matcher: str = "exact",
     ) -> None:
         """Build the environment and load the demonstration."""
         import gymnasium
@@ -70,9 +69,9 @@ class DemonstrationAttempts:
 
         demonstration = load_demonstration(task)
         demo_garment = load_garment(demonstration.garment)
+        find_matcher = make_find_matcher(matcher, demo_garment)
         surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
         self._garment = garment
-        found_by = load_matcher(matcher, demo_garment.category)
         model = load_robot(robot, robots)
         self.env = gymnasium.make(
             task,
@@ -87,10 +86,10 @@ class DemonstrationAttempts:
         self._setup = Setup(
             env=self.env,  # pyright: ignore[reportArgumentType]
             demonstration=demonstration,
-            demo_garment=demo_garment,
+            matcher=matcher,
+            find_matcher=find_matcher,
             demo_cloud=surface.astype(np.float32),
             motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY, robot=model),
-            matcher=found_by,
         )
 
     def close(self) -> None:
@@ -131,25 +130,6 @@ class DemonstrationAttempts:
             randomisation=dict(self._setup.env.draws),
             measurements=execution.measurements,
         )
-
-
-def load_matcher(name: str, category: str) -> Matcher | None:
-    """Load what finds the demonstration's points on garments of a category.
-
-    Args:
-        name: "exact" or "gam".
-        category: Of the garments.
-
-    Returns:
-        The affordance model; None for the exact correspondence, which each attempt makes of its garment.
-
-    Raises:
-        ValueError: If the name is another.
-        WeightsNotFoundError: If there are no weights for the category.
-    """
-    if name not in MATCHERS:
-        raise ValueError(f"matcher must be one of {MATCHERS}; got {name!r}")
-    return GarmentAffordanceModel.load(category) if name == "gam" else None
 
 
 def _to_criteria(outcome: Outcome) -> tuple[Criterion, ...]:

@@ -17,6 +17,8 @@ from dgl_collect.files import written_beside
 FORMAT_VERSION = 1
 DEFAULT_ROBOT = "ur10e+shadow"
 """The robot of files that name none."""
+DEFAULT_MATCHER = "exact"
+"""The matcher of files that name none."""
 DEFAULT_JOINTS = 60
 """Number of its joints."""
 CLOUD_SIZE = 2048
@@ -116,6 +118,8 @@ class Episode:
     """The stages in order."""
     robot: str = DEFAULT_ROBOT
     """Name of arm and hand, which says what the joints are."""
+    matcher: str = DEFAULT_MATCHER
+    """Name of what found the demonstrated points on the garment."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of this attempt, JSON-ready."""
     measurements: Mapping[str, object] = field(default_factory=dict)
@@ -132,6 +136,8 @@ class Episode:
             raise ValueError("stages must hold at least one stage; got none")
         if not self.robot:
             raise ValueError("robot must not be empty; got ''")
+        if not self.matcher:
+            raise ValueError("matcher must not be empty; got ''")
         joints = sorted({stage.joint_state.shape[1] for stage in self.stages})
         if len(joints) > 1:
             raise ValueError(f"all stages must have the same number of joints; got {joints}")
@@ -176,6 +182,7 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
         file.attrs["seed"] = episode.seed
         file.attrs["garment_id"] = episode.garment_id
         file.attrs["robot"] = episode.robot
+        file.attrs["matcher"] = episode.matcher
         file.attrs["success"] = np.bool_(episode.success)
         file.attrs["success_value"] = float(episode.success_value)
         file.attrs["stage_names"] = json.dumps(episode.stage_names)
@@ -267,6 +274,7 @@ def _read_file(file: h5py.File) -> Episode:
         seed=int(_attribute(file, "seed")),
         garment_id=str(_attribute(file, "garment_id")),
         robot=str(file.attrs.get("robot", DEFAULT_ROBOT)),
+        matcher=str(file.attrs.get("matcher", DEFAULT_MATCHER)),
         success=bool(_attribute(file, "success")),
         success_value=float(_attribute(file, "success_value")),
         stages=stages,

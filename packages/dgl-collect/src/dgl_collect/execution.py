@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_assets import Garment
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import Demonstration, RetargetedWaypoint, retarget_waypoints
 from dgl_collect.episodes import Episode, Points, StageRecord
-from dgl_collect.matching import ExactMatcher
+from dgl_collect.matching import FindMatcher
 from dgl_collect.recording import STEPS_PER_FRAME, Observation, StageRecorder, StageStart
 from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
-from dgl_gam import Matcher, compute_affordance
+from dgl_gam import compute_affordance
 from dgl_tasks import perception as see
 from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
@@ -41,7 +40,7 @@ RELEASE_FRAMES = 15
 """Frames for the cloth to fall from an opened hand before it leaves."""
 ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
-FINAL_FRAMES = 20
+FINAL_FRAMES = 50
 """Frames between the hands being out of the way and the verdict."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
@@ -55,12 +54,12 @@ class Setup:
 
     env: GarmentEnv
     demonstration: Demonstration
-    demo_garment: Garment
+    matcher: str
+    """Its name, for the record."""
+    find_matcher: FindMatcher
     demo_cloud: np.ndarray
     """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
     motion: BimanualMotion
-    matcher: Matcher | None = None
-    """What finds the demonstration's points in clouds; None: the generator's exact correspondence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,10 +222,7 @@ class Execution:
         return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
 
     def _match(self, names: list[str], cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        matcher = self.setup.matcher
-        if matcher is None:
-            particles = self.env.get_particles()
-            matcher = ExactMatcher(self.setup.demo_garment, self.env.garment, particles)
+        matcher = self.setup.find_matcher(self.env)
         wanted = np.array([self.demonstration.points[name] for name in names])
         return matcher.match(self.setup.demo_cloud, wanted, cloud)
 
@@ -275,7 +271,10 @@ class Execution:
         particles = self.env.get_particles()
         raised = particles[particles[:, 2] > HELD_HEIGHT]
         for side in stage.grasp:
-            offset = raised - self._grasp_point(side)
+            point = self._grasp_point(side)
+            if point[2] < HELD_HEIGHT + HELD_DISTANCE / 2:
+                continue  # so low that what it holds need not be raised
+            offset = raised - point
             nearest = float(np.linalg.norm(offset, axis=1).min()) if len(raised) else np.inf
             if nearest > HELD_DISTANCE:
                 where = f"{stage.name}, waypoint {number}, {side} hand"
@@ -307,6 +306,7 @@ class Execution:
             seed=self.seed,
             garment_id=self.env.garment.name,
             robot=self.motion.robot.name,
+            matcher=self.setup.matcher,
             success=outcome.success,
             success_value=outcome.verdict.value,
             stages=tuple(self.records),

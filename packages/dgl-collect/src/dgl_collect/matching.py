@@ -1,9 +1,42 @@
-"""The generator's exact correspondence behind the matcher interface of `dgl_gam`."""
+"""The matchers that attempts choose from: the generator's exact correspondence, and the learned one."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dgl_assets import Garment, correspond
+from dgl_gam import GarmentAffordanceModel, Matcher
+
+if TYPE_CHECKING:
+    from dgl_tasks.env import GarmentEnv
+
+MatcherName = Literal["exact", "gam"]
+"""Which matcher finds the demonstrated points: one that knows the simulated garment, or the Garment
+Affordance Model, which sees the clouds alone."""
+
+FindMatcher = Callable[["GarmentEnv"], Matcher]
+"""Gives the matcher for the garment of an environment as it is now."""
+
+
+def make_find_matcher(name: str, demo_garment: Garment) -> FindMatcher:
+    """Prepare a matcher for garments of a demonstration's category.
+
+    Args:
+        name: One of `MatcherName`.
+        demo_garment: Garment that the demonstration's points are given on.
+
+    Raises:
+        ValueError: If there is no such matcher.
+        GamError: If the model of the category cannot be loaded.
+    """
+    if name == "exact":
+        return lambda env: ExactMatcher(demo_garment, env.garment, env.get_particles())
+    if name == "gam":
+        model = GarmentAffordanceModel.load(demo_garment.category)
+        return lambda env: model
+    raise ValueError(f"matcher must be one of {list(get_args(MatcherName))}; got {name!r}")
 
 
 class ExactMatcher:

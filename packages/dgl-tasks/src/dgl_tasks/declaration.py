@@ -21,9 +21,8 @@ Vector3 = tuple[float, float, float]
 
 FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
-FLING_GRASP_HEIGHT = 0.002
-"""Height of the grasp point in a heap [m] (original code): the fingers scoop up what lies under them. At
-15 mm they close over flat cloth without taking hold."""
+FLING_GRASP_HEIGHT = 0.0
+"""Height of the grasp point in a heap [m]: the fingers reach down to the ground, and take hold of all layers."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,12 @@ from dgl_tasks.rotations import (
 )
 
 GraspName = Literal[
-    "standard", "trousers_2", "store_lift", "cap", "bowl", "scarf", "glove", "glove_retreat"
+    "standard", "heap", "trousers_2", "store_lift", "cap", "bowl", "scarf", "glove", "glove_retreat"
 ]
+
+HEAP_PITCH = np.radians(30)
+"""How far the fingers of a "heap" grasp point down: the forearm stays above the cloth, and nothing hangs over
+it when the hand leaves [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
@@ -33,10 +37,31 @@ _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "glove_retreat": {"left": (0.0, 0.866, 0.5, 0.0), "right": (0.5, 0.0, 0.0, 0.866)},
 }
 
-GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = {
-    name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
-    for name, row in _GRASP_ROWS.items()
-}
+
+def pitch_fingers(quaternion: np.ndarray, angle: float) -> np.ndarray:
+    """Turn an orientation about the knuckles so that the fingers point more to where the palm looks.
+
+    Args:
+        quaternion: Orientation of `ee`, wxyz, shape (4,).
+        angle: Turn [rad].
+
+    Returns:
+        The turned orientation, wxyz, shape (4,).
+    """
+    turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+    return multiply_quaternions(normalize_quaternion(quaternion), turn)
+
+
+def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
+    found: dict[GraspName, dict[Side, np.ndarray]] = {
+        name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
+        for name, row in _GRASP_ROWS.items()
+    }
+    found["heap"] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found["standard"].items()}
+    return found
+
+
+GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = _make_orientations()
 """Orientation of `ee` for each kind of grasp, by side: unit quaternions wxyz, shape (4,)."""
 
 

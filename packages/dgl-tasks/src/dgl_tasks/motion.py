@@ -15,6 +15,8 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, grasp_to_wrist, turn
 HAND_FRAMES = 20
 """Frames of a change of hand pose (original code)."""
 _HAND_RAMP = 14  # frames of which the targets move; the rest lets the fingers arrive
+RAMP_FRAMES = 8
+"""Frames in which a hand on a line comes up to its speed, and in which it slows down."""
 JOINT_SPEED = 2.0
 """Speed of the fastest arm joint of a move in joint space [rad/s]; the limit is 2.09."""
 TURNS: tuple[float, ...] = tuple(
@@ -73,7 +75,7 @@ class BimanualMotion:
         *,
         spacing: float = 0.01,
     ) -> np.ndarray:
-        """Move grasp points on straight lines, both hands arriving together.
+        """Move grasp points on straight lines, both hands leaving and arriving together, at rest.
 
         Args:
             points: Goal of the grasp point of each moving hand [m], shape (3,), world frame.
@@ -111,7 +113,7 @@ class BimanualMotion:
                 part = self.robot.joint_slice(side, "arm")
                 for k in range(path.shape[1]):
                     rows[:, part.start + k] = np.interp(at, np.arange(len(path)), path[:, k])
-        return self._finish(rows)
+        return self._finish(_ramp(np.concatenate([self.target[None], rows])))
 
     def reach(
         self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
@@ -206,3 +208,24 @@ class BimanualMotion:
     def _finish(self, rows: np.ndarray) -> np.ndarray:
         self.target = rows[-1].copy()
         return rows
+
+
+def _ramp(path: np.ndarray) -> np.ndarray:
+    """Follow a path of one sample a frame so that it begins and ends at rest.
+
+    Args:
+        path: Joint positions [rad], shape (N + 1, D), the present ones first.
+
+    Returns:
+        Joint targets [rad], shape (N + R, D), with R the frames of a ramp, at most N / 2.
+    """
+    count = len(path) - 1
+    ramp = min(RAMP_FRAMES, count // 2)
+    if ramp == 0:
+        return path[1:]
+    t = np.arange(1, count + ramp + 1, dtype=float)
+    left = count + ramp - t
+    way = np.where(t < ramp, t**2 / (2 * ramp), t - ramp / 2)
+    way = np.where(left < ramp, count - left**2 / (2 * ramp), way)
+    at = np.arange(count + 1)
+    return np.stack([np.interp(way, at, column) for column in path.T], axis=1)

@@ -19,12 +19,14 @@ TASK = Task(
         Stage(
             name="fling",
             grasp={"left": "left_shoulder", "right": "right_shoulder"},
+            orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
             policy_loops=12,
         ),
         Stage(
             name="spread_sleeves",
             grasp={"left": "left_cuff", "right": "right_cuff"},
+            orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
             looks_again=True,
             policy_loops=4,

@@ -19,6 +19,7 @@ TASK = Task(
         Stage(
             name="fling",
             grasp={"left": "left_waistband", "right": "right_waistband"},
+            orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
             policy_loops=12,
         ),
