@@ -26,8 +26,7 @@ TASK = Task(
         Stage(
             name="spread_sleeves",
             grasp={"left": "left_cuff", "right": "right_cuff"},
-            orientation="heap",
-            grasp_height=FLING_GRASP_HEIGHT,
+            grasp_height=0.02,
             looks_again=True,
             policy_loops=4,
         ),
