@@ -176,7 +176,7 @@ class _Player:
     def run_stage(self, stage: Any, points: dict[str, np.ndarray]) -> None:
         """Grasp, carry and let go as demonstrated."""
         from dgl_collect.demonstration import retarget_waypoints
-        from dgl_collect.execution import RELEASE_FRAMES, plan_leave
+        from dgl_tasks.approach import RELEASE_FRAMES, plan_leave
 
         motion = self.motion
         shown = self.demonstration.get_stage(stage.name)

@@ -12,7 +12,6 @@ from dgl_collect.errors import DemonstrationError as DemonstrationError
 from dgl_collect.errors import OutputFolderError as OutputFolderError
 from dgl_collect.errors import UnknownTaskError as UnknownTaskError
 from dgl_collect.errors import WorkerError as WorkerError
-from dgl_collect.recording import Observation as Observation
 from dgl_collect.recording import StageRecorder as StageRecorder
 from dgl_collect.recording import StageStart as StageStart
 from dgl_collect.results import AttemptResult as AttemptResult
@@ -25,3 +24,4 @@ from dgl_collect.runner import Progress as Progress
 from dgl_collect.runner import collect as collect
 from dgl_collect.video import VideoWriter as VideoWriter
 from dgl_collect.video import save_png as save_png
+from dgl_tasks.observation import Observation as Observation

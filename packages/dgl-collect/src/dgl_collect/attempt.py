@@ -128,7 +128,7 @@ class DemonstrationAttempts:
             stage_seconds=execution.stage_seconds,
             files=files,
             randomisation=dict(self._setup.env.draws),
-            measurements=execution.measurements,
+            measurements=execution.driver.measurements,
         )
 
 

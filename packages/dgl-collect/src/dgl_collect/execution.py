@@ -10,38 +10,18 @@ from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import Demonstration, RetargetedWaypoint, retarget_waypoints
 from dgl_collect.episodes import Episode, Points, StageRecord
 from dgl_collect.matching import FindMatcher
-from dgl_collect.recording import STEPS_PER_FRAME, Observation, StageRecorder, StageStart
+from dgl_collect.recording import StageRecorder, StageStart
 from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
 from dgl_gam import compute_affordance
 from dgl_tasks import perception as see
+from dgl_tasks.approach import plan_approach, plan_leave
 from dgl_tasks.declaration import Stage
+from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.success import Before, Verdict
+from dgl_tasks.success import Verdict
 
-APPROACH_HEIGHT = 0.15
-"""Height above the grasp point from which a hand comes down [m]."""
-ROLL = np.radians(60)
-"""How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
-ROLL_LIFT = 0.04
-"""How far it rises while it rolls [m]."""
-ROLL_FRAMES = 15
-"""Frames for the cloth to slide off the thumb."""
-DRAW_BACKS = (0.04, 0.02, 0.0)
-"""How far it then draws back, level [m]: the first of these that the arm can reach."""
-CLEARANCE = 0.15
-"""How far it then rises [m]."""
-LEAVE_SPACING = 0.005
-"""Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
-RELEASE_FRAMES = 15
-"""Frames for the cloth to fall from an opened hand before it leaves."""
-ARRIVAL_FRAMES = 10
-"""Frames for the arm to arrive at the grasp points before the hand closes."""
-FINAL_FRAMES = 50
-"""Frames between the hands being out of the way and the verdict."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
@@ -91,17 +71,35 @@ class Outcome:
 class Execution:
     """The course of one attempt."""
 
-    def __init__(self, setup: Setup, seed: int, *, video: VideoWriter | None = None) -> None:
-        """Prepare the attempt of a seed; `video` is an open film for people."""
-        self.setup, self.seed, self.video = setup, seed, video
+    def __init__(
+        self,
+        setup: Setup,
+        seed: int,
+        *,
+        video: VideoWriter | None = None,
+        driver: Driver | None = None,
+        is_recorded: bool = True,
+    ) -> None:
+        """Prepare the attempt of a seed.
+
+        Args:
+            setup: What all attempts share.
+            seed: Of the attempt.
+            video: An open film for people.
+            driver: An episode that is driven already; `seed` and `video` are its own then.
+            is_recorded: Whether stages are recorded; what the robot does is the same.
+        """
+        self.setup, self.seed = setup, seed
         self.env, self.motion = setup.env, setup.motion
         self.demonstration = setup.demonstration
+        film = None if video is None else video.add
+        self.driver = driver or Driver(setup.env, setup.motion, seed=seed, film=film)
         self.records: list[StageRecord] = []
         self.stage_seconds: dict[str, float] = {}
-        self.measurements: dict[str, float] = {}
         self.events: list[tuple[str, str]] = []
-        self._step_count = 0
-        self._cloud_seeds = np.random.default_rng([seed, 1])
+        self.points: dict[str, np.ndarray] = {}
+        """The demonstration's points on the garment as it first lay [m], shape (3,), world frame."""
+        self._is_recorded = is_recorded
 
     # The course of an attempt ----------------------------------------------------------------
 
@@ -116,61 +114,80 @@ class Execution:
             PhysicsError: If the simulation fails.
         """
         clock = time.perf_counter()
-        self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
-        self.motion.reset(self.motion.robot.compute_start("open"))
-        self._send(self.motion.park())
-        points = self._find_points(self._see_garment())
-        clock = self._note_time("observe", clock)
-        for stage in self.env.task.stages:
-            self._run_stage(stage, points)
-            clock = self._note_time(stage.name, clock)
-        self._send(self.motion.hold(FINAL_FRAMES))
-        outcome = self._judge(points)
+        self.driver.start(garment)
+        self.look()
+        self._note_time("observe", clock)
+        self.perform()
+        clock = time.perf_counter()
+        outcome = self._judge()
         self._note_time("judge", clock)
         return outcome
 
-    def _run_stage(self, stage: Stage, points: dict[str, np.ndarray]) -> None:
-        demonstrated = self.demonstration.get_stage(stage.name)
+    def look(self) -> None:
+        """Find the demonstration's points on the garment that has been dropped."""
+        self.points = self._find_points(self.driver.see_garment())
+
+    def perform(self) -> None:
+        """Run all stages."""
+        clock = time.perf_counter()
+        for stage in self.env.task.stages:
+            self._run_stage(stage)
+            clock = self._note_time(stage.name, clock)
+
+    def find_grasps(
+        self, stage: Stage, cloud: np.ndarray
+    ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
+        """Find a stage's grasp points in the garment's cloud.
+
+        Args:
+            stage: The stage.
+            cloud: What is seen of the garment [m], shape (2048, 3), world frame.
+
+        Returns:
+            Grasp point of each working hand [m], shape (3,), and the similarity of every point of
+            the cloud to the places that the left and the right hand grasp, shape (2, 2048).
+        """
         names = [stage.grasp.get(side, next(iter(stage.grasp.values()))) for side in SIDES]
-        cloud = self._see_garment()
-        if stage.looks_again:
-            points = self._find_points(cloud)
-        # seen again: the stages before may have dragged the garment along
         found, similarity = self._match(names, cloud)
-        grasp = {
+        grasp: dict[Side, np.ndarray] = {
             side: np.array([*cloud[index][:2], stage.grasp_height], dtype=float)
             for side, index in zip(SIDES, found, strict=True)
             if side in stage.grasp
         }
+        return grasp, similarity
+
+    def _run_stage(self, stage: Stage) -> None:
+        demonstrated = self.demonstration.get_stage(stage.name)
+        points = self.points
+        # seen again: the stages before may have dragged the garment along
+        cloud = self.driver.see_garment()
+        if stage.looks_again:
+            points = self._find_points(cloud)
+        grasp, similarity = self.find_grasps(stage, cloud)
         waypoints = retarget_waypoints(demonstrated, points)
-        orientations = self.motion.choose_turns(
-            stage.orientation,
-            tuple(grasp),
-            lambda side, q: self._plan_hand(side, q, grasp[side], waypoints),
+        orientations = self.driver.approach(
+            stage, grasp, lambda side, q: self._plan_hand(side, q, grasp[side], waypoints)
         )
-        above = {s: p + np.array([0, 0, APPROACH_HEIGHT]) for s, p in grasp.items()}
-        self._send(self.motion.reach(above, orientations))
-        self._send(self.motion.move(grasp, orientations))
-        self._send(self.motion.hold(ARRIVAL_FRAMES))
-        recorder = StageRecorder(
-            StageStart(
-                name=stage.name,
-                garment_point_cloud=cloud,
-                points_affordance_feature=compute_affordance(similarity),
-                points=self._describe(points),
+        recorder = None
+        if self._is_recorded:
+            recorder = StageRecorder(
+                StageStart(
+                    name=stage.name,
+                    garment_point_cloud=cloud,
+                    points_affordance_feature=compute_affordance(similarity),
+                    points=self._describe(points),
+                )
             )
-        )
-        self._send(self.motion.set_hands(dict.fromkeys(grasp, demonstrated.grasp_pose)), recorder)
+        send, hands = self.driver.send, self.motion.set_hands
+        send(hands(dict.fromkeys(grasp, demonstrated.grasp_pose)), recorder)
         for number, waypoint in enumerate(waypoints):
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
-            self._send(rows, recorder)
+            send(rows, recorder)
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
-        self._send(self.motion.set_hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
-        self.records.append(recorder.finish())
-        self._send(self.motion.hold(RELEASE_FRAMES))
-        for rows in plan_leave(self.motion, waypoints[-1].targets, orientations):
-            self._send(rows)
-        self._send(self.motion.park())
+        send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
+        if recorder is not None:
+            self.records.append(recorder.finish())
+        self.driver.leave(waypoints[-1].targets, orientations)
 
     def _plan_hand(
         self,
@@ -180,40 +197,14 @@ class Execution:
         waypoints: list[RetargetedWaypoint],
     ) -> None:
         """Plan one hand's whole stage; raises where it cannot go."""
-        orientations = {side: orientation}
-        self.motion.reach({side: grasp + np.array([0, 0, APPROACH_HEIGHT])}, orientations)
-        self.motion.move({side: grasp}, orientations)
+        orientations: dict[Side, np.ndarray] = {side: orientation}
+        plan_approach(self.motion, {side: grasp}, orientations)
         for waypoint in waypoints:
-            target = {side: waypoint.targets[side]}
+            target: dict[Side, np.ndarray] = {side: waypoint.targets[side]}
             self.motion.move(target, orientations, spacing=waypoint.spacing)
         plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations)
 
-    # Acting and seeing -----------------------------------------------------------------------
-
-    def _send(self, rows: np.ndarray, recorder: StageRecorder | None = None) -> None:
-        for row in rows:
-            target = row.astype(np.float32)
-            if recorder is not None:
-                recorder.before_step(target, self._observe)
-            if self._step_count % STEPS_PER_FRAME == 0:
-                if self.video is not None:
-                    self.video.add(see.film(self.env))
-                self._measure()
-            self.env.advance(target)
-            self._step_count += 1
-
-    def _observe(self) -> Observation:
-        picture = see.take_picture(self.env, "environment_camera")
-        return Observation(
-            joint_state=self.env.agent.get_joint_state()[0].cpu().numpy().astype(np.float32),
-            ee_pose=self.env.agent.get_ee_poses()[0].cpu().numpy().astype(np.float32),
-            image=picture.rgb,
-            env_point_cloud=see.get_environment_cloud(self.env, picture, seed=self._draw_seed()),
-        )
-
-    def _see_garment(self) -> np.ndarray:
-        picture = see.take_picture(self.env, "garment_camera")
-        return see.get_garment_cloud(self.env, picture, seed=self._draw_seed())
+    # Seeing ----------------------------------------------------------------------------------
 
     def _find_points(self, cloud: np.ndarray) -> dict[str, np.ndarray]:
         """Find all points of the demonstration in a cloud [m], shape (3,), world frame."""
@@ -226,9 +217,6 @@ class Execution:
         wanted = np.array([self.demonstration.points[name] for name in names])
         return matcher.match(self.setup.demo_cloud, wanted, cloud)
 
-    def _draw_seed(self) -> int:
-        return int(self._cloud_seeds.integers(2**31))
-
     def _describe(self, points: Mapping[str, np.ndarray]) -> Points:
         return {
             name: {
@@ -240,38 +228,21 @@ class Execution:
 
     # Judging ---------------------------------------------------------------------------------
 
-    def _judge(self, points: Mapping[str, np.ndarray]) -> Outcome:
-        picture = see.take_picture(self.env, "garment_camera")
-        seen = see.get_garment_points(self.env, picture)
-        rule = self.env.task.success
-        # The flat garment is known of every garment that is to be flung; the points are what was seen.
-        before = Before(
-            points={name: points[name] for name in rule.points},
-            flat_area=self.env.before.flat_area,
-        )
-        verdict = rule(seen, before)
-        state = self.env.evaluate()
-        reason, detail = None, ""
+    def _judge(self) -> Outcome:
+        judgement = self.driver.judge(self.points)
+        verdict, reason, detail = judgement.verdict, judgement.reason, ""
         if not verdict.success:
             shortfall = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
             # the first thing that went wrong on the way says more than the result
-            reason, detail = self.events[0] if self.events else ("below the threshold", "")
+            reason, detail = self.events[0] if self.events else (reason, "")
             detail = f"{detail}; {shortfall}" if detail else shortfall
-        elif not state["is_released"].item():
-            reason = "not released"
-        elif not state["is_still"].item():
-            reason = "still moving"
-        return Outcome(verdict=verdict, picture=picture.rgb, reason=reason, detail=detail)
-
-    def _grasp_point(self, side: Side) -> np.ndarray:
-        pose = self.env.agent.get_ee_poses()[0, SIDES.index(side)].cpu().numpy()
-        return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.motion.robot)
+        return Outcome(verdict=verdict, picture=judgement.picture, reason=reason, detail=detail)
 
     def _note_grasp(self, stage: Stage, reason: str, number: int) -> None:
         particles = self.env.get_particles()
         raised = particles[particles[:, 2] > HELD_HEIGHT]
         for side in stage.grasp:
-            point = self._grasp_point(side)
+            point = self.driver.get_grasp_point(side)
             if point[2] < HELD_HEIGHT + HELD_DISTANCE / 2:
                 continue  # so low that what it holds need not be raised
             offset = raised - point
@@ -280,17 +251,6 @@ class Execution:
                 where = f"{stage.name}, waypoint {number}, {side} hand"
                 far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
                 self.events.append((reason, f"{where}: nearest raised cloth {far}"))
-
-    def _measure(self) -> None:
-        cloth = self.env.cloth
-        strain = cloth.measure_strain()
-        values = {
-            "strain_mean": float(strain.mean()),
-            "strain_p999": float(np.quantile(strain, 0.999)),
-            "penetration_m": float(cloth.solver.measure_penetration(cloth.state)[0]),
-        }
-        for name, value in values.items():
-            self.measurements[f"max_{name}"] = max(value, self.measurements.get(f"max_{name}", 0.0))
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()
@@ -311,53 +271,6 @@ class Execution:
             success_value=outcome.verdict.value,
             stages=tuple(self.records),
             randomisation=dict(self.env.draws),
-            measurements=dict(self.measurements),
+            measurements=dict(self.driver.measurements),
             package_versions=package_versions(),
         )
-
-
-def plan_leave(
-    motion: BimanualMotion,
-    points: Mapping[Side, np.ndarray],
-    orientations: Mapping[Side, np.ndarray],
-) -> list[np.ndarray]:
-    """Plan how opened hands leave the cloth, from where `motion` is.
-
-    The palm looks down, so of an opened hand the thumb is under the cloth and would hook it. So the
-    hand rolls until cloth slides off the thumb, draws back along its fingers from under what hangs over
-    them, and then goes straight up.
-
-    Args:
-        motion: Plans the arms.
-        points: Grasp point of each hand [m], shape (3,), world frame.
-        orientations: Of `ee` of each hand that leaves, wxyz, shape (4,).
-
-    Returns:
-        Joint targets of each part, shape (N, 60) [rad].
-
-    Raises:
-        UnreachableError: If a hand cannot even go straight up.
-    """
-    rolled = {side: roll_thumb_down(q, ROLL, side) for side, q in orientations.items()}
-    ways: dict[Side, tuple[np.ndarray, ...]] = {}
-    for side in orientations:
-        for length in DRAW_BACKS:
-            out = points[side] + np.array([0, 0, ROLL_LIFT])
-            back = out - length * point_along_fingers(rolled[side])
-            ways[side] = (out, back, back + np.array([0, 0, CLEARANCE]))
-            with motion.rehearsal():
-                try:
-                    for target in ways[side]:
-                        motion.move({side: target}, {side: rolled[side]}, spacing=LEAVE_SPACING)
-                except UnreachableError:
-                    if length == DRAW_BACKS[-1]:
-                        raise
-                else:
-                    break
-    parts = []
-    for k in range(3):
-        targets = {side: way[k] for side, way in ways.items()}
-        parts.append(motion.move(targets, rolled, spacing=LEAVE_SPACING))
-        if k == 0:
-            parts.append(motion.hold(ROLL_FRAMES))
-    return parts

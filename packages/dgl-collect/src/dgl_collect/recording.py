@@ -9,23 +9,7 @@ import numpy as np
 
 from dgl_collect.episodes import Points, StageRecord
 from dgl_collect.video import VideoWriter
-
-STEPS_PER_FRAME = 5
-"""Control steps of 1/60 s between two recorded frames; also the length of a policy's action."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Observation:
-    """What the robot sees and feels at one instant; world frame, float32 unless stated."""
-
-    joint_state: np.ndarray
-    """Measured joint positions [rad], shape (D,)."""
-    ee_pose: np.ndarray
-    """Left and right end effector, position [m] and unit quaternion wxyz, shape (2, 7)."""
-    image: np.ndarray
-    """Environment camera, RGB, shape (480, 640, 3), uint8."""
-    env_point_cloud: np.ndarray
-    """Position [m] and colour in [0, 1], shape (2048, 6)."""
+from dgl_tasks.observation import STEPS_PER_FRAME, Observation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

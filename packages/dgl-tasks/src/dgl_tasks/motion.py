@@ -55,6 +55,13 @@ class BimanualMotion:
         """Start from these joint positions [rad], shape (D,)."""
         self.target = np.array(joint_state, dtype=float)
 
+    def compute_poses(self) -> dict[Side, np.ndarray]:
+        """Compute where the last targets bring each `ee`: xyz [m] and wxyz, shape (7,), world frame."""
+        return {
+            side: self._arms[side].compute_pose(self.target[self.robot.joint_slice(side, "arm")])
+            for side in SIDES
+        }
+
     def hold(self, frames: int) -> np.ndarray:
         """Keep the targets, shape (frames, D)."""
         return np.tile(self.target, (frames, 1))

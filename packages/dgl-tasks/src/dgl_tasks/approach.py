@@ -1,0 +1,102 @@
+"""How hands come to the cloth and how they leave it, for whatever acts in between."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dgl_assets.robots import Side
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import point_along_fingers, roll_thumb_down
+from dgl_tasks.motion import BimanualMotion
+
+APPROACH_HEIGHT = 0.15
+"""Height above the grasp point from which a hand comes down [m]."""
+ARRIVAL_FRAMES = 10
+"""Frames for the arm to arrive at the grasp points before the hand closes."""
+RELEASE_FRAMES = 15
+"""Frames for the cloth to fall from an opened hand before it leaves."""
+ROLL = np.radians(60)
+"""How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
+ROLL_LIFT = 0.04
+"""How far it rises while it rolls [m]."""
+ROLL_FRAMES = 15
+"""Frames for the cloth to slide off the thumb."""
+DRAW_BACKS = (0.04, 0.02, 0.0)
+"""How far it then draws back, level [m]: the first of these that the arm can reach."""
+CLEARANCE = 0.15
+"""How far it then rises [m]."""
+LEAVE_SPACING = 0.005
+"""Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
+
+
+def plan_approach(
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+) -> np.ndarray:
+    """Plan how hands come to grasp points: above them, straight down, and a wait.
+
+    Args:
+        motion: Plans the arms.
+        points: Grasp point of each hand [m], shape (3,), world frame.
+        orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+
+    Returns:
+        Joint targets [rad], shape (N, D).
+
+    Raises:
+        UnreachableError: If a hand cannot go there.
+    """
+    up = np.array([0, 0, APPROACH_HEIGHT])
+    above: dict[Side, np.ndarray] = {side: point + up for side, point in points.items()}
+    way = motion.reach(above, orientations)
+    return np.concatenate([way, motion.move(points, orientations), motion.hold(ARRIVAL_FRAMES)])
+
+
+def plan_leave(
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+) -> list[np.ndarray]:
+    """Plan how opened hands leave the cloth, from where `motion` is.
+
+    The palm looks down, so of an opened hand the thumb is under the cloth and would hook it. So the
+    hand rolls until cloth slides off the thumb, draws back along its fingers from under what hangs over
+    them, and then goes straight up.
+
+    Args:
+        motion: Plans the arms.
+        points: Grasp point of each hand [m], shape (3,), world frame.
+        orientations: Of `ee` of each hand that leaves, wxyz, shape (4,).
+
+    Returns:
+        Joint targets of each part, shape (N, D) [rad].
+
+    Raises:
+        UnreachableError: If a hand cannot even go straight up.
+    """
+    rolled: dict[Side, np.ndarray] = {
+        side: roll_thumb_down(q, ROLL, side) for side, q in orientations.items()
+    }
+    ways: dict[Side, tuple[np.ndarray, ...]] = {}
+    for side in orientations:
+        for length in DRAW_BACKS:
+            out = points[side] + np.array([0, 0, ROLL_LIFT])
+            back = out - length * point_along_fingers(rolled[side])
+            ways[side] = (out, back, back + np.array([0, 0, CLEARANCE]))
+            with motion.rehearsal():
+                try:
+                    for target in ways[side]:
+                        motion.move({side: target}, {side: rolled[side]}, spacing=LEAVE_SPACING)
+                except UnreachableError:
+                    if length == DRAW_BACKS[-1]:
+                        raise
+                else:
+                    break
+    parts = []
+    for k in range(3):
+        targets: dict[Side, np.ndarray] = {side: way[k] for side, way in ways.items()}
+        parts.append(motion.move(targets, rolled, spacing=LEAVE_SPACING))
+        if k == 0:
+            parts.append(motion.hold(ROLL_FRAMES))
+    return parts

@@ -1,0 +1,281 @@
+"""One episode in an environment: what is scripted, seen and judged alike for every method."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dgl_assets.robots import SIDES, Side
+from dgl_tasks import perception as see
+from dgl_tasks.approach import RELEASE_FRAMES, plan_approach, plan_leave
+from dgl_tasks.declaration import Stage
+from dgl_tasks.env import GarmentEnv
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.observation import STEPS_PER_FRAME, Observation
+from dgl_tasks.success import Before, Verdict
+
+logger = logging.getLogger(__name__)
+
+FINAL_FRAMES = 50
+"""Control steps between the hands being out of the way and the verdict."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What the end of an episode amounts to."""
+
+    verdict: Verdict
+    """What the task's rule said of what the garment camera sees."""
+    is_released: bool
+    """Whether no hand touches the garment."""
+    is_still: bool
+    """Whether the garment lies still."""
+    picture: np.ndarray
+    """What was judged, shape (H, W, 3), uint8."""
+
+    @property
+    def reason(self) -> str | None:
+        """Why it is no success, in words that can be counted; None for a success."""
+        if not self.verdict.success:
+            return "below the threshold"
+        if not self.is_released:
+            return "not released"
+        return None if self.is_still else "still moving"
+
+
+class StepListener(Protocol):
+    """Is told before every control step; `StageRecorder` of `dgl_collect` is one."""
+
+    def before_step(self, target: np.ndarray, observe: Callable[[], Observation]) -> None:
+        """Take note of the commanded targets [rad], shape (D,); `observe` renders when called."""
+        ...
+
+
+class Driver:
+    """The environment's own controller for one episode, and its record.
+
+    Everything that is the same for all methods is here: the start from a seed, looking, going to
+    grasp points, leaving the cloth, parking and judging. What happens in between is the method's.
+    What is seen depends on the seed and the control step alone, not on what was looked at before.
+    """
+
+    def __init__(
+        self,
+        env: GarmentEnv,
+        motion: BimanualMotion,
+        *,
+        seed: int,
+        film: Callable[[np.ndarray], None] | None = None,
+    ) -> None:
+        """Prepare the episode of a seed.
+
+        Args:
+            env: The environment.
+            motion: Plans its arms.
+            seed: Of the episode, at least 0.
+            film: Receives a picture for people at every fifth control step, shape (H, W, 3), uint8.
+        """
+        self.env, self.motion, self.seed = env, motion, seed
+        self.commands: list[np.ndarray] = []
+        """Joint targets of every control step so far [rad], each of shape (D,), float32."""
+        self.measurements: dict[str, float] = {}
+        """Largest strain and penetration so far."""
+        self._film = film
+
+    @property
+    def step_count(self) -> int:
+        """Control steps since the reset."""
+        return len(self.commands)
+
+    # Acting ----------------------------------------------------------------------------------
+
+    def start(self, garment: str | None = None) -> None:
+        """Reset the environment and bring the arms out of the picture.
+
+        Args:
+            garment: Catalogue id; drawn from the seed when None.
+        """
+        self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
+        self.motion.reset(self.motion.robot.compute_start("open"))
+        self.send(self.motion.park())
+
+    def send(self, rows: np.ndarray, listener: StepListener | None = None) -> None:
+        """Send joint targets that `motion` has planned, one a control step [rad], shape (N, D)."""
+        for row in rows:
+            target = row.astype(np.float32)
+            if listener is not None:
+                listener.before_step(target, self.observe)
+            if self.step_count % STEPS_PER_FRAME == 0:
+                if self._film is not None:
+                    self._film(see.film(self.env))
+                self._measure()
+            self.env.advance(target)
+            self.commands.append(target)
+
+    def execute(self, actions: np.ndarray, listener: StepListener | None = None) -> None:
+        """Send a policy's actions, each held for five control steps [rad], shape (N, D).
+
+        Raises:
+            ValueError: If the shape is another one, or a number is not finite.
+        """
+        actions = np.asarray(actions, dtype=float)
+        wanted = self.motion.robot.dof
+        if actions.ndim != 2 or actions.shape[1] != wanted:
+            raise ValueError(f"actions must have shape (N, {wanted}); got {actions.shape}")
+        if not np.isfinite(actions).all():
+            raise ValueError("actions must be finite; got some that are not")
+        if len(actions):
+            self.send(np.repeat(actions, STEPS_PER_FRAME, axis=0), listener)
+            self.motion.reset(actions[-1])
+
+    def approach(
+        self,
+        stage: Stage,
+        points: Mapping[Side, np.ndarray],
+        rehearse: Callable[[Side, np.ndarray], object] | None = None,
+    ) -> dict[Side, np.ndarray]:
+        """Bring hands to grasp points: above them, straight down, and a wait.
+
+        Args:
+            stage: Names the orientation; a hand is turned about the vertical as little as needed.
+            points: Grasp point of each working hand [m], shape (3,), world frame.
+            rehearse: Plans what one hand has to be able to do with an orientation, see
+                `BimanualMotion.choose_turns`; the approach alone when None.
+
+        Returns:
+            Orientation of each working hand, wxyz, shape (4,).
+
+        Raises:
+            UnreachableError: If a hand cannot go there.
+        """
+
+        def come(side: Side, orientation: np.ndarray) -> None:
+            plan_approach(self.motion, {side: points[side]}, {side: orientation})
+
+        orientations = self.motion.choose_turns(stage.orientation, tuple(points), rehearse or come)
+        self.send(plan_approach(self.motion, points, orientations))
+        return orientations
+
+    def leave(
+        self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
+    ) -> None:
+        """Let opened hands leave the cloth and park, from where `motion` is.
+
+        Args:
+            points: Grasp point of each of these hands [m], shape (3,), world frame.
+            orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+
+        Raises:
+            UnreachableError: If a hand cannot even go straight up.
+        """
+        self.send(self.motion.hold(RELEASE_FRAMES))
+        for rows in plan_leave(self.motion, points, orientations):
+            self.send(rows)
+        self.send(self.motion.park())
+
+    def retreat(self, sides: tuple[Side, ...] = SIDES) -> None:
+        """Open hands, wherever a policy has left them, and let them leave the cloth and park.
+
+        From where there is no way straight up the arms swing to their parking place at once.
+        """
+        self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
+        poses = self.motion.compute_poses()
+        orientations: dict[Side, np.ndarray] = {side: poses[side][3:] for side in sides}
+        points: dict[Side, np.ndarray] = {s: self._to_grasp(poses[s], s) for s in sides}
+        try:
+            with self.motion.rehearsal():
+                plan_leave(self.motion, points, orientations)
+        except (UnreachableError, ValueError) as err:
+            logger.info("the hands park at once: %s", err)
+            self.send(self.motion.hold(RELEASE_FRAMES))
+            self.send(self.motion.park())
+        else:
+            self.leave(points, orientations)
+
+    # Seeing ----------------------------------------------------------------------------------
+
+    def observe(self) -> Observation:
+        """Look with the environment camera and feel the joints."""
+        picture = see.take_picture(self.env, "environment_camera")
+        return Observation(
+            joint_state=self.get_joint_state(),
+            ee_pose=self._get_poses().astype(np.float32),
+            image=picture.rgb,
+            env_point_cloud=see.get_environment_cloud(self.env, picture, seed=self._cloud_seed),
+        )
+
+    def see_garment(self) -> np.ndarray:
+        """Look at the garment from above: its cloud [m], shape (2048, 3), float32.
+
+        Raises:
+            PerceptionError: If the camera sees nothing of it.
+        """
+        picture = see.take_picture(self.env, "garment_camera")
+        return see.get_garment_cloud(self.env, picture, seed=self._cloud_seed)
+
+    def get_joint_state(self) -> np.ndarray:
+        """Measured joint positions [rad], shape (D,), float32."""
+        state = self.env.agent.get_joint_state()[0]  # pyright: ignore[reportAttributeAccessIssue]
+        return state.cpu().numpy().astype(np.float32)
+
+    def get_grasp_point(self, side: Side) -> np.ndarray:
+        """Tell where the grasp point of a hand is now [m], shape (3,), world frame."""
+        return self._to_grasp(self._get_poses()[SIDES.index(side)], side)
+
+    # Judging ---------------------------------------------------------------------------------
+
+    def judge(self, points: Mapping[str, np.ndarray] | None = None) -> Judgement:
+        """Judge what the garment camera sees after a last wait, with the arms where they are.
+
+        Args:
+            points: Where the places that the rule names lay on the garment before it was touched
+                [m], shape (3,); the true ones when None.
+
+        Raises:
+            PerceptionError: If the camera sees nothing of the garment.
+        """
+        self.send(self.motion.hold(FINAL_FRAMES))
+        picture = see.take_picture(self.env, "garment_camera")
+        seen = see.get_garment_points(self.env, picture)
+        rule = self.env.task.success
+        # The flat garment is known of every garment that is to be flung.
+        before = self.env.before
+        if points is not None:
+            named = {name: points[name] for name in rule.points}
+            before = Before(points=named, flat_area=before.flat_area)
+        state = self.env.evaluate()
+        return Judgement(
+            verdict=rule(seen, before),
+            is_released=bool(state["is_released"].item()),
+            is_still=bool(state["is_still"].item()),
+            picture=picture.rgb,
+        )
+
+    # -----------------------------------------------------------------------------------------
+
+    @property
+    def _cloud_seed(self) -> int:
+        rng = np.random.default_rng([self.seed, 1, self.step_count])
+        return int(rng.integers(2**31))
+
+    def _get_poses(self) -> np.ndarray:
+        poses = self.env.agent.get_ee_poses()[0]  # pyright: ignore[reportAttributeAccessIssue]
+        return poses.cpu().numpy()
+
+    def _to_grasp(self, pose: np.ndarray, side: Side) -> np.ndarray:
+        return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.motion.robot)
+
+    def _measure(self) -> None:
+        cloth = self.env.cloth
+        strain = cloth.measure_strain()
+        values = {
+            "strain_mean": float(strain.mean()),
+            "strain_p999": float(np.quantile(strain, 0.999)),
+            "penetration_m": float(cloth.solver.measure_penetration(cloth.state)[0]),
+        }
+        for name, value in values.items():
+            self.measurements[f"max_{name}"] = max(value, self.measurements.get(f"max_{name}", 0.0))

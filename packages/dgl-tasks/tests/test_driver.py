@@ -1,0 +1,130 @@
+"""What is scripted around every method: coming, leaving, actions of a policy. No pictures needed."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import dgl_tasks
+from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
+from dgl_tasks.approach import CLEARANCE, ROLL_LIFT, plan_approach, plan_leave
+from dgl_tasks.driver import Driver
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
+from dgl_tasks.motion import PARKED, BimanualMotion
+from dgl_tasks.observation import STEPS_PER_FRAME
+from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+
+TASK = dgl_tasks.get_task("FoldTops-v1")
+POINT = {"left": np.array([-0.4, 0.7, 0.1])}
+STANDARD = {"left": GRASP_ORIENTATIONS["standard"]["left"]}
+
+
+@pytest.fixture(scope="module")
+def env():
+    made = gymnasium.make(
+        "FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
+    )
+    made.reset(seed=0)
+    yield made.unwrapped
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return BimanualMotion(TASK, DEFAULT_ROBOT_DIRECTORY)
+
+
+@pytest.fixture
+def motion(planner):
+    planner.reset(planner.robot.compute_start("open"))
+    return planner
+
+
+@pytest.fixture
+def driver(env, motion):
+    """An episode in its midst: the arms are where the last test has left them."""
+    made = Driver(env, motion, seed=0)
+    motion.reset(made.get_joint_state())
+    return made
+
+
+def test_a_hand_comes_down_from_above_and_waits_at_the_grasp_point(motion):
+    rows = plan_approach(motion, POINT, STANDARD)
+    part = joint_slice("left", "arm")
+    path = np.array([grasp_point(motion, row) for row in rows])
+    np.testing.assert_allclose(path[-1], POINT["left"], atol=1e-3)
+    np.testing.assert_array_equal(rows[-10:, part], np.tile(rows[-1, part], (10, 1)))
+    low = path[:, 2] < POINT["left"][2] + 0.14  # whatever is near the cloth is right above the goal
+    assert np.abs(path[low, :2] - POINT["left"][:2]).max() < 5e-3
+
+
+def grasp_point(motion, row):
+    motion.reset(row)
+    pose = motion.compute_poses()["left"]
+    return wrist_to_grasp(pose[:3], pose[3:], "left")
+
+
+def test_a_hand_leaves_with_its_thumb_down_and_rises(motion):
+    plan_approach(motion, POINT, STANDARD)
+    rows = np.concatenate(plan_leave(motion, POINT, STANDARD))
+    last = grasp_point(motion, rows[-1])
+    assert last[2] - POINT["left"][2] == pytest.approx(ROLL_LIFT + CLEARANCE, abs=2e-3)
+    assert np.linalg.norm(last[:2] - POINT["left"][:2]) < 0.05  # drawn back by at most 4 cm
+
+
+def test_an_action_is_held_for_five_steps_and_planning_goes_on_from_the_last(driver):
+    start = driver.get_joint_state()
+    actions = np.stack([start, start + 0.01]).astype(np.float64)
+    told = []
+
+    class Listener:
+        def before_step(self, target, observe):
+            told.append(target.copy())
+
+    driver.execute(actions, Listener())
+    assert driver.step_count == len(told) == 2 * STEPS_PER_FRAME
+    np.testing.assert_array_equal(np.array(told[:5]), np.tile(actions[0].astype("f4"), (5, 1)))
+    np.testing.assert_array_equal(driver.commands, told)
+    np.testing.assert_array_equal(driver.motion.target, actions[-1])
+    assert driver.measurements["max_penetration_m"] < 0.02
+    driver.execute(np.zeros((0, 60)))
+    assert driver.step_count == 2 * STEPS_PER_FRAME
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (np.zeros(60), r"actions must have shape \(N, 60\); got \(60,\)"),
+        (np.zeros((4, 59)), r"actions must have shape \(N, 60\); got \(4, 59\)"),
+        (np.full((1, 60), np.nan), "actions must be finite"),
+    ],
+)
+def test_actions_that_no_robot_can_take_are_refused(driver, actions, message):
+    with pytest.raises(ValueError, match=message):
+        driver.execute(actions)
+    assert driver.step_count == 0
+
+
+def check_parked(driver):
+    for side in SIDES:
+        np.testing.assert_allclose(driver.motion.target[joint_slice(side, "arm")], PARKED[side])
+
+
+def test_wherever_a_policy_ends_the_hands_open_and_park(driver):
+    plan_approach(driver.motion, POINT, STANDARD)
+    action = driver.motion.target.copy()
+    action[joint_slice("left", "hand")] = HAND_POSES["close"]
+    driver.motion.reset(action)
+    driver.retreat(("left",))
+    check_parked(driver)
+    hand = driver.get_joint_state()[joint_slice("left", "hand")]
+    np.testing.assert_allclose(hand, HAND_POSES["open"], atol=0.1)
+    assert driver.step_count > 100  # rolled, drawn back and risen, not torn away
+
+
+def test_where_there_is_no_way_straight_up_the_arms_park_at_once(driver, motion, monkeypatch):
+    def refuse(*_):
+        raise ValueError("fingers must not point straight up or down")
+
+    monkeypatch.setattr("dgl_tasks.driver.plan_leave", refuse)
+    driver.retreat()
+    check_parked(driver)
