@@ -36,7 +36,7 @@ ALLOWED: dict[str, frozenset[str]] = {
     "dgl_physics": frozenset({"warp"}),
     "dgl_assets": frozenset({"scipy", "trimesh"}),
     "dgl_gam": frozenset({"torch"}),
-    "dgl_sadp": frozenset({"h5py"}),
+    "dgl_sadp": frozenset({"h5py", "torch"}),  # diffusers takes seconds: imported where it is used
     "dgl_tasks": WATCHED - {"diffusers", "ray"},  # ManiSkill brings most of them along.
     "dgl_collect": WATCHED - {"diffusers", "ray"},
 }

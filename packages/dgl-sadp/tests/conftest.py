@@ -6,8 +6,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import torch
+
+from dgl_sadp.config import (
+    DiffusionConfig,
+    GarmentConfig,
+    ImageConfig,
+    LevelConfig,
+    PointsConfig,
+    PolicyConfig,
+    UNetConfig,
+)
 
 POINTS = 5
+METHODS = ("sadp", "sadp-g", "dp3", "dp")
 
 
 def write_episode(
@@ -47,3 +59,76 @@ def write_episode(
 @pytest.fixture
 def make_episode() -> Callable[..., Path]:
     return write_episode
+
+
+@pytest.fixture(params=METHODS)
+def method(request) -> str:
+    """Each policy."""
+    return request.param
+
+
+def make_tiny_config(method: str, **changes) -> PolicyConfig:
+    """A policy that takes milliseconds: every part is there, as small as it may be."""
+    points = PointsConfig(points=16, widths=(8, 16), features=8)
+    garment = GarmentConfig(
+        points=32,
+        levels=(
+            LevelConfig(centres=8, radius=0.4, neighbours=6, widths=(16,)),
+            LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(16,)),
+        ),
+        features=8,
+    )
+    parts = {
+        "sadp": {"environment": points, "garment": garment, "object": points},
+        "sadp-g": {"environment": points, "garment": garment},
+        "dp3": {"environment": points},
+        "dp": {"image": ImageConfig(height=32, width=32, widths=(16, 16, 16, 16))},
+    }
+    is_dp = method == "dp"
+    values = {
+        "method": method,
+        "unet": UNetConfig(widths=(16, 32), step_embedding=8),
+        "diffusion": DiffusionConfig(
+            scheduler="ddpm" if is_dp else "ddim",
+            prediction="epsilon" if is_dp else "sample",
+            inference_steps=4,
+        ),
+        "state": () if is_dp else (16, 8),
+        **parts[method],
+    }
+    return PolicyConfig(**{**values, **changes})
+
+
+@pytest.fixture
+def tiny_config() -> Callable[..., PolicyConfig]:
+    return make_tiny_config
+
+
+def make_random_batch(config: PolicyConfig, count: int = 2, seed: int = 0) -> dict:
+    """Windows of random content, with everything that any policy observes."""
+    rng = np.random.default_rng(seed)
+    steps = config.observation_steps
+
+    def draw(*shape: int) -> torch.Tensor:
+        return torch.from_numpy(rng.uniform(-1, 1, (count, *shape)).astype(np.float32))
+
+    image = rng.integers(0, 256, (count, steps, 40, 48, 3), dtype=np.uint8)
+    return {
+        "joint_state": draw(steps, config.joints),
+        "env_point_cloud": draw(steps, 50, 6),
+        "image": torch.from_numpy(image),
+        "garment_point_cloud": draw(64, 3),
+        "points_affordance_feature": draw(64, 2).abs(),
+        "object_point_cloud": draw(40, 3),
+        "action": draw(config.horizon, config.joints),
+    }
+
+
+@pytest.fixture
+def random_batch() -> Callable[..., dict]:
+    return make_random_batch
+
+
+@pytest.fixture
+def seeded() -> Callable[[int], torch.Generator]:
+    return lambda seed=0: torch.Generator().manual_seed(seed)

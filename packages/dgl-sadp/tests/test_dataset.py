@@ -3,9 +3,13 @@ import pickle
 import h5py
 import numpy as np
 import pytest
+from torch.utils.data import DataLoader
 
 import dgl_sadp._episode_file
+import dgl_sadp.dataset
 from dgl_sadp import CorruptEpisodeError, EpisodeDataset
+
+POINTS = 5  # In the clouds of `make_episode`.
 
 
 def actions_of(window) -> list[float]:
@@ -291,8 +295,50 @@ def test_no_file_stays_open(tmp_path, make_episode, monkeypatch):
 
 
 def test_pytorch_collates_windows_into_batches(tmp_path, make_episode):
-    data = pytest.importorskip("torch.utils.data", reason="PyTorch is optional here")
     make_episode(tmp_path / "0.h5")
-    batch = next(iter(data.DataLoader(EpisodeDataset(tmp_path, 1), batch_size=4)))
+    batch = next(iter(DataLoader(EpisodeDataset(tmp_path, 1), batch_size=4)))
     assert tuple(batch["action"].shape) == (4, 8, 60)
     assert tuple(batch["env_point_cloud"].shape) == (4, 3, 5, 6)
+
+
+@pytest.mark.parametrize("kept", [0, 1, 2, 3])
+def test_frames_that_are_kept_in_memory_are_the_same(tmp_path, make_episode, monkeypatch, kept):
+    for number in range(3):
+        make_episode(tmp_path / f"{number}.h5", frames=9, offset=100 * number)
+    plain = list(EpisodeDataset(tmp_path, 1))
+    # A frame: 60 + 60 joints, 14 of poses and 5 points of 6 channels, in float32.
+    size = 9 * (120 + 14 + POINTS * 6) * 4
+    dataset = EpisodeDataset(tmp_path, 1, keep_bytes=kept * size + size // 2)
+    for window, wanted in zip(dataset, plain, strict=True):
+        assert set(window) == set(wanted)
+        for key, values in window.items():
+            np.testing.assert_array_equal(values, wanted[key])
+            values[:] = 0  # The window is the caller's: what is kept must not change.
+    reads = []
+    original = dgl_sadp.dataset.read_frames
+    monkeypatch.setattr(
+        dgl_sadp.dataset, "read_frames", lambda e, w: reads.append(e.path.name) or original(e, w)
+    )
+    for window, wanted in zip(dataset, plain, strict=True):
+        np.testing.assert_array_equal(window["action"], wanted["action"])
+    assert set(reads) == {f"{number}.h5" for number in range(kept, 3)}
+
+
+def test_corrupt_files_may_be_left_out_by_name(tmp_path, make_episode, caplog):
+    make_episode(tmp_path / "a.h5")
+    (tmp_path / "b.h5").write_text("episode")
+    dataset = EpisodeDataset(tmp_path, 1, skip_corrupt=True)
+    assert [episode.path.name for episode in dataset.episodes] == ["a.h5"]
+    (error,) = dataset.refused
+    assert error.path.name == "b.h5"
+    assert "left out: " in caplog.text
+    assert "b.h5: cannot be read" in caplog.text
+    (tmp_path / "a.h5").unlink()
+    with pytest.raises(ValueError, match=r"none of the 0 episode.*1 are refused: .*b\.h5"):
+        EpisodeDataset(tmp_path, 1, skip_corrupt=True)
+
+
+def test_less_than_no_memory_is_refused(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5")
+    with pytest.raises(ValueError, match="keep_bytes must be at least 0; got -1"):
+        EpisodeDataset(tmp_path, 1, keep_bytes=-1)

@@ -1,8 +1,29 @@
-"""Structure-aware diffusion policies for garments: so far, the data that they will learn from."""
+"""Structure-aware diffusion policies for garments, the baselines beside them, and the data that they learn from."""
 
+from dgl_sadp.checkpoint import load_policy as load_policy
+from dgl_sadp.checkpoint import read_card as read_card
+from dgl_sadp.checkpoint import save_policy as save_policy
+from dgl_sadp.config import PolicyConfig as PolicyConfig
+from dgl_sadp.config import get_policy_config as get_policy_config
 from dgl_sadp.dataset import EpisodeDataset as EpisodeDataset
 from dgl_sadp.dataset import split_episodes as split_episodes
+from dgl_sadp.errors import CheckpointError as CheckpointError
 from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
+from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
+from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 
-__all__ = ["CorruptEpisodeError", "EpisodeDataset", "SadpError", "split_episodes"]
+__all__ = [
+    "CheckpointError",
+    "CorruptEpisodeError",
+    "DiffusionPolicy",
+    "EpisodeDataset",
+    "ObservationError",
+    "PolicyConfig",
+    "SadpError",
+    "get_policy_config",
+    "load_policy",
+    "read_card",
+    "save_policy",
+    "split_episodes",
+]

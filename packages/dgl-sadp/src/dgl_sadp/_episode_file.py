@@ -13,7 +13,18 @@ import numpy as np
 
 from dgl_sadp.errors import CorruptEpisodeError
 
-__all__ = ["FRAME_KEYS", "FrameSlice", "StageFile", "read_frames", "read_static", "scan_stage"]
+__all__ = [
+    "FORMAT_VERSION",
+    "FRAME_KEYS",
+    "JOINTS",
+    "FrameSlice",
+    "StageFile",
+    "measure_frames",
+    "read_frames",
+    "read_static",
+    "scan_stage",
+    "take_frames",
+]
 
 FORMAT_VERSION = 1
 ROBOT = "ur10e+shadow"  # What files are recorded with that name no robot.
@@ -120,6 +131,23 @@ def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.
             stored = _dataset(file.path, opened, f"stage_{file.stage}/{key}")[first : last + 1]
             arrays[key] = stored[index - first]
     return arrays
+
+
+def take_frames(stored: np.ndarray, part: FrameSlice) -> np.ndarray:
+    """Take a range of the frames of a whole stage, shape (T, ...), as `read_frames` does."""
+    return stored[np.clip(np.arange(part.start, part.stop), 0, len(stored) - 1)]
+
+
+def measure_frames(file: StageFile, keys: Sequence[str]) -> int:
+    """Return how much memory all frames of these arrays take [byte].
+
+    Raises:
+        CorruptEpisodeError: If the file has been damaged since it was scanned.
+    """
+    with _open(file.path) as opened:
+        return sum(
+            int(_dataset(file.path, opened, f"stage_{file.stage}/{key}").nbytes) for key in keys
+        )
 
 
 def read_static(file: StageFile) -> dict[str, np.ndarray]:

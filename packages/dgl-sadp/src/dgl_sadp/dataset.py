@@ -1,6 +1,7 @@
 """Windows over recorded episodes, as a diffusion policy is trained on them."""
 
 import copy
+import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -10,12 +11,17 @@ from dgl_sadp._episode_file import (
     FRAME_KEYS,
     FrameSlice,
     StageFile,
+    measure_frames,
     read_frames,
     read_static,
     scan_stage,
+    take_frames,
 )
+from dgl_sadp.errors import CorruptEpisodeError
 
 __all__ = ["EpisodeDataset", "split_episodes"]
+
+logger = logging.getLogger(__name__)
 
 _OBSERVATION_KEYS = ("joint_state", "ee_pose", "env_point_cloud")
 
@@ -28,13 +34,14 @@ class EpisodeDataset:
     `observation_steps - 1` frames before a stage and end up to `action_steps - 1` after it, where the edge frame is
     repeated, so that a policy also learns the first and the last steps.
 
-    Frames are read from disk when they are asked for. What does not change within a stage is read once and kept
-    (about 65 kB an episode). It has the methods of a map-style PyTorch dataset and needs no PyTorch; it can be given to
-    data loaders with workers, since no file stays open.
+    Frames are read from disk when they are asked for; `keep_bytes` says how much of them may stay in memory. What does
+    not change within a stage is read once and kept (about 65 kB an episode). It has the methods of a map-style PyTorch
+    dataset and needs no PyTorch; it can be given to data loaders with workers, since no file stays open.
 
     Attributes:
         episodes: The successful episodes, by file name.
         failed: Files of episodes that did not succeed; they are left out.
+        refused: What is wrong with the files that were left out because of `skip_corrupt`.
 
     Source:
         Horizons and padding: DexGarmentLab's code.
@@ -49,6 +56,8 @@ class EpisodeDataset:
         action_steps: int = 4,
         *,
         observation_keys: Sequence[str] = _OBSERVATION_KEYS,
+        keep_bytes: int = 0,
+        skip_corrupt: bool = False,
     ) -> None:
         """Find and check the episodes; none of their arrays is read yet.
 
@@ -59,6 +68,10 @@ class EpisodeDataset:
             observation_steps: Observed frames.
             action_steps: Executed actions; with the observed frames they must fit into the horizon.
             observation_keys: Which recorded arrays are observed; add `image` for pictures.
+            keep_bytes: Memory for frames [byte]: episodes are kept whole once read, as long as they fit. The windows of
+                all others are read from disk each time.
+            skip_corrupt: Whether damaged files and those of another format are left out, logged and listed in
+                `refused`, rather than raised.
 
         Raises:
             ValueError: If an argument is out of range, no episode succeeded, only some episodes have an object's
@@ -66,6 +79,8 @@ class EpisodeDataset:
             FileNotFoundError: If the folder holds no episode.
             CorruptEpisodeError: If a file is damaged or of another format.
         """
+        if keep_bytes < 0:
+            raise ValueError(f"keep_bytes must be at least 0; got {keep_bytes}")
         _check_steps(stage, horizon, observation_steps, action_steps)
         allowed = [key for key in FRAME_KEYS if key != "action"]
         if not set(observation_keys) <= set(allowed):
@@ -75,7 +90,8 @@ class EpisodeDataset:
         self.observation_steps = observation_steps
         self.action_steps = action_steps
         self.observation_keys = tuple(observation_keys)
-        episodes, self.failed = _scan(Path(directory), stage)
+        self.keep_bytes = keep_bytes
+        episodes, self.failed, self.refused = _scan(Path(directory), stage, skip_corrupt)
         self._use(episodes)
 
     def __len__(self) -> int:
@@ -120,7 +136,11 @@ class EpisodeDataset:
         observed = FrameSlice(start, start + self.observation_steps)
         wanted = dict.fromkeys(self.observation_keys, observed)
         wanted["action"] = FrameSlice(start, start + self.horizon)
-        window = read_frames(episode, wanted)
+        kept = self._keep(episode)
+        if kept is None:
+            window = read_frames(episode, wanted)
+        else:
+            window = {key: take_frames(kept[key], part) for key, part in wanted.items()}
         window.update((key, array.copy()) for key, array in self._read_static(episode).items())
         return window
 
@@ -147,6 +167,8 @@ class EpisodeDataset:
         """Draw windows from these episodes."""
         self.episodes = episodes
         self._static: dict[Path, dict[str, np.ndarray]] = {}
+        self._kept: dict[Path, dict[str, np.ndarray]] = {}
+        self._kept_bytes = 0
         padded = self.observation_steps - 1 + self.action_steps - 1
         counts = [max(0, episode.frames + padded - self.horizon + 1) for episode in episodes]
         self._ends = np.cumsum(counts, dtype=np.int64)  # Windows up to and with each episode.
@@ -156,6 +178,19 @@ class EpisodeDataset:
                 f"no episode is long enough for a window of {self.horizon} frames; "
                 f"the longest has {longest}"
             )
+
+    def _keep(self, episode: StageFile) -> dict[str, np.ndarray] | None:
+        """Return all frames of an episode if they are in memory or fit into it."""
+        kept = self._kept.get(episode.path)
+        if kept is None and self._kept_bytes < self.keep_bytes:
+            keys = (*self.observation_keys, "action")
+            size = measure_frames(episode, keys)
+            if self._kept_bytes + size <= self.keep_bytes:
+                whole = FrameSlice(0, episode.frames)
+                kept = read_frames(episode, dict.fromkeys(keys, whole))
+                self._kept[episode.path] = kept
+                self._kept_bytes += size
+        return kept
 
     def _read_static(self, episode: StageFile) -> dict[str, np.ndarray]:
         if episode.path not in self._static:
@@ -207,7 +242,11 @@ def _check_steps(stage: int, horizon: int, observation_steps: int, action_steps:
         )
 
 
-def _scan(directory: Path, stage: int) -> tuple[tuple[StageFile, ...], tuple[Path, ...]]:
+def _scan(
+    directory: Path,
+    stage: int,
+    skip_corrupt: bool,  # noqa: FBT001 - private
+) -> tuple[tuple[StageFile, ...], tuple[Path, ...], tuple[CorruptEpisodeError, ...]]:
     # Hidden files are those that a writer has not finished.
     paths = sorted(path for path in directory.glob("*.h5") if not path.name.startswith("."))
     if not paths:
@@ -215,18 +254,27 @@ def _scan(directory: Path, stage: int) -> tuple[tuple[StageFile, ...], tuple[Pat
         raise FileNotFoundError(f"no episode files (*.h5) in {directory}{hint}")
     episodes: list[StageFile] = []
     failed: list[Path] = []
+    refused: list[CorruptEpisodeError] = []
     for path in paths:
-        episode = scan_stage(path, stage)
+        try:
+            episode = scan_stage(path, stage)
+        except CorruptEpisodeError as error:
+            if not skip_corrupt:
+                raise
+            logger.warning("left out: %s", error)
+            refused.append(error)
+            continue
         if episode is None:
             failed.append(path)
         else:
             episodes.append(episode)
     if not episodes:
-        raise ValueError(f"none of the {len(failed)} episode(s) in {directory} succeeded")
+        also = f", and {len(refused)} are refused: {refused[0]}" if refused else ""
+        raise ValueError(f"none of the {len(failed)} episode(s) in {directory} succeeded{also}")
     kinds = {episode.static_keys: episode.path for episode in episodes}
     if len(kinds) > 1:
         raise ValueError(
             "the episodes must agree in having an object_point_cloud or not; "
             + " but ".join(f"{path.name} has {list(keys)}" for keys, path in kinds.items())
         )
-    return tuple(episodes), tuple(failed)
+    return tuple(episodes), tuple(failed), tuple(refused)

@@ -2,11 +2,19 @@
 
 from pathlib import Path
 
-__all__ = ["CorruptEpisodeError", "SadpError"]
+__all__ = ["CheckpointError", "CorruptEpisodeError", "ObservationError", "SadpError"]
 
 
 class SadpError(Exception):
     """Base of the errors of this package. Wrong arguments raise `ValueError` instead."""
+
+
+class CheckpointError(SadpError):
+    """A file is not a checkpoint of this package, is damaged, or does not fit."""
+
+
+class ObservationError(SadpError):
+    """An observation lacks something, or has another shape or values that are not finite."""
 
 
 class CorruptEpisodeError(SadpError):

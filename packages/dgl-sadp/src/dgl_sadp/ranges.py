@@ -1,0 +1,105 @@
+"""Ranges of recorded data, in one pass over the files, which also finds what is damaged inside of them."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_sadp._episode_file import FRAME_KEYS, FrameSlice, StageFile, read_frames, read_static
+from dgl_sadp.dataset import EpisodeDataset
+from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.normalizer import Range
+
+__all__ = ["EpisodeRanges", "join_ranges", "measure_episodes"]
+
+logger = logging.getLogger(__name__)
+
+_FRAMES = 32  # Read at a time: 1.6 MB of an environment cloud, 30 MB of pictures.
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeRanges:
+    """What a pass over a dataset found."""
+
+    dataset: EpisodeDataset
+    """The episodes that are whole."""
+    ranges: tuple[dict[str, Range], ...]
+    """Range of each array, an entry for each of its episodes."""
+    refused: tuple[CorruptEpisodeError, ...]
+    """What is wrong with the other episodes, by file."""
+
+
+def measure_episodes(
+    dataset: EpisodeDataset,
+    keys: Sequence[str],
+    *,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> EpisodeRanges:
+    """Read every episode once, a few frames at a time, and leave out the damaged ones.
+
+    Args:
+        dataset: Episodes of one stage.
+        keys: Arrays to measure, of frames and of the stage; `image` is read, but has no range.
+        on_progress: Called with the number of episodes done and the number of all.
+
+    Raises:
+        ValueError: If no episode is whole, or a key is not recorded.
+    """
+    whole: list[int] = []
+    ranges: list[dict[str, Range]] = []
+    refused: list[CorruptEpisodeError] = []
+    for number, episode in enumerate(dataset.episodes):
+        try:
+            ranges.append(_measure_episode(episode, keys))
+            whole.append(number)
+        except CorruptEpisodeError as error:
+            logger.warning("left out: %s", error)
+            refused.append(error)
+        if on_progress is not None:
+            on_progress(number + 1, len(dataset.episodes))
+    if not whole:
+        raise ValueError(f"none of the {len(refused)} episode(s) is whole; the first: {refused[0]}")
+    return EpisodeRanges(
+        dataset=dataset.select(whole), ranges=tuple(ranges), refused=tuple(refused)
+    )
+
+
+def join_ranges(ranges: Sequence[dict[str, Range]]) -> dict[str, Range]:
+    """Return the ranges that cover those of several episodes."""
+    joined = dict(ranges[0])
+    for other in ranges[1:]:
+        joined = {key: found.join(other[key]) for key, found in joined.items()}
+    return joined
+
+
+def _measure_episode(episode: StageFile, keys: Sequence[str]) -> dict[str, Range]:
+    found: dict[str, Range] = {}
+
+    def measure(key: str, values: np.ndarray) -> None:
+        if key == "image":
+            return
+        if values.size == 0:
+            raise CorruptEpisodeError(episode.path, f"stage_{episode.stage}/{key} is empty")
+        if not np.isfinite(values).all():
+            raise CorruptEpisodeError(
+                episode.path, f"stage_{episode.stage}/{key} has values that are not finite"
+            )
+        part = Range.of(values)
+        found[key] = found[key].join(part) if key in found else part
+
+    of_frames = [key for key in keys if key in FRAME_KEYS]
+    for start in range(0, episode.frames, _FRAMES):
+        part = FrameSlice(start, min(start + _FRAMES, episode.frames))
+        for key, values in read_frames(episode, dict.fromkeys(of_frames, part)).items():
+            measure(key, values)
+    static = read_static(episode)
+    for key in keys:
+        if key in FRAME_KEYS:
+            continue
+        if key not in static:
+            raise ValueError(
+                f"{episode.path.name} has no {key}, which this policy observes; it has {sorted(static)}"
+            )
+        measure(key, static[key])
+    return found
