@@ -67,6 +67,24 @@ def test_a_run_is_trained_and_found_again(data, runs, capsys):
     assert run["garments"] == 2
 
 
+def test_all_stages_of_the_shipped_weights_run_with_one_command(data, tmp_path, capsys):
+    from dgl_gam.schedule import SCHEDULES
+
+    stages = SCHEDULES["shipped"].stages
+    command = ["train", "gam", "--data", str(data), "--out", str(tmp_path), "--preset", "shipped"]
+    command += ["--steps", str(len(stages)), "--json"]
+    assert main(command) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["network"] == str(tmp_path / "garments" / "network.safetensors")
+    assert run["steps"] == len(stages)
+    for stage in stages:
+        assert (tmp_path / "garments" / stage.name / "network.safetensors").is_file()
+    assert main([*command, "--resume"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"][0]["loss"] is None
+    assert main([*command, "--resume", "--seed", "1"]) == 1
+    assert "begun with other stages" in capsys.readouterr().err
+
+
 def test_what_cannot_be_trained_is_said_in_one_line(data, tmp_path, capsys):
     command = ["train", "gam", "--data", str(data), "--out", str(tmp_path)]
     for words, message in (

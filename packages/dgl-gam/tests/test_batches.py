@@ -210,3 +210,45 @@ def test_one_garment_alone_is_too_few(tmp_path, shirt_fields):
 def test_wrong_settings_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         BatchConfig(**change)
+
+
+def test_kinds_of_states_are_drawn_by_their_weights(shirts):
+    folder = GarmentFolder(shirts, split="train")
+
+    def count(weights):
+        config = BatchConfig(groups=1, group_size=2, flat_share=0.0, state_weights=weights)
+        maker = BatchMaker(folder, config, seed=0)
+        rng, garment = np.random.default_rng(0), folder.load(0)
+        views = [maker._draw_view(garment, rng) for _ in range(300)]
+        return np.mean([garment.view_state[view] == 0 for view in views])
+
+    assert 0.2 < count(()) < 0.5  # a third of the views are flat
+    assert count((("flat", 20.0),)) > 0.8
+    assert count((("flat", 0.02),)) < 0.1
+    with pytest.raises(ValueError, match="state_weights must be positive"):
+        BatchConfig(state_weights=(("flat", 0.0),))
+
+
+def test_a_batch_for_the_yaw_alone_has_the_same_clouds_and_no_pairs(shirts):
+    folder = GarmentFolder(shirts, split="train")
+    maker = BatchMaker(folder, BatchConfig(groups=2, group_size=2), seed=3)
+    whole, alone = maker.make(4), maker.make(4, has_pairs=False)
+    assert torch.equal(whole.turned, alone.turned)
+    assert torch.equal(whole.yaw, alone.yaw)
+    assert [len(x) for x in (alone.clouds, alone.source, alone.negative, alone.is_used)] == [0] * 4
+    assert alone.negative.shape[1:] == whole.negative.shape[1:]
+
+
+def test_mirrored_clouds_are_turned_the_other_way(shirts):
+    folder = GarmentFolder(shirts, split="train")
+    fields = {"groups": 1, "group_size": 4, "flat_share": 1.0, "missing": 0.0, "noise": 0.0}
+
+    def turn_back(share):
+        config = BatchConfig(**fields, mirrored_share=share)
+        batch = BatchMaker(folder, config, seed=1).make(0, has_pairs=False)
+        return rotate_yaw(batch.turned, -batch.yaw)
+
+    plain, mirrored = turn_back(0.0), turn_back(1.0)
+    flip = torch.tensor([-1.0, 1.0, 1.0])
+    torch.testing.assert_close(mirrored, plain * flip, atol=1e-4, rtol=0)
+    assert (plain - mirrored).abs().max() > 0.1

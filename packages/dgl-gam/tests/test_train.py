@@ -8,7 +8,7 @@ import torch
 
 from dgl_gam import CheckpointError
 from dgl_gam.checkpoint import load_checkpoint, save_checkpoint
-from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
+from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig, YawConfig
 from dgl_gam.data import GarmentFolder, write_garment
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
 from dgl_gam.loss import compute_info_nce
@@ -170,7 +170,9 @@ def test_training_starts_from_other_weights(folder, tmp_path):
     config = dataclasses.replace(CONFIG, steps=1, lr=1e-9, weight_decay=0.0)
     second = read_weights(train(folder, tmp_path / "second", config, start=first))
     card = load_checkpoint(tmp_path / "second" / "network.safetensors").card
-    assert card["earlier"] == [{"steps_done": CONFIG.steps, "garments": 9, "deformed": 9}]
+    assert card["earlier"] == [
+        {"steps_done": CONFIG.steps, "garments": 9, "deformed": 9, "parts": "all"}
+    ]
     for name, tensor in read_weights(first).items():
         torch.testing.assert_close(second[name], tensor, atol=1e-6, rtol=0)
 
@@ -200,3 +202,43 @@ def test_the_presets_are_as_documented():
         get_train_config("gpu")
     with pytest.raises(ValueError, match="lr must be positive"):
         TrainConfig(lr=0.0)
+
+
+def test_parts_are_trained_without_the_others(folder, tmp_path):
+    first = read_weights(train(folder, tmp_path / "first", dataclasses.replace(CONFIG, steps=1)))
+    start = tmp_path / "first" / "network.safetensors"
+    for parts in ("yaw", "features"):
+        config = dataclasses.replace(CONFIG, steps=2, parts=parts)
+        seen = []
+        out = tmp_path / parts
+        path = train(folder, out, config, start=start, on_progress=seen.append)
+        for name, tensor in read_weights(path).items():
+            is_trained = name.startswith("yaw.") == (parts == "yaw")
+            assert torch.equal(tensor, first[name]) != is_trained, name
+        assert all((p.yaw_loss > 0) == (parts == "yaw") for p in seen)
+        assert all((p.loss > 0) == (parts == "features") for p in seen)
+
+
+def test_a_new_network_of_the_yaw_leaves_the_features_alone(folder, tmp_path):
+    first = train(folder, tmp_path / "first", dataclasses.replace(CONFIG, steps=1))
+    config = dataclasses.replace(CONFIG, steps=1, parts="yaw", new_yaw=YawConfig(width=24))
+    second = train(folder, tmp_path / "second", config, start=first)
+    assert load_checkpoint(second).network.config.yaw.width == 24
+    before, after = read_weights(first), read_weights(second)
+    kept = [name for name in before if not name.startswith("yaw.")]
+    assert kept
+    assert all(torch.equal(before[name], after[name]) for name in kept)
+    with pytest.raises(ValueError, match="new_yaw must be None"):
+        dataclasses.replace(config, parts="features")
+
+
+def test_a_run_that_ends_early_keeps_its_learning_rate(folder, tmp_path):
+    fields = {"steps": 3, "warmup": 1, "save_every": 1}
+    short = dataclasses.replace(CONFIG, **fields, decay=100)
+    long = dataclasses.replace(CONFIG, **{**fields, "steps": 100})
+    ended = train(folder, tmp_path / "ended", short)
+    stopped = train(folder, tmp_path / "stopped", long, stop_after=3)
+    first, second = read_weights(ended), read_weights(stopped)
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    with pytest.raises(ValueError, match="decay must not be below steps; got 2 and 3"):
+        dataclasses.replace(short, decay=2)

@@ -11,6 +11,7 @@ from dexgarmentlab.cli import EXIT_OK, console
 
 if TYPE_CHECKING:
     from dgl_gam.data import GarmentFolder
+    from dgl_gam.schedule import Schedule
     from dgl_gam.train import Progress, TrainConfig
 
 __all__ = ["TrainGamOptions", "train_gam"]
@@ -23,7 +24,7 @@ class TrainGamOptions:
     Each run is a folder of --out: its log, the state to go on from, and network.safetensors at the end. Ctrl-C
     loses the steps since the last state; --resume goes on from there, to the same weights.
 
-    Example: dgl train gam --data gam-data --out gam-runs --preset cpu
+    Example: dgl train gam --data gam-data --out gam-runs --preset shipped
     """
 
     subject: Annotated[Literal["gam"], tyro.conf.Positional]
@@ -36,10 +37,11 @@ class TrainGamOptions:
     """Train one network for all categories."""
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
-    preset: Literal["cpu", "tune", "paper"] = "cpu"
-    """cpu: small network, from the start; tune: refines the weights of --start; paper: the paper's batches."""
+    preset: Literal["cpu", "tune", "paper", "shipped"] = "cpu"
+    """cpu: small network, from the start; tune: refines the weights of --start; paper: the paper's batches; shipped: all
+    stages by which the weights were made that come along, one network for all categories."""
     steps: int | None = None
-    """Steps; the preset's when not given."""
+    """Steps, of all stages together; the preset's when not given."""
     start: Path | None = None
     """Weights to start from, .safetensors."""
     seed: int = 0
@@ -60,11 +62,9 @@ def train_gam(options: TrainGamOptions) -> int:
 
     from dexgarmentlab.gam.runs import TOGETHER
     from dgl_gam.data import GarmentFolder
-    from dgl_gam.train import CONFIG_FILE, get_train_config
+    from dgl_gam.train import CONFIG_FILE
 
-    config = dataclasses.replace(get_train_config(options.preset), seed=options.seed)
-    if options.steps is not None:
-        config = dataclasses.replace(config, steps=options.steps)
+    config = _configure(options)
     if options.preset == "tune" and options.start is None:
         raise ValueError("--preset tune refines other weights: name them with --start")
     if options.device.startswith("cuda") and not torch.cuda.is_available():
@@ -74,7 +74,7 @@ def train_gam(options: TrainGamOptions) -> int:
     chosen = options.category or None
     folder = GarmentFolder(options.data, categories=chosen, split="train")
     runs = {TOGETHER: folder}
-    if not options.together:
+    if not options.together and options.preset != "shipped":
         runs = {
             name: GarmentFolder(options.data, categories=[name], split="train")
             for name in folder.categories
@@ -100,9 +100,25 @@ def train_gam(options: TrainGamOptions) -> int:
     return EXIT_OK
 
 
+def _configure(options: TrainGamOptions) -> "TrainConfig | Schedule":
+    """The preset, of one stage or several, with the options' steps and seed."""
+    from dgl_gam.schedule import SCHEDULES
+    from dgl_gam.train import get_train_config
+
+    if options.preset in SCHEDULES:
+        schedule = SCHEDULES[options.preset]
+        return schedule if options.steps is None else schedule.shorten(options.steps)
+    config = dataclasses.replace(get_train_config(options.preset), seed=options.seed)
+    return config if options.steps is None else dataclasses.replace(config, steps=options.steps)
+
+
 def _train_one(
-    options: TrainGamOptions, config: "TrainConfig", name: str, garments: "GarmentFolder"
+    options: TrainGamOptions,
+    config: "TrainConfig | Schedule",
+    name: str,
+    garments: "GarmentFolder",
 ) -> dict[str, Any]:
+    from dgl_gam.schedule import Schedule, train_schedule
     from dgl_gam.train import CONFIG_FILE, train
 
     shown, recent = 0, []
@@ -118,15 +134,28 @@ def _train_one(
             bar.advance(progress.step - shown, note=note)
             shown = progress.step
 
-        network = train(
-            garments,
-            options.out / name,
-            config,
-            start=options.start,
-            is_resumed=is_resumed,
-            device=options.device,
-            on_progress=show,
-        )
+        out = options.out / name
+        if isinstance(config, Schedule):
+            network = train_schedule(
+                garments,
+                out,
+                config,
+                start=options.start,
+                seed=options.seed,
+                is_resumed=is_resumed,
+                device=options.device,
+                on_progress=show,
+            )
+        else:
+            network = train(
+                garments,
+                out,
+                config,
+                start=options.start,
+                is_resumed=is_resumed,
+                device=options.device,
+                on_progress=show,
+            )
     count = len(recent)
     return {
         "name": name,

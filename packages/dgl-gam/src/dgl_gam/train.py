@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -18,8 +18,8 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from dgl_gam.config import get_network_config
-from dgl_gam.data.batches import BatchConfig, BatchMaker
+from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
+from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
 from dgl_gam.data.folder import GarmentFolder
 from dgl_gam.errors import CheckpointError
 from dgl_gam.loss import compute_info_nce
@@ -48,6 +48,8 @@ class TrainConfig:
     """Largest learning rate, of AdamW."""
     warmup: int = 50
     """Steps over which it rises; it then falls to zero as a cosine."""
+    decay: int | None = None
+    """Step at which it would be zero, where that is later than the last step: a run that ends early."""
     weight_decay: float = 1e-4
     """Weight decay."""
     temperature: float = 0.07
@@ -60,6 +62,11 @@ class TrainConfig:
     """Of the weights and of everything drawn."""
     save_every: int = 200
     """Steps between saved states."""
+    parts: Literal["all", "features", "yaw"] = "all"
+    """What is trained. The network of the features and that of the yaw share nothing, and the second is far smaller: alone it
+    takes many more steps in the same time."""
+    new_yaw: YawConfig | None = None
+    """Sizes of a network of the yaw that is begun anew, in place of the one that training starts from."""
     batch: BatchConfig = field(default_factory=BatchConfig)
     """What a batch holds."""
 
@@ -70,6 +77,12 @@ class TrainConfig:
         for name in ("lr", "temperature", "max_gradient"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive; got {getattr(self, name)}")
+        if self.parts not in ("all", "features", "yaw"):
+            raise ValueError(f"parts must be all, features or yaw; got {self.parts!r}")
+        if self.decay is not None and self.decay < self.steps:
+            raise ValueError(f"decay must not be below steps; got {self.decay} and {self.steps}")
+        if self.new_yaw is not None and self.parts == "features":
+            raise ValueError("new_yaw must be None where the yaw is not trained")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, as a run's folder stores them."""
@@ -160,7 +173,7 @@ def train(
     if not is_resumed and (out / CONFIG_FILE).exists():
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
     network = _make_network(folder, config, start).to(device).train()
-    parameters = dict(network.named_parameters())
+    parameters = _choose_parameters(network, config)
     optimizer = torch.optim.AdamW(
         parameters.values(), lr=config.lr, weight_decay=config.weight_decay, foreach=False
     )
@@ -178,7 +191,7 @@ def train(
         _trim_log(out / LOG_FILE, done)
     else:
         out.mkdir(parents=True, exist_ok=True)
-        _write_whole(out / CONFIG_FILE, json.dumps(described, indent=1))
+        write_whole(out / CONFIG_FILE, json.dumps(described, indent=1))
     maker = BatchMaker(folder, config.batch, seed=config.seed)
     numbers = [network.config.categories.index(c) for c in folder.categories]
     with (out / LOG_FILE).open("a", encoding="utf-8") as log:
@@ -186,15 +199,11 @@ def train(
             began = time.perf_counter()
             for group in optimizer.param_groups:
                 group["lr"] = _get_lr(config, step)
-            batch = maker.make(step).to(device)
+            batch = maker.make(step, has_pairs=config.parts != "yaw").to(device)
             category = torch.tensor(numbers, device=device)[batch.category]
-            features = network(batch.points, category)
-            loss, accuracy = compute_info_nce(features, batch, temperature=config.temperature)
-            logits = network.yaw(batch.turned)
-            yaw_loss = network.yaw.compute_loss(logits, batch.yaw, batch.yaw_weight)
-            total = loss + config.yaw_share * yaw_loss
+            losses = _compute_losses(network, batch, category, config)
             optimizer.zero_grad(set_to_none=True)
-            total.backward()
+            losses.total.backward()
             norm = torch.nn.utils.clip_grad_norm_(parameters.values(), config.max_gradient)
             if not torch.isfinite(norm):
                 raise FloatingPointError(f"the gradient of step {step + 1} is not finite")
@@ -202,9 +211,9 @@ def train(
             progress = Progress(
                 step=step + 1,
                 steps=config.steps,
-                loss=loss.item(),
-                accuracy=accuracy.item(),
-                yaw_loss=yaw_loss.item(),
+                loss=losses.match.item(),
+                accuracy=losses.accuracy.item(),
+                yaw_loss=losses.yaw.item(),
                 seconds=time.perf_counter() - began,
             )
             log.write(json.dumps(dataclasses.asdict(progress)) + "\n")
@@ -230,6 +239,35 @@ def train(
     return path
 
 
+class _Losses(NamedTuple):
+    """Losses of a batch; 0 for what is not trained."""
+
+    total: Tensor
+    match: Tensor
+    accuracy: Tensor
+    yaw: Tensor
+
+
+def _choose_parameters(network: GarmentNetwork, config: TrainConfig) -> dict[str, Tensor]:
+    """Parameters that are trained, by name."""
+    wanted = {"all": (True, False), "yaw": (True,), "features": (False,)}[config.parts]
+    return {n: p for n, p in network.named_parameters() if n.startswith("yaw.") in wanted}
+
+
+def _compute_losses(
+    network: GarmentNetwork, batch: Batch, category: Tensor, config: TrainConfig
+) -> _Losses:
+    match = accuracy = yaw = batch.points.new_zeros(())
+    if config.parts != "yaw":
+        features = network(batch.points, category)
+        match, accuracy = compute_info_nce(features, batch, temperature=config.temperature)
+    if config.parts != "features":
+        logits = network.yaw(batch.turned)
+        yaw = network.yaw.compute_loss(logits, batch.yaw, batch.yaw_weight)
+    share = 1.0 if config.parts == "yaw" else config.yaw_share
+    return _Losses(match + share * yaw, match, accuracy, yaw)
+
+
 def _describe_data(folder: GarmentFolder) -> dict[str, Any]:
     """What there was to learn from."""
     headers = folder.headers
@@ -247,6 +285,7 @@ def _describe_earlier(start: Path) -> list[dict[str, Any]]:
     """What the weights that training starts from have learned from, oldest first."""
     card = load_checkpoint(start).card
     last = {name: card.get(name, "unknown") for name in ("steps_done", "garments", "deformed")}
+    last["parts"] = card.get("train", {}).get("parts", "all")
     return [*card.get("earlier", []), last]
 
 
@@ -259,17 +298,30 @@ def _make_network(folder: GarmentFolder, config: TrainConfig, start: Path | None
                 f"{start} is for {', '.join(network.config.categories)}; "
                 f"the data have {', '.join(unknown)}"
             )
-        return network
-    sizes = get_network_config(config.network)
+        if config.new_yaw is None:
+            return network
+        sizes = dataclasses.replace(network.config, yaw=config.new_yaw)
+        changed = _make_seeded(sizes, config.seed)
+        kept = {n: t for n, t in network.state_dict().items() if not n.startswith("yaw.")}
+        changed.load_state_dict(kept, strict=False)
+        return changed
+    sizes = dataclasses.replace(get_network_config(config.network), categories=folder.categories)
+    if config.new_yaw is not None:
+        sizes = dataclasses.replace(sizes, yaw=config.new_yaw)
+    return _make_seeded(sizes, config.seed)
+
+
+def _make_seeded(sizes: NetworkConfig, seed: int) -> GarmentNetwork:
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(config.seed)
-        return GarmentNetwork(dataclasses.replace(sizes, categories=folder.categories))
+        torch.manual_seed(seed)
+        return GarmentNetwork(sizes)
 
 
 def _get_lr(config: TrainConfig, step: int) -> float:
     if step < config.warmup:
         return config.lr * (step + 1) / config.warmup
-    share = (step - config.warmup) / max(1, config.steps - config.warmup)
+    last = config.decay or config.steps
+    share = (step - config.warmup) / max(1, last - config.warmup)
     return config.lr * 0.5 * (1 + math.cos(math.pi * share))
 
 
@@ -332,10 +384,11 @@ def _trim_log(path: Path, step: int) -> None:
     """Keep the lines of the steps that are not done again."""
     if path.exists():
         lines = path.read_text(encoding="utf-8").splitlines()
-        _write_whole(path, "".join(line + "\n" for line in lines[:step]))
+        write_whole(path, "".join(line + "\n" for line in lines[:step]))
 
 
-def _write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file beside its place, then rename it."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     beside.write_text(text, encoding="utf-8")
     beside.replace(path)

@@ -58,6 +58,13 @@ class BatchConfig:
     """Largest standard deviation of the noise, in normalised units."""
     missing: float = 0.5
     """Largest share of the points that is missing."""
+    state_weights: tuple[tuple[str, float], ...] = ()
+    """How often views of kinds of states are drawn where a view may show any state, such as (("crumpled", 2.0),): 1 for
+    those that are not named."""
+    mirrored_share: float = 0.0
+    """Share of the clouds for the yaw that are mirrored: a garment the other way round is turned the other way."""
+    least_yaw_weight: float = 0.0
+    """Smallest weight of a cloud in the loss of the yaw, where no turn explains it well."""
 
     def __post_init__(self) -> None:
         for name in ("groups", "positives", "negatives"):
@@ -67,11 +74,18 @@ class BatchConfig:
             raise ValueError(f"group_size must be at least 2; got {self.group_size}")
         if not 64 <= self.points <= VIEW_POINTS:
             raise ValueError(f"points must be in [64, {VIEW_POINTS}]; got {self.points}")
-        for name in ("near_share", "traced_share", "flat_share"):
+        for name in (
+            "near_share", "traced_share", "flat_share", "mirrored_share", "least_yaw_weight"
+        ):  # fmt: skip
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be in [0, 1]; got {getattr(self, name)}")
         if not 0 <= self.missing < 0.9:
             raise ValueError(f"missing must be in [0, 0.9); got {self.missing}")
+        object.__setattr__(
+            self, "state_weights", tuple((k, float(w)) for k, w in self.state_weights)
+        )
+        if any(weight <= 0 for _, weight in self.state_weights):
+            raise ValueError(f"state_weights must be positive; got {self.state_weights}")
         if not 0 < self.max_distance <= self.margin < self.near:
             raise ValueError(
                 "max_distance, margin and near must be positive and grow; got "
@@ -148,8 +162,8 @@ class BatchMaker:
             deformed = tuple(i for i in indices if len(folder.headers[i].state_names) > 1)
             self._deformed[category] = deformed or indices
 
-    def make(self, step: int) -> Batch:
-        """Make the batch of a step."""
+    def make(self, step: int, *, has_pairs: bool = True) -> Batch:
+        """Make the batch of a step; without pairs for the yaw alone, which needs none and is much faster."""
         rng = np.random.default_rng([self._seed, step])
         config = self._config
         members: list[_Member] = []
@@ -162,7 +176,7 @@ class BatchMaker:
         places = [compute_places(member.garment) for member in members]
         seen = [m.vertices[k] for m, k in zip(members, kept, strict=True)]  # of each point kept
         rows: list[dict[str, np.ndarray]] = []
-        for group in range(config.groups):
+        for group in range(config.groups if has_pairs else 0):
             start = group * config.group_size
             for a in range(start, start + config.group_size):
                 for b in range(a + 1, start + config.group_size):
@@ -172,7 +186,7 @@ class BatchMaker:
                         places[second], rng,
                     )  # fmt: skip
                     rows.append({"clouds": np.array([first, second]), **row})
-        stacked = {name: torch.from_numpy(np.stack([r[name] for r in rows])) for name in rows[0]}
+        stacked = _stack_pairs(rows, config)
         return Batch(
             points=points,
             category=torch.tensor(categories),
@@ -201,7 +215,7 @@ class BatchMaker:
                 garment = self._folder.load(int(other))
                 garment = garment if garment.has_canonical else first
             views = garment.get_views("flat") if is_flat[number] else np.zeros(0, np.int64)
-            view = int(rng.choice(views if len(views) else len(garment.view_state)))
+            view = int(rng.choice(views)) if len(views) else self._draw_view(garment, rng)
             points, vertices = garment.view_points[view], garment.view_vertices[view]
             if config.points < VIEW_POINTS:
                 some = rng.permutation(VIEW_POINTS)[: config.points]
@@ -209,6 +223,14 @@ class BatchMaker:
             is_facing = garment.header.state_kinds[garment.view_state[view]] in FACING
             drawn.append(_Member(garment, points, vertices, is_facing))
         return drawn
+
+    def _draw_view(self, garment: GarmentData, rng: np.random.Generator) -> int:
+        """A view of any state of a garment, by the weights of their kinds."""
+        if not self._config.state_weights:
+            return int(rng.choice(len(garment.view_state)))
+        weights, kinds = dict(self._config.state_weights), garment.header.state_kinds
+        share = np.array([weights.get(kinds[state], 1.0) for state in garment.view_state])
+        return int(rng.choice(len(share), p=share / share.sum()))
 
     def _augment(
         self,
@@ -238,9 +260,18 @@ class BatchMaker:
         angle, strength = fit_yaw(gather_points(flat, kept), points)
         hung = fit_yaw(gather_points(own, kept), points)[0]
         angle = torch.where(facing, hung, angle)
-        strength = torch.where(facing, _FACING_STRENGTH, strength)
+        strength = torch.where(facing, _FACING_STRENGTH, strength).clamp(
+            min=config.least_yaw_weight
+        )
+        turned = points
+        if config.mirrored_share:
+            flip = torch.from_numpy(
+                np.where(rng.random(len(members)) < config.mirrored_share, -1, 1)
+            )
+            turned = torch.cat([points[..., :1] * flip[:, None, None], points[..., 1:]], dim=2)
+            angle = angle * flip
         spin = torch.from_numpy(rng.uniform(-math.pi, math.pi, len(members)).astype(np.float32))
-        return points, kept.numpy(), rotate_yaw(points, spin), angle + spin, strength
+        return points, kept.numpy(), rotate_yaw(turned, spin), angle + spin, strength
 
     def _pair(
         self,
@@ -274,6 +305,21 @@ class BatchMaker:
             "is_used": is_used,
             "is_negative": is_negative,
         }
+
+
+def _stack_pairs(rows: list[dict[str, np.ndarray]], config: BatchConfig) -> dict[str, torch.Tensor]:
+    """Pairs one after another; without any, arrays of no pairs."""
+    if rows:
+        return {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
+    few, many = (0, config.positives), (0, config.positives, config.negatives)
+    return {
+        "clouds": torch.zeros((0, 2), dtype=torch.int64),
+        "source": torch.zeros(few, dtype=torch.int64),
+        "positive": torch.zeros(few, dtype=torch.int64),
+        "negative": torch.zeros(many, dtype=torch.int64),
+        "is_used": torch.zeros(few, dtype=torch.bool),
+        "is_negative": torch.zeros(many, dtype=torch.bool),
+    }
 
 
 def choose_negatives(
