@@ -11,16 +11,30 @@ from dgl_sadp.errors import CheckpointError as CheckpointError
 from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
+from dgl_sadp.halo import HALO as HALO
+from dgl_sadp.halo import EnvironmentDriver as EnvironmentDriver
+from dgl_sadp.halo import HaloStage as HaloStage
+from dgl_sadp.halo import Matcher as Matcher
+from dgl_sadp.halo import StagePolicy as StagePolicy
+from dgl_sadp.halo import StageRecord as StageRecord
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
+from dgl_sadp.runner import PolicyRunner as PolicyRunner
 
 __all__ = [
+    "HALO",
     "CheckpointError",
     "CorruptEpisodeError",
     "DiffusionPolicy",
+    "EnvironmentDriver",
     "EpisodeDataset",
+    "HaloStage",
+    "Matcher",
     "ObservationError",
     "PolicyConfig",
+    "PolicyRunner",
     "SadpError",
+    "StagePolicy",
+    "StageRecord",
     "get_policy_config",
     "load_policy",
     "read_card",

@@ -1,0 +1,264 @@
+"""HALO: the hands go where the matcher finds the demonstrated points; from there a policy takes over. Stage by stage.
+
+Everything is given to it: what matches, the policies, and what moves the robot. It exchanges arrays with them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+__all__ = ["HALO", "EnvironmentDriver", "HaloStage", "Matcher", "StagePolicy", "StageRecord"]
+
+Observation = Mapping[str, np.ndarray]
+
+_EPSILON = 1e-8  # Keeps a column of equal similarities finite. Source: original code.
+
+
+class Matcher(Protocol):
+    """Finds, on one garment, the points that correspond to given points of another."""
+
+    def match(
+        self, source_cloud: np.ndarray, source_points: np.ndarray, target_cloud: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find the corresponding points.
+
+        Args:
+            source_cloud: Garment of the demonstration [m], shape (N, 3), world frame.
+            source_points: Points on it [m], shape (K, 3), world frame.
+            target_cloud: Observed garment [m], shape (M, 3), world frame.
+
+        Returns:
+            Indices into `target_cloud`, shape (K,), and similarities of each source point to every target point,
+            shape (K, M).
+        """
+        ...
+
+
+class StagePolicy(Protocol):
+    """Gives chunks of joint targets. `PolicyRunner` is one."""
+
+    def reset(self, observation: Observation, *, seed: int | None = None) -> None:
+        """Begin a stage with what stays the same in it: the clouds and the affordance."""
+        ...
+
+    def observe(self, observation: Observation) -> None:
+        """Take the observation that follows each executed target but the last of a chunk."""
+        ...
+
+    def act(self, observation: Observation) -> np.ndarray:
+        """Take the observation that follows the last target and return the next ones [rad], shape (n, D)."""
+        ...
+
+
+class EnvironmentDriver(Protocol):
+    """Moves the robot of one environment and says what is seen. Observations have the keys of episode files."""
+
+    def begin_stage(self, stage: int) -> Observation:
+        """Do what is scripted before a stage, such as opening the hands and placing props.
+
+        Args:
+            stage: Number of the stage, from 1.
+
+        Returns:
+            What is observed once a stage: `garment_point_cloud` [m], world frame, shape (N, 3), and, where there is an
+            object, `object_point_cloud` [m], world frame, shape (M, 3).
+        """
+        ...
+
+    def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
+        """Bring the hands to grasp points with the environment's own controller, open and ready for the policy.
+
+        Args:
+            left: Point for the left hand [m], shape (3,), world frame; None leaves the hand where it is.
+            right: The same for the right hand.
+        """
+        ...
+
+    def observe(self) -> Observation:
+        """Return what is observed at every frame now: `joint_state`, `env_point_cloud`, `image`."""
+        ...
+
+    def execute(self, target: np.ndarray) -> Observation:
+        """Hold joint targets for the duration of one action, and return what is observed then.
+
+        Args:
+            target: Joint targets [rad], shape (D,).
+        """
+        ...
+
+    def end_stage(self, stage: int) -> None:
+        """Do what is scripted after a stage, such as letting go and drawing back."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HaloStage:
+    """One stage: what was demonstrated, and who carries it out."""
+
+    policy: StagePolicy
+    """The policy of this stage."""
+    chunks: int
+    """How many chunks it executes."""
+    source_cloud: np.ndarray | None = None
+    """Garment of the demonstration when the stage began [m], shape (N, 3), world frame."""
+    left: np.ndarray | None = None
+    """Where the left hand grasped it [m], shape (3,), world frame; None if it did not."""
+    right: np.ndarray | None = None
+    """The same of the right hand."""
+
+    def __post_init__(self) -> None:
+        if self.chunks < 1:
+            raise ValueError(f"chunks must be at least 1; got {self.chunks}")
+        for name, wanted in (("source_cloud", 2), ("left", 1), ("right", 1)):
+            value = getattr(self, name)
+            if value is not None and (value.ndim != wanted or value.shape[-1] != 3):
+                shape = "(N, 3)" if wanted == 2 else "(3,)"
+                raise ValueError(f"{name} must have shape {shape}; got {value.shape}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StageRecord:
+    """What happened in a stage."""
+
+    stage: int
+    """Its number, from 1."""
+    left: np.ndarray | None
+    """Where the left hand was sent [m], shape (3,), world frame; None if it stayed."""
+    right: np.ndarray | None
+    """The same of the right hand."""
+    similarity: tuple[float, ...]
+    """Similarity of each matched point (left, then right); low values are doubtful."""
+    targets: int
+    """How many joint targets were executed."""
+
+
+class HALO:
+    """Carries out a task stage by stage: match, move the hands there, let the policy act.
+
+    Ablations are configurations: without the matcher (`use_gam=False`) the hands stay where they are and the affordance is
+    zero, which is SADP alone, or DP and DP3 alone with their policies; with the matcher and policies of DP3 it is
+    HALO without SADP.
+
+    Source:
+        DexGarmentLab, section on HALO; ablations "w/o GAM" and "w/o SADP".
+    """
+
+    def __init__(
+        self, matcher: Matcher | None, stages: Sequence[HaloStage], *, use_gam: bool = True
+    ) -> None:
+        """Take the parts.
+
+        Args:
+            matcher: What finds the demonstrated points; may be None without `use_gam`.
+            stages: The task's stages in order.
+            use_gam: Whether points are matched and the hands sent there.
+
+        Raises:
+            ValueError: If there is no stage, or something that `use_gam` needs is missing.
+        """
+        if not stages:
+            raise ValueError("stages must have at least one stage; got none")
+        if use_gam:
+            if matcher is None:
+                raise ValueError("use_gam needs a matcher; got None")
+            for number, stage in enumerate(stages, start=1):
+                if stage.source_cloud is None or (stage.left is None and stage.right is None):
+                    raise ValueError(
+                        f"use_gam needs the source_cloud of stage {number} and a point for a hand"
+                    )
+        self.matcher = matcher
+        self.stages = tuple(stages)
+        self.use_gam = use_gam
+
+    def run(
+        self,
+        driver: EnvironmentDriver,
+        *,
+        seed: int = 0,
+        on_chunk: Callable[[int, int], None] | None = None,
+    ) -> tuple[StageRecord, ...]:
+        """Carry out all stages.
+
+        Args:
+            driver: The environment, after its reset.
+            seed: Of what the policies draw; each stage has its own share of it.
+            on_chunk: Called after each chunk with the number of the stage and of the chunk, both from 1.
+
+        Returns:
+            A record of each stage.
+        """
+        records: list[StageRecord] = []
+        for number, stage in enumerate(self.stages, start=1):
+            observation = dict(driver.begin_stage(number))
+            cloud = np.asarray(observation["garment_point_cloud"])
+            record, affordance = self._match(number, stage, cloud)
+            if self.use_gam:
+                driver.move_hands(record.left, record.right)
+            observation["points_affordance_feature"] = affordance
+            drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+            stage.policy.reset(observation, seed=drawn)
+            executed = 0
+            seen = driver.observe()
+            for chunk in range(1, stage.chunks + 1):
+                targets = stage.policy.act(seen)
+                for index, target in enumerate(targets):
+                    seen = driver.execute(target)
+                    executed += 1
+                    if index + 1 < len(targets):
+                        stage.policy.observe(seen)
+                if on_chunk is not None:
+                    on_chunk(number, chunk)
+            driver.end_stage(number)
+            records.append(
+                StageRecord(
+                    stage=number,
+                    left=record.left,
+                    right=record.right,
+                    similarity=record.similarity,
+                    targets=executed,
+                )
+            )
+        return tuple(records)
+
+    def _match(
+        self, number: int, stage: HaloStage, cloud: np.ndarray
+    ) -> tuple[StageRecord, np.ndarray]:
+        """Find the points of the hands on a cloud, shape (N, 3), and the affordance of both, shape (N, 2)."""
+        if not self.use_gam:
+            nothing = StageRecord(stage=number, left=None, right=None, similarity=(), targets=0)
+            return nothing, np.zeros((len(cloud), 2), np.float32)
+        assert self.matcher is not None
+        assert stage.source_cloud is not None
+        wanted = [point for point in (stage.left, stage.right) if point is not None]
+        indices, similarity = self.matcher.match(stage.source_cloud, np.stack(wanted), cloud)
+        indices, similarity = np.asarray(indices), np.asarray(similarity, dtype=np.float64)
+        shape = (len(wanted), len(cloud))
+        if indices.shape != shape[:1] or similarity.shape != shape:
+            raise ValueError(
+                f"the matcher must return shapes {shape[:1]} and {shape}; "
+                f"got {indices.shape} and {similarity.shape}"
+            )
+        found = [cloud[int(index)] for index in indices]
+        record = StageRecord(
+            stage=number,
+            left=found[0] if stage.left is not None else None,
+            right=found[-1] if stage.right is not None else None,
+            similarity=tuple(
+                float(row[int(index)]) for row, index in zip(similarity, indices, strict=True)
+            ),
+            targets=0,
+        )
+        return record, scale_affordance(similarity)
+
+
+def scale_affordance(similarity: np.ndarray) -> np.ndarray:
+    """Scale similarities of one or two points, shape (K, N), to channels (left, right) in [0, 1], shape (N, 2).
+
+    The only point of a one-handed stage stands in both channels, as in the recorded data.
+    """
+    lowest = similarity.min(axis=1, keepdims=True)
+    spread = similarity.max(axis=1, keepdims=True) - lowest
+    columns = ((similarity - lowest) / (spread + _EPSILON)).T.astype(np.float32)
+    return np.repeat(columns, 2, axis=1) if columns.shape[1] == 1 else columns

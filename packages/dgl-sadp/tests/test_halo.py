@@ -1,0 +1,179 @@
+import numpy as np
+import pytest
+
+from dgl_sadp import HALO, DiffusionPolicy, HaloStage, PolicyRunner
+
+CLOUD = np.random.default_rng(0).uniform(-1, 1, (40, 3)).astype(np.float32)
+
+
+class NearestMatcher:
+    """Takes the garments to be the same: similar is what is near."""
+
+    def __init__(self):
+        self.calls = []
+
+    def match(self, source_cloud, source_points, target_cloud):
+        self.calls.append(source_points)
+        distance = np.linalg.norm(target_cloud[None] - source_points[:, None], axis=2)
+        return distance.argmin(axis=1), -distance
+
+
+class Recorder:
+    """An environment without a robot: it notes what it is told, and counts what it has executed."""
+
+    def __init__(self):
+        self.told = []
+        self.executed = 0
+
+    def begin_stage(self, stage):
+        self.told.append(("begin", stage))
+        return {"garment_point_cloud": CLOUD, "object_point_cloud": CLOUD}
+
+    def move_hands(self, left, right):
+        self.told.append(("move", left, right))
+
+    def observe(self):
+        return {
+            "joint_state": np.full(60, self.executed, np.float32),
+            "env_point_cloud": np.zeros((20, 6), np.float32),
+            "image": np.zeros((40, 48, 3), np.uint8),
+        }
+
+    def execute(self, target):
+        assert target.shape == (60,)
+        self.executed += 1
+        return self.observe()
+
+    def end_stage(self, stage):
+        self.told.append(("end", stage, self.executed))
+
+
+class Listener:
+    """A policy that notes what it observes."""
+
+    def __init__(self, steps=4):
+        self.steps = steps
+        self.stages, self.seeds, self.frames = [], [], []
+
+    def reset(self, observation, *, seed=None):
+        self.stages.append(observation)
+        self.seeds.append(seed)
+
+    def observe(self, observation):
+        self.frames.append(("observe", observation["joint_state"][0]))
+
+    def act(self, observation):
+        self.frames.append(("act", observation["joint_state"][0]))
+        return np.zeros((self.steps, 60), np.float32)
+
+
+def make_stage(policy, chunks=2, left=CLOUD[3], right=CLOUD[8]):
+    return HaloStage(policy=policy, chunks=chunks, source_cloud=CLOUD, left=left, right=right)
+
+
+def test_hands_go_to_the_matched_points_and_then_the_policy_acts():
+    policy, driver = Listener(), Recorder()
+    (record,) = HALO(NearestMatcher(), [make_stage(policy, chunks=3)]).run(driver)
+    begin, move, end = driver.told
+    assert begin == ("begin", 1)
+    np.testing.assert_array_equal(move[1], CLOUD[3])
+    np.testing.assert_array_equal(move[2], CLOUD[8])
+    assert end == ("end", 1, 12)
+    assert record.targets == 12
+    assert record.similarity == (0.0, 0.0)
+
+
+def test_the_policy_gets_each_observation_once():
+    policy = Listener()
+    HALO(NearestMatcher(), [make_stage(policy)]).run(Recorder())
+    assert [number for _, number in policy.frames] == list(range(8))
+    assert [kind for kind, _ in policy.frames] == (["act"] + ["observe"] * 3) * 2
+
+
+def test_the_affordance_is_the_scaled_similarity_of_both_hands():
+    policy = Listener()
+    HALO(NearestMatcher(), [make_stage(policy)]).run(Recorder())
+    affordance = policy.stages[0]["points_affordance_feature"]
+    assert affordance.shape == (40, 2)
+    for column, index in ((0, 3), (1, 8)):
+        distance = np.linalg.norm(CLOUD - CLOUD[index], axis=1)
+        np.testing.assert_allclose(affordance[:, column], 1 - distance / distance.max(), atol=1e-6)
+
+
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_the_other_hand_of_a_one_handed_stage_stays(hand):
+    policy, driver = Listener(), Recorder()
+    points = {"left": None, "right": None, hand: CLOUD[5]}
+    (record,) = HALO(NearestMatcher(), [make_stage(policy, **points)]).run(driver)
+    sent = dict(zip(("left", "right"), driver.told[1][1:], strict=True))
+    np.testing.assert_array_equal(sent.pop(hand), CLOUD[5])
+    assert list(sent.values()) == [None]
+    affordance = policy.stages[0]["points_affordance_feature"]
+    np.testing.assert_array_equal(affordance[:, 0], affordance[:, 1])
+    assert affordance[5, 0] == pytest.approx(1.0)
+    assert len(record.similarity) == 1
+
+
+def test_without_the_matcher_hands_stay_and_there_is_no_affordance():
+    policy, driver = Listener(), Recorder()
+    stage = HaloStage(policy=policy, chunks=1)
+    (record,) = HALO(None, [stage], use_gam=False).run(driver)
+    assert [told[0] for told in driver.told] == ["begin", "end"]
+    assert (record.left, record.right) == (None, None)
+    affordance = policy.stages[0]["points_affordance_feature"]
+    assert affordance.shape == (40, 2)
+    assert not affordance.any()
+
+
+def test_stages_follow_each_other_with_their_own_policies_and_seeds():
+    policies, driver, chunks = [Listener(), Listener(steps=2)], Recorder(), []
+    halo = HALO(NearestMatcher(), [make_stage(policy) for policy in policies])
+    records = halo.run(driver, seed=5, on_chunk=lambda *numbers: chunks.append(numbers))
+    assert [told[0] for told in driver.told] == ["begin", "move", "end"] * 2
+    assert [record.targets for record in records] == [8, 4]
+    assert chunks == [(1, 1), (1, 2), (2, 1), (2, 2)]
+    assert policies[0].seeds != policies[1].seeds
+    again = [Listener(), Listener()]
+    HALO(NearestMatcher(), [make_stage(policy) for policy in again]).run(Recorder(), seed=5)
+    assert [policy.seeds for policy in again] == [policy.seeds for policy in policies]
+
+
+def test_every_policy_runs_and_repeats_itself(method, tiny_config):
+    runner = PolicyRunner(DiffusionPolicy.make(tiny_config(method), seed=0))
+    targets = []
+
+    class Noting(Recorder):
+        def execute(self, target):
+            targets.append(target)
+            return super().execute(target)
+
+    for _ in range(2):
+        HALO(NearestMatcher(), [make_stage(runner)]).run(Noting(), seed=1)
+    np.testing.assert_array_equal(np.stack(targets[:8]), np.stack(targets[8:]))
+
+
+def test_a_matcher_that_answers_in_other_shapes_is_refused():
+    class Wrong:
+        def match(self, *_):
+            return np.zeros(2, int), np.zeros((2, 39))
+
+    with pytest.raises(ValueError, match=r"must return shapes \(2,\) and \(2, 40\); got .*39"):
+        HALO(Wrong(), [make_stage(Listener())]).run(Recorder())
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: HALO(NearestMatcher(), []), "at least one stage"),
+        (lambda: HALO(None, [make_stage(Listener())]), "use_gam needs a matcher"),
+        (
+            lambda: HALO(NearestMatcher(), [HaloStage(policy=Listener(), chunks=1)]),
+            "needs the source_cloud of stage 1",
+        ),
+        (lambda: make_stage(Listener(), chunks=0), "chunks must be at least 1; got 0"),
+        (lambda: make_stage(Listener(), left=CLOUD), r"left must have shape \(3,\); got \(40, 3\)"),
+    ],
+)
+def test_incomplete_parts_are_refused(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
