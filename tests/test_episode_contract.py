@@ -74,6 +74,9 @@ def test_the_documented_keys_are_the_written_ones(tmp_path, episodes):
         assert all(f"`stage_<k>/{key}`" in page for key in keys)
         assert page.count("| `stage_<k>/") == len(keys)
         assert all(f"| `{name}` |" in page for name in [*attributes, *of_stage])
-    assert {field.name for field in dataclasses.fields(episodes[0])} - {"stages", "extra"} < (
-        attributes
-    )
+    assert {field.name for field in dataclasses.fields(episodes[0])} - {
+        "stages",
+        "extra",
+        "commands",
+    } < (attributes)
+    assert "`commands`" in page

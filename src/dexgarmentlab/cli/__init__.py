@@ -62,6 +62,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("tasks", "the tasks, with their stages, success rules and garments"),
     Verb("assets", "garments: list, draw and build them, or import your own from mesh files"),
     Verb("collect", "collect demonstrations of a task automatically"),
+    Verb("replay", "re-run a recorded episode from its file and compare"),
     Verb("train", "train the affordance model"),
     Verb("gam", "the affordance model: match two garments, measure networks, pack weights"),
     Verb("bench", "measure this machine: the numbers that the documentation quotes"),

@@ -21,6 +21,8 @@ DEFAULT_MATCHER = "exact"
 """The matcher of files that name none."""
 DEFAULT_JOINTS = 60
 """Number of its joints."""
+FINAL_PARTICLES = "final_particles"
+"""Extra array: the garment's particles when it was judged [m], shape (V, 3)."""
 CLOUD_SIZE = 2048
 IMAGE_HEIGHT, IMAGE_WIDTH = 480, 640
 
@@ -49,6 +51,9 @@ _STAGE_KEYS: dict[str, _Key] = {
     "points_affordance_feature": _Key((CLOUD_SIZE, 2), per_frame=False),
     "object_point_cloud": _Key((CLOUD_SIZE, 3), per_frame=False, optional=True),
 }
+
+
+_STEP_KEYS = ("cloud_step", "first_step")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,10 +87,18 @@ class StageRecord:
     """The object when the stage begins [m], shape (2048, 3); None in tasks without one."""
     points: Points = field(default_factory=dict)
     """The points found on the garment."""
+    cloud_step: int | None = None
+    """Control steps between the reset and the garment's cloud; None in files that do not tell."""
+    first_step: int | None = None
+    """Control steps between the reset and the first frame; None in files that do not tell."""
 
     def __post_init__(self) -> None:
         if not self.name:
             raise ValueError("name must not be empty; got ''")
+        for key in _STEP_KEYS:
+            step = getattr(self, key)
+            if step is not None and step < 0:
+                raise ValueError(f"{key} must be at least 0; got {step}")
         arrays = {key: getattr(self, key) for key in _STAGE_KEYS}
         _check_stage({key: array for key, array in arrays.items() if array is not None})
         _check_points(self.points)
@@ -126,6 +139,9 @@ class Episode:
     """Further named numbers, such as the largest stretch, JSON-ready."""
     package_versions: Mapping[str, str] = field(default_factory=dict)
     """Name to version of what produced the episode."""
+    commands: np.ndarray | None = None
+    """Joint targets of all S control steps from the reset to the verdict [rad], shape (S, D), float32,
+    from which the attempt can be replayed; None in files that do not hold them."""
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Further numeric arrays for analysis, such as the true particles [m]."""
 
@@ -146,6 +162,8 @@ class Episode:
                 f"joint_state of robot {self.robot} must have shape (T, {DEFAULT_JOINTS}); "
                 f"got (T, {joints[0]})"
             )
+        if self.commands is not None:
+            self._check_commands(self.commands, joints[0])
         if not np.isfinite(self.success_value):
             raise ValueError(f"success_value must be finite; got {self.success_value}")
         for name in ("randomisation", "measurements", "package_versions"):
@@ -156,6 +174,15 @@ class Episode:
             if array.dtype.kind not in "iufb":
                 raise ValueError(f"extra {name!r} must be numeric; got dtype {array.dtype}")
             _check_finite(f"extra {name!r}", array)
+
+    @staticmethod
+    def _check_commands(commands: np.ndarray, joints: int) -> None:
+        if commands.ndim != 2 or commands.shape[1] != joints or commands.dtype != np.float32:
+            raise ValueError(
+                f"commands must have shape (S, {joints}) and dtype float32; "
+                f"got {commands.shape} {commands.dtype}"
+            )
+        _check_finite("commands", commands)
 
     @property
     def stage_names(self) -> tuple[str, ...]:
@@ -190,6 +217,8 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
             file.attrs[name] = _to_json(name, getattr(episode, name))
         for number, stage in enumerate(episode.stages, start=1):
             _write_stage(file.create_group(f"stage_{number}"), stage)
+        if episode.commands is not None:
+            _write_array(file, "commands", episode.commands)
         for name in sorted(episode.extra):
             _write_array(file, f"extra/{name}", episode.extra[name])
     return path
@@ -224,6 +253,9 @@ def read_episode(path: Path | str) -> Episode:
 def _write_stage(group: h5py.Group, stage: StageRecord) -> None:
     group.attrs["name"] = stage.name
     group.attrs["points"] = _to_json("points", stage.points)
+    for key in _STEP_KEYS:
+        if getattr(stage, key) is not None:
+            group.attrs[key] = getattr(stage, key)
     for key, declared in _STAGE_KEYS.items():
         array = getattr(stage, key)
         if array is None:
@@ -281,6 +313,7 @@ def _read_file(file: h5py.File) -> Episode:
         randomisation=_json_attribute(file, "randomisation", dict),
         measurements=_json_attribute(file, "measurements", dict),
         package_versions=_json_attribute(file, "package_versions", dict),
+        commands=_array(file, "commands") if "commands" in file else None,
         extra=extra,
     )
 
@@ -300,10 +333,16 @@ def _read_stage(group: h5py.Group) -> StageRecord:
         return StageRecord(
             name=str(_attribute(group, "name")),
             points=_json_attribute(group, "points", dict),
+            cloud_step=_step(group, "cloud_step"),
+            first_step=_step(group, "first_step"),
             **arrays,
         )
     except ValueError as err:
         raise ValueError(f"{label}: {err}") from err
+
+
+def _step(group: h5py.Group, name: str) -> int | None:
+    return int(_attribute(group, name)) if name in group.attrs else None
 
 
 def _group(parent: h5py.Group, key: str) -> h5py.Group:

@@ -25,6 +25,10 @@ class CorruptEpisodeError(CollectionError):
         self.fault = fault
 
 
+class NotReplayableError(CollectionError):
+    """An episode does not hold what a replay needs, such as its commands."""
+
+
 class UnknownTaskError(CollectionError):
     """A task name is not among the known ones; the message names the closest."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import Demonstration, RetargetedWaypoint, retarget_waypoints
-from dgl_collect.episodes import Episode, Points, StageRecord
+from dgl_collect.episodes import FINAL_PARTICLES, Episode, Points, StageRecord
 from dgl_collect.matching import FindMatcher
 from dgl_collect.recording import StageRecorder, StageStart
 from dgl_collect.results import package_versions
@@ -159,6 +159,7 @@ class Execution:
     def _run_stage(self, stage: Stage) -> None:
         demonstrated = self.demonstration.get_stage(stage.name)
         points = self.points
+        cloud_step = self.driver.step_count
         # seen again: the stages before may have dragged the garment along
         cloud = self.driver.see_garment()
         if stage.looks_again:
@@ -176,6 +177,8 @@ class Execution:
                     garment_point_cloud=cloud,
                     points_affordance_feature=compute_affordance(similarity),
                     points=self._describe(points),
+                    cloud_step=cloud_step,
+                    first_step=self.driver.step_count,
                 )
             )
         send, hands = self.driver.send, self.motion.set_hands
@@ -229,6 +232,7 @@ class Execution:
     # Judging ---------------------------------------------------------------------------------
 
     def _judge(self) -> Outcome:
+        self.driver.settle()
         judgement = self.driver.judge(self.points)
         verdict, reason, detail = judgement.verdict, judgement.reason, ""
         if not verdict.success:
@@ -273,4 +277,6 @@ class Execution:
             randomisation=dict(self.env.draws),
             measurements=dict(self.driver.measurements),
             package_versions=package_versions(),
+            commands=np.stack(self.driver.commands),
+            extra={FINAL_PARTICLES: self.env.get_particles().astype(np.float32)},
         )

@@ -21,6 +21,8 @@ class StageStart:
     points_affordance_feature: np.ndarray
     object_point_cloud: np.ndarray | None = None
     points: Points = field(default_factory=dict)
+    cloud_step: int | None = None
+    first_step: int | None = None
 
 
 class StageRecorder:
@@ -91,6 +93,8 @@ class StageRecorder:
             points_affordance_feature=self._start.points_affordance_feature,
             object_point_cloud=self._start.object_point_cloud,
             points=self._start.points,
+            cloud_step=self._start.cloud_step,
+            first_step=self._start.first_step,
         )
 
     def _stack(self, key: str) -> np.ndarray:

@@ -228,8 +228,12 @@ class Driver:
 
     # Judging ---------------------------------------------------------------------------------
 
+    def settle(self) -> None:
+        """Wait for the garment to come to rest before it is judged."""
+        self.send(self.motion.hold(FINAL_FRAMES))
+
     def judge(self, points: Mapping[str, np.ndarray] | None = None) -> Judgement:
-        """Judge what the garment camera sees after a last wait, with the arms where they are.
+        """Judge what the garment camera sees, with the arms where they are.
 
         Args:
             points: Where the places that the rule names lay on the garment before it was touched
@@ -238,7 +242,6 @@ class Driver:
         Raises:
             PerceptionError: If the camera sees nothing of the garment.
         """
-        self.send(self.motion.hold(FINAL_FRAMES))
         picture = see.take_picture(self.env, "garment_camera")
         seen = see.get_garment_points(self.env, picture)
         rule = self.env.task.success

@@ -1,0 +1,278 @@
+"""Replay of an episode: the recorded commands once more, and what differs from the record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dgl_collect.episodes import FINAL_PARTICLES, Episode, StageRecord
+from dgl_collect.errors import NotReplayableError
+from dgl_tasks.observation import STEPS_PER_FRAME, Observation
+
+if TYPE_CHECKING:
+    from dgl_tasks.driver import Driver
+    from dgl_tasks.env import GarmentEnv
+
+_UNITS = {
+    "joint_state": "rad",
+    "action": "rad",
+    "ee_pose": "m",
+    "env_point_cloud": "m",
+    "garment_point_cloud": "m",
+    FINAL_PARTICLES: "m",
+}
+_PICTURES = ("image", "env_point_cloud", "garment_point_cloud")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """How far a recorded array and the replay's are apart."""
+
+    name: str
+    """Key of the array in the episode file."""
+    count: int
+    """Numbers compared."""
+    largest: float
+    """Largest absolute difference; infinite where the shapes differ."""
+    unit: str
+    """Its unit; poses and coloured clouds also hold numbers without one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """What a replay has found."""
+
+    task: str
+    """Environment id."""
+    seed: int
+    """Seed of the episode."""
+    garment_id: str
+    """Which garment."""
+    steps: int
+    """Control steps that were replayed."""
+    differences: tuple[Difference, ...]
+    """By array, in the order of the file."""
+    changed_draws: Mapping[str, tuple[object, object]]
+    """Draws of the randomisation that are not as recorded: name to recorded and replayed value."""
+    recorded: tuple[bool, float]
+    """Success and value of the rule, as recorded."""
+    replayed: tuple[bool, float]
+    """Success and value of the rule, of the replay."""
+    picture: np.ndarray
+    """What was judged at the end, shape (H, W, 3), uint8."""
+
+    def reproduces(self, tolerance: float = 0.0) -> bool:
+        """Say whether the replay is as the record.
+
+        Args:
+            tolerance: Largest difference that is allowed of joints [rad], poses and particles [m]
+                and of the rule's value. At 0, the default, pictures and clouds have to be equal as
+                well, bit for bit; above, they are not looked at, since one pixel can change a cloud.
+
+        Raises:
+            ValueError: If the tolerance is negative or not finite.
+        """
+        if not (math.isfinite(tolerance) and tolerance >= 0):
+            raise ValueError(f"tolerance must be at least 0; got {tolerance}")
+        compared = [d for d in self.differences if tolerance == 0 or d.name not in _PICTURES]
+        return (
+            not self.changed_draws
+            and self.recorded[0] == self.replayed[0]
+            and abs(self.recorded[1] - self.replayed[1]) <= tolerance
+            and all(d.largest <= tolerance for d in compared)
+        )
+
+
+def replay_episode(
+    episode: Episode,
+    *,
+    robots: Path | str | None = None,
+    render_backend: str | None = None,
+    film: Callable[[np.ndarray], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
+) -> Replay:
+    """Send an episode's commands to a new environment of its seed and garment, and compare.
+
+    Neither matcher nor planner take part: what is tested is that garment, robot, simulation, cameras
+    and rule still do what they did. Every recorded array but the affordance is compared. On the
+    machine and with the packages of the record all of them are equal bit for bit; elsewhere rounding
+    differs, and cloth makes small differences large.
+
+    Args:
+        episode: What was recorded.
+        robots: Folder of imported robots, for a robot that is not built in.
+        render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
+        film: Receives a picture for people at every fifth control step, shape (H, W, 3), uint8.
+        on_step: Told after each control step how many have been made.
+
+    Raises:
+        NotReplayableError: If the episode does not hold its commands.
+        AssetError: If its robot or garment does not exist.
+        PhysicsError: If the simulation fails.
+    """
+    import gymnasium
+    import torch
+
+    import dgl_tasks  # noqa: F401 - registers the environments
+    from dgl_assets.robots.importing import load_robot
+
+    _check_replayable(episode)
+    made = gymnasium.make(
+        episode.task,
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
+        render_mode="rgb_array",
+        look="random" if "floor" in episode.randomisation else "studio",
+        robot=load_robot(episode.robot, robots),
+    )
+    try:
+        env = made.unwrapped
+        return replay_in(env, episode, film=film, on_step=on_step)  # pyright: ignore[reportArgumentType]
+    finally:
+        made.close()
+
+
+def replay_in(
+    env: GarmentEnv,
+    episode: Episode,
+    *,
+    film: Callable[[np.ndarray], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
+) -> Replay:
+    """Replay in an environment of the episode's task, robot and look; see `replay_episode`."""
+    from dgl_tasks.driver import Driver
+    from dgl_tasks.motion import BimanualMotion
+    from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+
+    commands = _check_replayable(episode)
+    points = _find_points(episode, env.task.success.points)
+    robot = env.agent.model  # pyright: ignore[reportAttributeAccessIssue]
+    motion = BimanualMotion(env.task, DEFAULT_ROBOT_DIRECTORY, robot=robot)
+    driver = Driver(env, motion, seed=episode.seed, film=film)
+    env.reset(seed=episode.seed, options={"garment": episode.garment_id})
+    comparison = _Comparison(episode, driver)
+    for number, row in enumerate(commands, start=1):
+        driver.send(row[None], comparison)
+        if on_step is not None:
+            on_step(number)
+    comparison.compare_end()
+    judgement = driver.judge(points)
+    return Replay(
+        task=episode.task,
+        seed=episode.seed,
+        garment_id=episode.garment_id,
+        steps=len(commands),
+        differences=comparison.differences,
+        changed_draws=_compare_draws(episode.randomisation, env.draws),
+        recorded=(episode.success, episode.success_value),
+        replayed=(judgement.reason is None, judgement.verdict.value),
+        picture=judgement.picture,
+    )
+
+
+class _Comparison:
+    """Looks where the recorder looked, and keeps the largest differences."""
+
+    def __init__(self, episode: Episode, driver: Driver) -> None:
+        self._episode, self._driver = episode, driver
+        self._largest: dict[str, float] = {}
+        self._count: dict[str, int] = {}
+        self._frames: dict[int, tuple[StageRecord, int]] = {}
+        self._clouds: dict[int, StageRecord] = {}
+        for stage in episode.stages:
+            assert stage.first_step is not None
+            assert stage.cloud_step is not None
+            self._clouds[stage.cloud_step] = stage
+            for k in range(stage.frame_count):
+                self._frames[stage.first_step + k * STEPS_PER_FRAME] = (stage, k)
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        return tuple(
+            Difference(
+                name=name,
+                count=self._count[name],
+                largest=largest,
+                unit=_UNITS.get(name, "levels"),
+            )
+            for name, largest in self._largest.items()
+        )
+
+    def before_step(self, target: np.ndarray, observe: Callable[[], Observation]) -> None:
+        del target
+        step = self._driver.step_count
+        if step in self._clouds:
+            recorded = self._clouds[step].garment_point_cloud
+            self._compare("garment_point_cloud", recorded, self._driver.see_garment())
+        if step in self._frames:
+            stage, k = self._frames[step]
+            seen = observe()
+            for name in ("joint_state", "ee_pose", "image", "env_point_cloud"):
+                self._compare(name, getattr(stage, name)[k], getattr(seen, name))
+
+    def compare_end(self) -> None:
+        """Compare what is known at the end: recorded actions with the commands, and the particles."""
+        commands = self._episode.commands
+        assert commands is not None
+        for step, (stage, k) in self._frames.items():
+            held = commands[step : step + STEPS_PER_FRAME]
+            row = held[-1]
+            if k == stage.frame_count - 1:  # it may have ended before its fifth step
+                row = held[np.abs(held - stage.action[k]).max(axis=1).argmin()]
+            self._compare("action", stage.action[k], row)
+        particles = self._driver.env.get_particles().astype(np.float32)
+        self._compare(FINAL_PARTICLES, self._episode.extra[FINAL_PARTICLES], particles)
+
+    def _compare(self, name: str, recorded: np.ndarray, replayed: np.ndarray) -> None:
+        difference = math.inf
+        if recorded.shape == replayed.shape:
+            difference = float(np.abs(recorded.astype(float) - replayed.astype(float)).max())
+        self._largest[name] = max(difference, self._largest.get(name, 0.0))
+        self._count[name] = self._count.get(name, 0) + recorded.size
+
+
+def _check_replayable(episode: Episode) -> np.ndarray:
+    commands = episode.commands
+    if commands is None:
+        raise NotReplayableError(
+            "the episode must hold its commands; this one was recorded before they were kept: "
+            "collect it again"
+        )
+    if FINAL_PARTICLES not in episode.extra:
+        raise NotReplayableError(f"the episode must hold extra/{FINAL_PARTICLES}; it does not")
+    for stage in episode.stages:
+        if stage.first_step is None or stage.cloud_step is None:
+            raise NotReplayableError(f"stage {stage.name!r} must say when it was seen; it does not")
+        last = stage.first_step + (stage.frame_count - 1) * STEPS_PER_FRAME
+        if last >= len(commands):
+            raise NotReplayableError(
+                f"commands must reach step {last} of stage {stage.name!r}; got {len(commands)}"
+            )
+    return commands
+
+
+def _compare_draws(
+    recorded: Mapping[str, object], replayed: Mapping[str, object]
+) -> dict[str, tuple[object, object]]:
+    names = [*recorded, *(name for name in replayed if name not in recorded)]
+    return {
+        name: (recorded.get(name), replayed.get(name))
+        for name in names
+        if recorded.get(name) != replayed.get(name)
+    }
+
+
+def _find_points(episode: Episode, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Give where the rule's points were found on the garment before it was touched."""
+    points = episode.stages[0].points
+    missing = [name for name in names if "xyz" not in points.get(name, {})]
+    if missing:
+        raise NotReplayableError(f"stage 1 must hold the points of the rule; it lacks {missing}")
+    return {name: np.array(points[name]["xyz"]) for name in names}
