@@ -178,6 +178,7 @@ def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
         "flat_any",
         "noise_half",
         "noise_cut",
+        "noise_any",
         "all",
     ]
     assert main([*measured, "--markdown"]) == 0

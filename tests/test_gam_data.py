@@ -15,7 +15,7 @@ from dexgarmentlab.gam_data.garment import find_path, make_garment_data
 from dexgarmentlab.gam_data.handling import Handling, find_grip
 from dexgarmentlab.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
 from dexgarmentlab.gam_data.views import TOLERANCE, make_direction, see_surface
-from dgl_assets import garment_ids, list_categories, load_garment
+from dgl_assets import MeshingError, garment_ids, list_categories, load_garment
 from dgl_gam.data import read_garment
 from dgl_physics import PhysicsError
 
@@ -243,6 +243,22 @@ def test_a_flat_garment_is_the_flat_state_of_the_whole_one(data, tmp_path):
     np.testing.assert_array_equal(flat.states[0], whole.states[0])
     views = whole.get_views("flat")
     np.testing.assert_array_equal(flat.view_points, whole.view_points[views])
+
+
+def test_a_garment_that_cannot_be_meshed_as_usual_has_other_edges(tmp_path, monkeypatch):
+    def load(garment_id, spacing=None):
+        if spacing == garment_module.SPACING:
+            raise MeshingError("an outline cannot be filled")
+        return load_garment(garment_id, spacing=spacing)
+
+    monkeypatch.setattr(garment_module, "load_garment", load)
+    made = make_garment_data(SCARF, "train", seed=0, folder=tmp_path, is_flat=True)
+    assert (made.error, made.note) == ("", "edges of 22 mm: an outline cannot be filled")
+    kept = read_garment(find_path(tmp_path, SCARF))
+    assert kept.states.shape[1] == len(load_garment(SCARF, spacing=0.022).vertices)
+    monkeypatch.setattr(garment_module, "_OTHER_SPACINGS", ())
+    failed = make_garment_data(SCARF, "train", seed=0, folder=tmp_path, is_flat=True)
+    assert failed.error == "an outline cannot be filled"
 
 
 def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path, capsys):

@@ -60,8 +60,109 @@ def test_conditions_are_the_flat_ones_and_the_kinds_of_the_files(folder):
         "flat_any",
         "noise_half",
         "noise_cut",
+        "noise_any",
         "dropped",
     )
+
+
+def test_what_hangs_is_measured_from_the_front_and_from_anywhere(tmp_path, shirt_fields):
+    for seed in (0, 1):
+        fields = shirt_fields(seed)
+        fields["state_names"] = ["flat", "hung_two_0", "dropped_0"]
+        write_garment(tmp_path / f"{seed}.safetensors", **fields)
+    found = list_conditions(GarmentFolder(tmp_path), "Shirt")
+    assert found[-3:] == ("dropped", "hung_two", "hung_two_any")
+
+
+def make_disk(rng):
+    """A round hat: canonical coordinates are polar, and the state is an oval lying askew."""
+    radius = np.sqrt(np.linspace(0.0, 4.0, 900))
+    angle = np.arange(900) * 2.399963
+    plane = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    canonical = np.column_stack([plane, np.ones(900)]).astype(np.float32)
+    flat = np.column_stack([0.05 * plane * [1.0, 1.1], 0.05 - 0.02 * radius])
+    tilted = flat @ np.array([[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]]).T
+    seen = rng.integers(900, size=(2, 2048))
+    return {
+        "category": "Bowl_Hat",
+        "split": "test",
+        "seed": 0,
+        "state_names": ["flat", "tilted_0"],
+        "landmark_names": ["brim"],
+        "view_directions": np.tile([0.0, 0.0, 1.0], (2, 1)),
+        "generator_versions": {"tests": "1"},
+        "canonical": canonical,
+        "states": np.stack([flat, tilted]).astype(np.float32),
+        "faces": np.array([[0, 1, 2]], np.int32),
+        "landmarks": np.array([899], np.int32),
+        "view_points": np.stack([flat[seen[0]], tilted[seen[1]]]).astype(np.float32),
+        "view_vertices": seen.astype(np.int32),
+        "view_state": np.array([0, 1]),
+    }
+
+
+@pytest.mark.parametrize("condition", ["flat_any", "tilted"])
+def test_a_round_hat_is_judged_by_one_turn_for_all_points(tmp_path, rng, monkeypatch, condition):
+    for name in ("Bowl_Hat/0", "Bowl_Hat/1"):
+        path = tmp_path / f"{name}.safetensors"
+        write_garment(path, garment_id=name, **make_disk(rng))
+    hats = GarmentFolder(tmp_path)
+    torch.manual_seed(0)
+    config = dataclasses.replace(PRESETS["small"], categories=("Bowl_Hat",))
+    model = GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
+    first = hats.load(0)
+
+    def measure(turn, mirror=1.0):
+        """Errors where the answer is the true place turned about the axis, or also mirrored, which no turn does."""
+        vertices, current = [], hats.load(1)
+        plane = first.canonical[:, :2]
+        cos, sin = np.cos(turn), np.sin(turn)
+        moved = plane @ np.array([[cos, sin], [-sin, cos]]) * [mirror, 1.0]
+
+        def choose(points, cloud):
+            flat = first.states[0]
+            source = np.linalg.norm(flat[None] - points[:, None], axis=2).argmin(axis=1)
+            goal = np.linalg.norm(moved[source][:, None] - plane[None], axis=2).argmin(axis=1)
+            vertices.append(goal)
+            view = current.view_vertices[int(condition == "tilted")]
+            away = np.linalg.norm(plane[view][None] - plane[goal][:, None], axis=2)
+            return away.argmin(axis=1)
+
+        answer_with(monkeypatch, choose)
+        errors = {}
+        for symmetry in ("", "revolution"):
+            trial = run_trial(
+                model,
+                first,
+                current,
+                condition,
+                CONFIG,
+                np.random.default_rng(0),
+                symmetry=symmetry,
+            )
+            assert symmetry == "" or not trial.is_lateral.any()
+            errors[symmetry] = trial.error.mean()
+        return errors
+
+    true, turned, mirrored = measure(0.0), measure(2.0), measure(2.0, mirror=-1.0)
+    assert true[""] < 0.03
+    assert turned[""] > 0.3
+    assert max(true["revolution"], turned["revolution"]) < 0.04
+    assert mirrored["revolution"] > 0.2
+
+
+def test_a_category_with_a_symmetry_has_both_rows(tmp_path, rng, monkeypatch):
+    for name in ("Bowl_Hat/0", "Bowl_Hat/1"):
+        path = tmp_path / f"{name}.safetensors"
+        write_garment(path, garment_id=name, **make_disk(rng))
+    torch.manual_seed(0)
+    config = dataclasses.replace(PRESETS["small"], categories=("Bowl_Hat",))
+    model = GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
+    answer_with(monkeypatch, lambda points, cloud: np.zeros(len(points), np.int64))
+    rows = evaluate({"Bowl_Hat": model}, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=4))
+    kinds = {(row.condition, row.symmetry) for row in rows}
+    assert {("flat_30", ""), ("flat_30", "revolution"), ("all", "revolution")} <= kinds
+    assert "| Bowl_Hat, by its revolution | flat_30 |" in format_markdown(rows)
 
 
 def test_a_condition_has_all_its_pairs_where_few_garments_have_the_state(
@@ -158,7 +259,7 @@ def test_measures_of_a_row_are_those_of_its_points():
 def test_evaluation_covers_every_condition_and_repeats_itself(model, folder):
     rows = evaluate({"Shirt": model}, folder, CONFIG)
     assert [row.condition for row in rows] == [
-        *("flat_30", "flat_any", "noise_half", "noise_cut", "dropped"),
+        *("flat_30", "flat_any", "noise_half", "noise_cut", "noise_any", "dropped"),
         "all",
     ]
     assert rows[-1].points == sum(row.points for row in rows[:-1])
@@ -182,8 +283,8 @@ def test_several_categories_have_a_mean(tmp_path, shirt_fields):
     shared = Checkpoint(network=GarmentNetwork(config))
     models = {name: GarmentAffordanceModel(shared, category=name) for name in config.categories}
     rows = evaluate(models, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=5))
-    assert [row.category for row in rows] == ["Gown"] * 6 + ["Shirt"] * 6 + ["all"] * 6
-    for gown, shirt, mean in zip(rows[:6], rows[6:12], rows[12:], strict=True):
+    assert [row.category for row in rows] == ["Gown"] * 7 + ["Shirt"] * 7 + ["all"] * 7
+    for gown, shirt, mean in zip(rows[:7], rows[7:14], rows[14:], strict=True):
         assert gown.condition == shirt.condition == mean.condition
         assert mean.mean_error == pytest.approx((gown.mean_error + shirt.mean_error) / 2)
         assert mean.points == gown.points + shirt.points

@@ -81,3 +81,19 @@ def test_rows_are_taken_by_index(clouds):
     taken = _sampling.gather_points(clouds, indices)
     assert taken.shape == (2, 2, 2, 3)
     torch.testing.assert_close(taken[1, 1, 0], clouds[1, 59])
+
+
+def test_interpolated_values_agree_with_sums_by_hand(clouds):
+    values = torch.rand(2, 9, 5, generator=torch.Generator().manual_seed(1), requires_grad=True)
+    indices, weights = _sampling.find_three_nearest(clouds, clouds[:, :9])
+    found = _sampling.interpolate(values, indices, weights)
+    by_hand = torch.stack(
+        [
+            torch.stack([w @ v[i] for i, w in zip(rows, shares, strict=True)])
+            for v, rows, shares in zip(values, indices, weights, strict=True)
+        ]
+    )
+    torch.testing.assert_close(found, by_hand)
+    (gradient,) = torch.autograd.grad(found.square().sum(), values)
+    (expected,) = torch.autograd.grad(by_hand.square().sum(), values)
+    torch.testing.assert_close(gradient, expected)

@@ -103,6 +103,7 @@ def summarize(done: "Sequence[Made]") -> dict[str, Any]:
         "failed": sum(row["failed"] for row in rows),
         "megabytes": sum(made.bytes for made in done) / 1e6,
         "categories": rows,
+        "notes": [{"id": made.id, "note": made.note} for made in done if made.note],
         "failures": [{"id": made.id, "reason": made.error} for made in done if made.error],
     }
 
@@ -120,6 +121,8 @@ def _print(out: Path, summary: dict[str, Any]) -> None:
             for row in summary["categories"]
         ],
     )
+    for noted in summary["notes"]:
+        console.out(f"{noted['id']}: {noted['note']}")
     for failure in summary["failures"]:
         console.out(f"failed: {failure['id']}: {failure['reason']}")
     console.out(f"{out}: {summary['garments']} garments, {summary['megabytes']:.1f} MB")

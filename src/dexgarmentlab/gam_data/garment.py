@@ -10,7 +10,7 @@ import numpy as np
 
 from dexgarmentlab.gam_data.states import HANGING, make_rng, make_states
 from dexgarmentlab.gam_data.views import TOLERANCE, View, make_direction, see_surface
-from dgl_assets import AssetError, Garment, load_garment
+from dgl_assets import AssetError, Garment, MeshingError, load_garment
 from dgl_gam.data import write_garment
 from dgl_gam.errors import DataError
 from dgl_physics import PhysicsError
@@ -19,6 +19,8 @@ __all__ = ["SPACING", "Made", "find_path", "get_versions", "make_garment_data"]
 
 SPACING = 0.021
 """Edge length of cloth [m]: what is seen is up to 13 mm from its vertex, 1 % of a garment; hats and gloves are finer."""
+_OTHER_SPACINGS = (0.022, 0.020)
+"""Tried in turn where an outline cannot be filled at that edge length [m]: one garment in several hundred."""
 _SHELLS = ("Baseball_Cap", "Bowl_Hat", "Glove")
 _PACKAGES = ("dexgarmentlab", "dgl-assets", "dgl-physics")
 
@@ -31,6 +33,8 @@ class Made:
     """Of the catalogue."""
     error: str = ""
     """Why there is no file; empty when there is one."""
+    note: str = ""
+    """What is unusual about it, such as another edge length; empty when nothing is."""
     seconds: float = 0.0
     """CPU time of building, simulating, seeing and writing it [s]."""
     bytes: int = 0
@@ -70,15 +74,31 @@ def make_garment_data(
     begin = time.process_time()
     path = find_path(folder, garment_id)
     try:
-        spacing = None if garment_id.partition("/")[0] in _SHELLS else SPACING
-        garment = load_garment(garment_id, spacing=spacing)
+        garment, note = _load(garment_id)
         states = make_states(garment, seed, is_flat=is_flat)
         views = {name: _see(garment, name, states[name], seed) for name in states}
         _write(path, garment, split, seed, states, views)
     except (PhysicsError, AssetError, DataError, ValueError) as err:
         reason = str(err) or type(err).__name__
         return Made(id=garment_id, error=reason, seconds=time.process_time() - begin)
-    return Made(id=garment_id, seconds=time.process_time() - begin, bytes=path.stat().st_size)
+    seconds = time.process_time() - begin
+    return Made(id=garment_id, note=note, seconds=seconds, bytes=path.stat().st_size)
+
+
+def _load(garment_id: str) -> tuple[Garment, str]:
+    """Build a garment at the usual edge length, or at another one where that fails; the second value says so."""
+    if garment_id.partition("/")[0] in _SHELLS:
+        return load_garment(garment_id), ""
+    try:
+        return load_garment(garment_id, spacing=SPACING), ""
+    except MeshingError as err:
+        for spacing in _OTHER_SPACINGS:
+            try:
+                garment = load_garment(garment_id, spacing=spacing)
+            except MeshingError:
+                continue
+            return garment, f"edges of {spacing * 1e3:g} mm: {err}"
+        raise
 
 
 def _see(garment: Garment, name: str, positions: np.ndarray, seed: int) -> list[View]:

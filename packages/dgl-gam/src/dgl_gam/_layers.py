@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from dgl_gam._sampling import find_ball, find_three_nearest, gather_points
+from dgl_gam._sampling import find_ball, find_three_nearest, gather_points, interpolate
 
 __all__ = ["AttentionBlock", "FeaturePropagation", "SetAbstraction", "make_mlp"]
 
@@ -89,8 +89,7 @@ class FeaturePropagation(nn.Module):
             Shape (B, N, widths[-1]).
         """
         indices, weights = find_three_nearest(points, centres)
-        near = gather_points(self.coarse(coarse), indices)  # (B, N, 3, C)
-        carried = (near * weights.unsqueeze(3)).sum(dim=2)
+        carried = interpolate(self.coarse(coarse), indices, weights)
         return self.rest(torch.relu(self.norm(carried + self.fine(fine))))
 
 

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from dgl_gam.confidence import Calibration, compute_auroc, fit_calibration
 from dgl_gam.data.correspondence import compute_places, find_vertices, mirror_places
 from dgl_gam.data.folder import GarmentFolder
 from dgl_gam.data.garment_file import GarmentData
+from dgl_gam.data.symmetry import SYMMETRY, find_turned
 from dgl_gam.errors import DataError
 from dgl_gam.model import GarmentAffordanceModel
 
@@ -29,8 +30,14 @@ __all__ = [
 ]
 
 _ALL = "all"
-_SENSOR = ("noise_half", "noise_cut")
+_SENSOR: Mapping[str, tuple[Literal["hole", "line", "thin"], ...]] = {
+    "noise_half": ("thin",),
+    "noise_cut": ("hole", "line"),
+    "noise_any": ("hole", "line", "thin"),
+}
 _HANGING = ("hung_one", "hung_two", "over_bar")
+_ANYHOW = "_any"  # ends a condition in which what hangs is turned by any angle
+_TURNS = 180  # of a body of revolution that are tried
 _LATERAL = 0.15  # a place and its mirror image are told apart from this distance on
 
 
@@ -92,7 +99,10 @@ class Row:
     """Measures of one category in one condition. NaN where there is nothing to measure."""
 
     category: str
-    """Category of the garments; "all": the mean of the others."""
+    """Category of the garments; "all": the mean of the others, each by its symmetry where it has one."""
+    symmetry: str = ""
+    """Symmetry by which it is judged, see `dgl_gam.data.symmetry`: of the turns that lead to places as good the best one for
+    all points of a pair together. Empty: place by place."""
     condition: str
     """How the target lies, see `list_conditions`; "all": every condition together."""
     pairs: int
@@ -131,20 +141,26 @@ def list_conditions(folder: GarmentFolder, category: str) -> tuple[str, ...]:
 
     "flat_30": lying flat, turned by at most 30°; "flat_any": by any angle; "noise_half": as the first, with noise and
     half of the points missing here and there; "noise_cut": the same, but the missing points are a round hole or all beyond
-    a line; and each other kind of state in the files. What lies is turned by any angle. What hangs by at most 30°: its front
-    and its back look alike, and only the turn tells on which side the camera is.
+    a line; "noise_any": any of the three; and each other kind of state in the files. What lies is turned by any angle. What
+    hangs by at most 30°: its front and its back look alike, and only the turn tells on which side the camera is. By any
+    angle all the same with "_any" behind its kind.
     """
     kinds = {
         folder.headers[i].state_kinds[s]
         for i in folder.get_indices(category)
         for s in range(len(folder.headers[i].state_names))
     }
-    return ("flat_30", "flat_any", *_SENSOR, *sorted(kinds - {"flat"}))
+    hanging = {kind + _ANYHOW for kind in kinds & set(_HANGING)}
+    return ("flat_30", "flat_any", *_SENSOR, *sorted((kinds | hanging) - {"flat"}))
 
 
 def _get_kind(condition: str) -> str:
     """Kind of the states that a condition is measured in."""
-    return "flat" if condition in ("flat_30", "flat_any", *_SENSOR) else condition
+    return (
+        "flat"
+        if condition in ("flat_30", "flat_any", *_SENSOR)
+        else condition.removesuffix(_ANYHOW)
+    )
 
 
 def run_trial(
@@ -154,6 +170,8 @@ def run_trial(
     condition: str,
     config: EvalConfig,
     rng: np.random.Generator,
+    *,
+    symmetry: str = "",
 ) -> Trial | None:
     """Let a model find points of a garment lying flat on another one.
 
@@ -164,6 +182,7 @@ def run_trial(
         condition: How it lies, see `list_conditions`.
         config: What is measured.
         rng: Source of randomness.
+        symmetry: That it is judged by; empty for place by place.
 
     Returns:
         What was found; None if the files have no such view of the target or no flat one of the source, or if the two
@@ -185,19 +204,17 @@ def run_trial(
 
     cloud = target.view_points[view].astype(np.float64)
     seen = target.view_vertices[view]
-    truth = target.states[target.view_state[view]].astype(np.float64)[vertices]
+    state = target.states[target.view_state[view]].astype(np.float64)
     is_limited = condition in ("flat_30", *_SENSOR, *_HANGING)
     limit = math.radians(30) if is_limited else math.pi
     turn = _make_turn(float(rng.uniform(-limit, limit)))
     centre = cloud.mean(axis=0)
-    cloud, truth = (cloud - centre) @ turn.T, (truth - centre) @ turn.T
+    cloud, state = (cloud - centre) @ turn.T, (state - centre) @ turn.T
     observed = cloud
     if condition in _SENSOR:
         generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-        kinds = ("thin",) if condition == "noise_half" else ("hole", "line")
-        kept = drop_points(torch.from_numpy(cloud)[None], generator, share=0.5, kinds=kinds)[
-            0
-        ].numpy()
+        every = torch.from_numpy(cloud)[None]
+        kept = drop_points(every, generator, share=0.5, kinds=_SENSOR[condition])[0].numpy()
         cloud, seen = cloud[kept], seen[kept]
         observed = cloud + rng.normal(size=cloud.shape) * config.noise * target.diagonal
 
@@ -214,11 +231,15 @@ def run_trial(
     seconds = time.perf_counter() - began
 
     places = compute_places(target)
-    nearest = np.linalg.norm(places[seen][None] - places[vertices][:, None], axis=2).min(axis=1)
-    mirrored = mirror_places(places[vertices])
+    truth, wanted = state[vertices], places[vertices]
+    if symmetry:
+        truth, wanted = _turn_best(target, state, vertices, cloud[matches.indices])
+    nearest = np.linalg.norm(places[seen][None] - wanted[:, None], axis=2).min(axis=1)
+    mirrored = mirror_places(wanted)
     found = places[seen[matches.indices]]
-    to_true = np.linalg.norm(found - places[vertices], axis=1)
+    to_true = np.linalg.norm(found - wanted, axis=1)
     to_mirrored = np.linalg.norm(found - mirrored, axis=1)
+    is_lateral = np.linalg.norm(mirrored - wanted, axis=1) > _LATERAL
     return Trial(
         error=np.linalg.norm(cloud[matches.indices] - truth, axis=1) / target.diagonal,
         confidence=matches.confidence,
@@ -226,10 +247,26 @@ def run_trial(
         is_visible=nearest <= config.visible,
         is_hidden=nearest > config.hidden,
         is_landmark=is_landmark,
-        is_lateral=np.linalg.norm(mirrored - places[vertices], axis=1) > _LATERAL,
+        is_lateral=is_lateral & (not symmetry),
         is_swapped=to_mirrored < to_true,
         seconds=seconds,
     )
+
+
+def _turn_best(
+    target: GarmentData, state: np.ndarray, vertices: np.ndarray, found: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Turn the true places of a body of revolution about its axis, all together, until they are nearest to the matches.
+
+    Returns:
+        Their positions in the state, shape (K, 3), and the places, shape (K, 4).
+    """
+    angles = np.arange(_TURNS) * (2 * math.pi / _TURNS)
+    corners, weights = find_turned(target, vertices, angles)
+    truth = (state[corners] * weights[..., None]).sum(axis=2)  # (A, K, 3)
+    best = int(np.linalg.norm(truth - found, axis=2).mean(axis=1).argmin())
+    places = compute_places(target)[corners[best]]
+    return truth[best], (places * weights[best][..., None]).sum(axis=1).astype(np.float32)
 
 
 def evaluate(
@@ -249,7 +286,8 @@ def evaluate(
 
     Returns:
         For each category a row for each condition, and one for all together, where there are enough hidden points for
-        a meaningful AUROC; then the means over the categories where there are several.
+        a meaningful AUROC; these once more by its symmetry, where it has one; then the means over the categories where there
+        are several.
 
     Raises:
         DataError: If a category has a single garment, or a model is missing.
@@ -259,19 +297,27 @@ def evaluate(
     for category in folder.categories:
         if category not in models:
             raise DataError(f"there must be a model for each category; none for {category}")
-        every: list[Trial] = []
+        symmetries = ("", SYMMETRY[category]) if category in SYMMETRY else ("",)
+        every: dict[str, list[Trial]] = {symmetry: [] for symmetry in symmetries}
         for condition in list_conditions(folder, category):
             if on_progress is not None:
                 on_progress(category, condition)
-            trials = _run_trials(models[category], folder, category, condition, config)
-            if trials:
-                rows.append(_summarize(category, condition, trials))
-                every += trials
-        if every:
-            rows.append(_summarize(category, _ALL, every))
+            for symmetry, found in every.items():
+                trials = _run_trials(
+                    models[category], folder, category, condition, config, symmetry=symmetry
+                )
+                if trials:
+                    rows.append(_summarize(category, condition, trials, symmetry=symmetry))
+                    found += trials
+        rows += [
+            _summarize(category, _ALL, found, symmetry=symmetry)
+            for symmetry, found in every.items()
+            if found
+        ]
     if len(folder.categories) > 1:
         conditions = dict.fromkeys(row.condition for row in rows)
-        rows += [_average(c, [r for r in rows if r.condition == c]) for c in conditions]
+        judged = [r for r in rows if r.symmetry or r.category not in SYMMETRY]
+        rows += [_average(c, [r for r in judged if r.condition == c]) for c in conditions]
     return rows
 
 
@@ -288,8 +334,11 @@ def calibrate(
     config = config or EvalConfig()
     evidence, is_visible = [], []
     for category in folder.categories:
+        symmetry = SYMMETRY.get(category, "")
         for condition in list_conditions(folder, category):
-            for trial in _run_trials(models[category], folder, category, condition, config):
+            for trial in _run_trials(
+                models[category], folder, category, condition, config, symmetry=symmetry
+            ):
                 used = trial.is_visible | trial.is_hidden
                 evidence.append(trial.evidence[used])
                 is_visible.append(trial.is_visible[used])
@@ -320,7 +369,8 @@ def format_markdown(rows: Sequence[Row]) -> str:
                 row.swap_rate,
             )
         ]
-        cells = [row.category, row.condition, str(row.pairs), *shares]
+        name = f"{row.category}, by its {row.symmetry}" if row.symmetry else row.category
+        cells = [name, row.condition, str(row.pairs), *shares]
         cells += [str(row.hidden), _format(row.hidden_auroc, 1, 2, "")]
         cells.append(_format(row.milliseconds, 1, 0, ""))
         lines.append("| " + " | ".join(cells) + " |")
@@ -355,6 +405,8 @@ def _run_trials(
     category: str,
     condition: str,
     config: EvalConfig,
+    *,
+    symmetry: str = "",
 ) -> list[Trial]:
     indices = folder.get_indices(category)
     if len(indices) < 2:
@@ -367,15 +419,16 @@ def _run_trials(
     for _ in range(config.pairs):
         target = rng.choice(targets)
         source = rng.choice([i for i in indices if i != target])
-        trial = run_trial(
-            model, folder.load(int(source)), folder.load(int(target)), condition, config, rng
-        )
+        pair = folder.load(int(source)), folder.load(int(target))
+        trial = run_trial(model, *pair, condition, config, rng, symmetry=symmetry)
         if trial is not None:
             trials.append(trial)
     return trials
 
 
-def _summarize(category: str, condition: str, trials: Sequence[Trial]) -> Row:
+def _summarize(
+    category: str, condition: str, trials: Sequence[Trial], *, symmetry: str = ""
+) -> Row:
     def join(name: str) -> np.ndarray:
         return np.concatenate([getattr(trial, name) for trial in trials])
 
@@ -386,6 +439,7 @@ def _summarize(category: str, condition: str, trials: Sequence[Trial]) -> Row:
     decided = visible | hidden
     return Row(
         category=category,
+        symmetry=symmetry,
         condition=condition,
         pairs=len(trials),
         points=int(visible.sum()),
@@ -409,6 +463,7 @@ def _average(condition: str, rows: Sequence[Row]) -> Row:
     measures = ("mean_error", "pck05", "pck10", "landmark_pck05", "landmark_pck10", "swap_rate")
     return Row(
         category=_ALL,
+        symmetry="",
         condition=condition,
         pairs=sum(row.pairs for row in rows),
         points=sum(row.points for row in rows),

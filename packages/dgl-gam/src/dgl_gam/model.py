@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from dgl_gam._arrays import check_cloud
-from dgl_gam._sampling import find_three_nearest, gather_points
+from dgl_gam._sampling import find_three_nearest, gather_points, interpolate
 from dgl_gam._yaw import rotate_yaw
 from dgl_gam.affordance import compute_affordance
 from dgl_gam.augment import warp_clouds
@@ -341,8 +341,7 @@ class GarmentAffordanceModel:
         parts = []
         for part in frame.split(8192, dim=1):  # bounds the table of distances
             indices, weights = find_three_nearest(part, kept)
-            near = gather_points(features, indices)
-            parts.append(functional.normalize((near * weights.unsqueeze(3)).sum(dim=2), dim=2))
+            parts.append(functional.normalize(interpolate(features, indices, weights), dim=2))
         return torch.cat(parts, dim=1)
 
 
