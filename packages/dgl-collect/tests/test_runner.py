@@ -199,6 +199,14 @@ def test_a_success_without_its_episode_is_not_a_success(run, tmp_path):
     assert "must have an episode file" in result.detail
 
 
+def test_an_evaluation_leaves_no_episodes(run, tmp_path):
+    success = SUCCESSES[0]
+    run(episodes=success + 1, options={"forget_file_at": [success]}, has_episodes=False)
+    result = results_of(tmp_path / "out")[success]
+    assert result.success
+    assert set(result.files) == {"video", "picture"}
+
+
 @pytest.mark.parametrize("name", ["episodes", "workers"])
 def test_numbers_are_checked(run, name):
     with pytest.raises(ValueError, match=f"{name} must be at least 1; got 0"):

@@ -21,6 +21,7 @@ BLOCKS = {
         "Props",
         pytest.param("Pictures and clouds", marks=pytest.mark.render),
         "Motion",
+        pytest.param("Policies", marks=pytest.mark.render),
     ],
 )
 def test_the_code_runs(title, capsys):
@@ -32,6 +33,9 @@ def test_the_code_runs(title, capsys):
         assert "False" in capsys.readouterr().out
     elif title == "Props":
         assert names["props"]["platform"].pose[:2] == pytest.approx([0.1, 1.6])
+    elif title == "Policies":
+        assert names["result"].reason == "below the threshold"
+        assert "joint_state" in capsys.readouterr().out
     elif title == "Motion":
         assert names["rows"].shape[1] == 60
     else:
@@ -45,4 +49,5 @@ def test_no_block_is_left_out():
         "Props",
         "Pictures and clouds",
         "Motion",
+        "Policies",
     }

@@ -64,33 +64,16 @@ class DemonstrationAttempts:
         robots: str | None = None,
     ) -> None:
         """Build the environment and load the demonstration."""
-        import gymnasium
-        import torch
-
-        demonstration = load_demonstration(task)
-        demo_garment = load_garment(demonstration.garment)
-        find_matcher = make_find_matcher(matcher, demo_garment)
-        surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
         self._garment = garment
-        model = load_robot(robot, robots)
-        self.env = gymnasium.make(
+        self._setup = make_setup(
             task,
-            obs_mode="none",
-            reward_mode="none",
-            sim_backend="physx_cpu",
-            render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
-            render_mode="rgb_array",
+            render_backend=render_backend,
             look=look,
-            robot=model,
-        ).unwrapped
-        self._setup = Setup(
-            env=self.env,  # pyright: ignore[reportArgumentType]
-            demonstration=demonstration,
             matcher=matcher,
-            find_matcher=find_matcher,
-            demo_cloud=surface.astype(np.float32),
-            motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY, robot=model),
+            robot=robot,
+            robots=robots,
         )
+        self.env = self._setup.env
 
     def close(self) -> None:
         """Release the environment."""
@@ -130,6 +113,53 @@ class DemonstrationAttempts:
             randomisation=dict(self._setup.env.draws),
             measurements=execution.driver.measurements,
         )
+
+
+def make_setup(
+    task: str,
+    *,
+    render_backend: str | None = None,
+    look: str = "studio",
+    matcher: str = "exact",
+    robot: str = DEFAULT_ROBOT.name,
+    robots: str | None = None,
+) -> Setup:
+    """Build the environment of a task, and what a demonstration of it needs.
+
+    Args:
+        task: Environment id.
+        render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
+        look: "studio" or "random".
+        matcher: Finds the demonstrated points; see `dgl_collect.matching.MatcherName`.
+        robot: Name of arm and hand.
+        robots: Folder of imported robots, for names that are not built in.
+    """
+    import gymnasium
+    import torch
+
+    demonstration = load_demonstration(task)
+    demo_garment = load_garment(demonstration.garment)
+    find_matcher = make_find_matcher(matcher, demo_garment)
+    surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
+    model = load_robot(robot, robots)
+    env = gymnasium.make(
+        task,
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
+        render_mode="rgb_array",
+        look=look,
+        robot=model,
+    ).unwrapped
+    return Setup(
+        env=env,  # pyright: ignore[reportArgumentType]
+        demonstration=demonstration,
+        matcher=matcher,
+        find_matcher=find_matcher,
+        demo_cloud=surface.astype(np.float32),
+        motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY, robot=model),
+    )
 
 
 def _to_criteria(outcome: Outcome) -> tuple[Criterion, ...]:

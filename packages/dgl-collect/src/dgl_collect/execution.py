@@ -96,7 +96,6 @@ class Execution:
         self.driver = driver or Driver(setup.env, setup.motion, seed=seed, film=film)
         self.records: list[StageRecord] = []
         self.stage_seconds: dict[str, float] = {}
-        self.events: list[tuple[str, str]] = []
         self.points: dict[str, np.ndarray] = {}
         """The demonstration's points on the garment as it first lay [m], shape (3,), world frame."""
         self._is_recorded = is_recorded
@@ -238,7 +237,7 @@ class Execution:
         if not verdict.success:
             shortfall = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
             # the first thing that went wrong on the way says more than the result
-            reason, detail = self.events[0] if self.events else (reason, "")
+            reason, detail = self.driver.events[0] if self.driver.events else (reason, "")
             detail = f"{detail}; {shortfall}" if detail else shortfall
         return Outcome(verdict=verdict, picture=judgement.picture, reason=reason, detail=detail)
 
@@ -254,7 +253,7 @@ class Execution:
             if nearest > HELD_DISTANCE:
                 where = f"{stage.name}, waypoint {number}, {side} hand"
                 far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
-                self.events.append((reason, f"{where}: nearest raised cloth {far}"))
+                self.driver.events.append((reason, f"{where}: nearest raised cloth {far}"))
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()

@@ -52,6 +52,8 @@ class CollectConfig:
     """`module:name` of what builds an `AttemptRunner` in each worker."""
     options: Mapping[str, object] = field(default_factory=dict)
     """Options of the attempt factory, JSON-ready."""
+    has_episodes: bool = True
+    """Whether a success must leave an episode file; evaluations leave none."""
     attempt_seconds: float = 1800.0
     """Longest time of an attempt [s]; a worker that takes longer is ended."""
     build_seconds: float = 900.0
@@ -234,6 +236,7 @@ class _Run:
             attempt_factory=self._config.attempt_factory,
             options=self._config.options,
             log_path=self._folder.log_path(number),
+            has_episodes=self._config.has_episodes,
             environment=environment,
         )
 

@@ -47,6 +47,8 @@ class WorkerConfig:
     options: Mapping[str, object]
     log_path: Path
     """Receives everything that the worker prints, tracebacks included."""
+    has_episodes: bool
+    """Whether a success must leave an episode file."""
     environment: Mapping[str, str]
     """Environment variables that must be set before the worker's first import."""
 
@@ -171,7 +173,7 @@ def _work(config: WorkerConfig, connection: Connection) -> None:
         logger.info("attempt %d, seed %d", job.index, job.seed)
         started = time.monotonic()
         try:
-            result = _attempt(runner, job)
+            result = _attempt(runner, job, has_episodes=config.has_episodes)
         except Exception as err:
             logger.exception("attempt %d raised", job.index)
             result = AttemptResult(
@@ -188,7 +190,7 @@ def _work(config: WorkerConfig, connection: Connection) -> None:
         _close(runner)
 
 
-def _attempt(runner: AttemptRunner, job: Job) -> AttemptResult:
+def _attempt(runner: AttemptRunner, job: Job, *, has_episodes: bool) -> AttemptResult:
     """Make one attempt and check that its outcome is what was asked for."""
     result = runner.run(
         attempt_index=job.index, seed=job.seed, out_dir=job.out_dir, episode_id=job.episode_id
@@ -198,7 +200,7 @@ def _attempt(runner: AttemptRunner, job: Job) -> AttemptResult:
             f"result must be of attempt {job.index}, seed {job.seed}; "
             f"got {result.index}, seed {result.seed}"
         )
-    if result.success and "episode" not in result.files:
+    if has_episodes and result.success and "episode" not in result.files:
         raise ValueError(f"a success must have an episode file; got {sorted(result.files)}")
     for kind, name in result.files.items():
         path = job.out_dir / name

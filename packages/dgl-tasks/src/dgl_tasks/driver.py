@@ -84,12 +84,25 @@ class Driver:
         """Joint targets of every control step so far [rad], each of shape (D,), float32."""
         self.measurements: dict[str, float] = {}
         """Largest strain and penetration so far."""
+        self.events: list[tuple[str, str]] = []
+        """What a method saw going wrong on the way, in order: a reason that can be counted, and where."""
         self._film = film
 
     @property
     def step_count(self) -> int:
         """Control steps since the reset."""
         return len(self.commands)
+
+    @property
+    def is_parked(self) -> bool:
+        """Whether both arms have been sent to their parking place."""
+        robot = self.motion.robot
+        return all(
+            np.allclose(
+                self.motion.target[robot.joint_slice(s, "arm")], robot.arm.parked[s], atol=1e-6
+            )
+            for s in SIDES
+        )
 
     # Acting ----------------------------------------------------------------------------------
 

@@ -20,3 +20,7 @@ class Observation:
     """Environment camera, RGB, shape (480, 640, 3), uint8."""
     env_point_cloud: np.ndarray
     """Position [m] and colour in [0, 1], shape (2048, 6)."""
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """Give the arrays by the keys of episode files."""
+        return {key: getattr(self, key) for key in self.__dataclass_fields__}

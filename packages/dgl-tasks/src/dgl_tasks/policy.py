@@ -1,0 +1,90 @@
+"""What acts in an episode: policies of joint targets, and methods that also use the environment's controller."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from dgl_tasks.driver import Driver
+
+Arrays = Mapping[str, np.ndarray]
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Gives joint targets from what is observed. Anything with these two methods can be evaluated.
+
+    Observations are dictionaries with the keys and shapes of one frame of an episode file:
+    `joint_state` (D,), `ee_pose` (2, 7), `image` (480, 640, 3) and `env_point_cloud` (2048, 6).
+    """
+
+    def reset(self, observation: Arrays) -> None:
+        """Begin an episode; the first observation also has `garment_point_cloud` (2048, 3)."""
+        ...
+
+    def act(self, observation: Arrays) -> np.ndarray:
+        """Give the next joint targets [rad], shape (n, D), each held for five control steps.
+
+        None at all, n = 0, ends the episode.
+        """
+        ...
+
+
+@runtime_checkable
+class ObservingPolicy(Policy, Protocol):
+    """A policy that also sees what lies between two calls of `act`."""
+
+    def observe(self, observation: Arrays) -> None:
+        """Take the observation after each executed target but the last, which `act` is given."""
+        ...
+
+
+@runtime_checkable
+class EpisodePolicy(Protocol):
+    """A method that drives a whole episode, with the environment's controller for what it does not learn."""
+
+    def run(self, driver: Driver) -> None:
+        """Act, from the parked arms beside the dropped garment until nothing more is to be done.
+
+        Hands that are not parked then are opened and drawn back before the garment is judged.
+        """
+        ...
+
+
+class Nothing:
+    """Leaves the garment as it fell: what a success rule must not accept."""
+
+    def run(self, driver: Driver) -> None:
+        """Do nothing."""
+        del driver
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromStart:
+    """Lets a policy of joint targets act from the parked arms on."""
+
+    policy: Policy
+    """Its joint targets are executed."""
+    actions: int
+    """How many of them at most; at least 1."""
+
+    def __post_init__(self) -> None:
+        if self.actions < 1:
+            raise ValueError(f"actions must be at least 1; got {self.actions}")
+
+    def run(self, driver: Driver) -> None:
+        """Observe, act, and execute until the policy ends the episode or has had its actions."""
+        seen = driver.observe().as_arrays()
+        self.policy.reset({**seen, "garment_point_cloud": driver.see_garment()})
+        left = self.actions
+        while left > 0:
+            targets = np.asarray(self.policy.act(seen))[:left]
+            if len(targets) == 0:
+                return
+            left -= len(targets)
+            for number, target in enumerate(targets, start=1):
+                driver.execute(target[None])
+                seen = driver.observe().as_arrays()
+                if number < len(targets) and isinstance(self.policy, ObservingPolicy):
+                    self.policy.observe(seen)

@@ -1,0 +1,218 @@
+"""Verb `dgl eval`."""
+
+import dataclasses
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+
+from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
+from dexgarmentlab.cli.collect import format_duration
+
+if TYPE_CHECKING:
+    from dexgarmentlab.evaluation.results import Count, Results
+    from dgl_collect import CollectConfig, Progress
+
+__all__ = ["RESULTS_FILE", "SEED_OFFSET", "Options", "parse_seeds", "run"]
+
+RESULTS_FILE = "results.json"
+SEED_OFFSET = 1_000_000
+"""Added to the seeds, so that no episode starts as one of a collection with the same seed did."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Evaluate a method on a task, as the paper does: episodes for each of several seeds.
+
+    Every method meets the same garments at the same places. Half of the garments are of the catalogue's
+    training split, half of its testing split, and they are counted apart. What is judged is the task's own
+    rule, with the arms out of the way. Ctrl-C keeps every finished episode, and --resume continues.
+
+    Example: dgl eval FoldTops-v1 --policy expert --episodes 50 --seeds 0,1,2 --workers 4 --out out/eval
+    """
+
+    task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
+    """Which task, such as FoldTops-v1."""
+    policy: str
+    """Which method: nothing, lift-drop, expert, or module:factory of your own."""
+    out: Path
+    """Output folder; it must be empty or missing, unless --resume is given."""
+    episodes: int = 50
+    """Episodes for each seed."""
+    seeds: str = "0,1,2"
+    """Seeds of the evaluation, separated by commas."""
+    workers: int = 1
+    """Processes that run episodes at the same time."""
+    resume: bool = False
+    """Continue the evaluation in the output folder."""
+    garments: Literal["both", "train", "test"] = "both"
+    """Garments of the training split, of the testing split, or of both by turns."""
+    friction: float = 1.0
+    """A factor on the garment's friction and adhesion: at 0 no hand can hold it, and no method must succeed."""
+    matcher: Literal["exact", "gam"] = "exact"
+    """What finds the demonstrated points, for the methods that ask for them."""
+    look: Literal["studio", "random"] = "studio"
+    """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    actions: int = 600
+    """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
+    json: bool = False
+    """Write the results as JSON."""
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same, without --resume and --json."""
+        words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
+        words += ["--episodes", self.episodes, "--seeds", self.seeds, "--workers", self.workers]
+        for field in ("garments", "friction", "matcher", "look", "actions"):
+            value = getattr(self, field)
+            if value != getattr(type(self), field):
+                words += [f"--{field}", value]
+        return shlex.join(str(word) for word in [*words, "--out", self.out])
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Parse seeds separated by commas.
+
+    Raises:
+        ValueError: If one is no number from 0 to 999,999, or is there twice.
+    """
+    try:
+        seeds = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        seeds = ()
+    if not seeds or len(set(seeds)) < len(seeds) or not all(0 <= s < SEED_OFFSET for s in seeds):
+        raise ValueError(
+            f"--seeds must be different numbers from 0 to {SEED_OFFSET - 1:,} separated by commas; "
+            f"got {text!r}"
+        )
+    return seeds
+
+
+def run(options: Options) -> int:
+    """Evaluate, write `results.json`, and say how many episodes succeeded."""
+    from dexgarmentlab.evaluation.methods import check_method
+    from dexgarmentlab.evaluation.results import Run, summarize, to_json
+    from dgl_collect import collect, package_versions
+    from dgl_collect.files import write_json
+    from dgl_collect.results import read_results
+    from dgl_collect.run_folder import ATTEMPTS_FILE
+    from dgl_collect.runner import check_task
+    from dgl_tasks.tasks import task_ids
+
+    seeds = parse_seeds(options.seeds)
+    if not options.friction >= 0:
+        raise ValueError(f"--friction must be at least 0; got {options.friction:g}")
+    known_tasks = task_ids()
+    check_task(options.task, known_tasks)
+    check_method(options.policy)
+    configs = {seed: _configure(options, seed) for seed in seeds}
+    status: Literal["complete", "interrupted"] = "complete"
+    runs: list[Run] = []
+    bar_text = f"evaluating {options.policy} on {options.task}"
+    with console.progress(bar_text, options.episodes * len(seeds)) as bar:
+        for seed, config in configs.items():
+            shown = 0
+
+            def show(progress: "Progress") -> None:
+                nonlocal shown
+                made = len(progress.results)
+                succeeded = sum(result.success for result in progress.results)
+                bar.advance(made - shown, note=f"seed {seed}: {succeeded} of {made} succeeded")  # noqa: B023 - called within this turn
+                shown = made
+
+            summary = collect(config, known_tasks=known_tasks, on_progress=show)
+            results = read_results(config.out / ATTEMPTS_FILE)
+            runs.append(Run(seed=seed, folder=Path(config.out.name), results=results))
+            if summary.status == "interrupted":
+                status = "interrupted"
+                break
+    results = summarize(runs)
+    content = to_json(
+        results, runs, asked=_asked(options), status=status, versions=package_versions()
+    )
+    write_json(options.out / RESULTS_FILE, content)
+    if options.json:
+        console.out_json(content)
+    else:
+        _show(options, results)
+        console.out(f"results: {options.out / RESULTS_FILE}")
+    if status == "interrupted":
+        console.error(
+            f"interrupted after {results.total.episodes} of {options.episodes * len(seeds)} episodes; "
+            f"continue with: {options.command} --resume"
+        )
+        return EXIT_INTERRUPTED
+    return EXIT_OK
+
+
+def _configure(options: Options, seed: int) -> "CollectConfig":
+    """Make the run of one seed."""
+    from dexgarmentlab.evaluation.attempts import FACTORY
+    from dexgarmentlab.evaluation.methods import MethodOptions
+    from dgl_collect import CollectConfig
+
+    method = MethodOptions(actions=options.actions)
+    return CollectConfig(
+        task=options.task,
+        episodes=options.episodes,
+        seed=SEED_OFFSET + seed,
+        workers=options.workers,
+        out=options.out / f"seed-{seed}",
+        resume=options.resume,
+        attempt_factory=FACTORY,
+        options={
+            "policy": options.policy,
+            "method": dataclasses.asdict(method),
+            "garments": options.garments,
+            "friction": options.friction,
+            "matcher": options.matcher,
+            "look": options.look,
+        },
+        has_episodes=False,
+        command=options.command + (" --resume" if options.resume else ""),
+    )
+
+
+def _asked(options: Options) -> dict[str, object]:
+    content = {
+        field.name: getattr(options, field.name)
+        for field in dataclasses.fields(options)
+        if field.name not in ("out", "resume", "json", "workers", "seeds")
+    }
+    return {**content, "seeds": list(parse_seeds(options.seeds)), "command": options.command}
+
+
+def _show(options: Options, results: "Results") -> None:
+    total = results.total
+    if results.mean is None or total.rate is None:
+        console.out(f"{options.task}, {options.policy}: no episode has finished")
+        return
+    spread = (
+        "" if results.std is None else f" ± {results.std:.3f} over {len(results.by_seed)} seeds"
+    )
+    console.out(
+        f"{options.task}, {options.policy}: {total.succeeded} of {total.episodes} episodes succeeded, "
+        f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to {total.interval[1]:.1%}"
+    )
+    rows: list[Sequence[object]] = [
+        _row(f"seed {seed}", item) for seed, item in results.by_seed.items()
+    ]
+    rows += [_row(f"{split} garments", item) for split, item in results.by_split.items()]
+    console.out_table(("", "episodes", "succeeded", "rate", "95 % interval"), rows)
+    if results.value_median is not None:
+        console.out(
+            f"value: median {results.value_median:.3f}, largest {results.value_largest:.3f}"
+        )
+    for reason, number in results.reasons.items():
+        console.out(f"  failed, {reason}: {number}")
+    if results.seconds_median is not None:
+        console.out(f"{format_duration(results.seconds_median)} an episode")
+
+
+def _row(name: str, item: "Count") -> tuple[object, ...]:
+    low, high = item.interval
+    rate = "-" if item.rate is None else f"{item.rate:.3f}"
+    return (name, item.episodes, item.succeeded, rate, f"{low:.1%} to {high:.1%}")

@@ -1,0 +1,175 @@
+"""Episodes of an evaluation, made by the collection's workers."""
+
+import dataclasses
+import logging
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from dexgarmentlab.evaluation.methods import MethodOptions, make_method
+from dgl_assets import garment_ids
+from dgl_collect.attempt import make_setup
+from dgl_collect.execution import Outcome
+from dgl_collect.results import AttemptResult, Criterion
+from dgl_collect.video import VideoWriter, save_png
+from dgl_physics import PhysicsError
+from dgl_tasks import TaskError
+from dgl_tasks.evaluation import EpisodeResult, run_episode
+from dgl_tasks.perception import film
+
+if TYPE_CHECKING:
+    from dgl_assets.garments.catalogue import Split
+
+__all__ = ["FACTORY", "GarmentChoice", "choose_split", "make_evaluation_runner"]
+
+logger = logging.getLogger(__name__)
+
+FACTORY = "dexgarmentlab.evaluation.attempts:make_evaluation_runner"
+"""What the workers build, as `CollectConfig.attempt_factory` names it."""
+
+GarmentChoice = Literal["both", "train", "test"]
+"""Garments of the training split, of the testing split, or of both by turns."""
+
+
+def choose_split(choice: GarmentChoice, attempt_index: int) -> "Split":
+    """Choose the split of an episode's garment: with "both", even episodes train and odd ones test."""
+    if choice == "both":
+        return "train" if attempt_index % 2 == 0 else "test"
+    return choice
+
+
+def make_evaluation_runner(task: str, options: Mapping[str, object]) -> "EvaluationAttempts":
+    """Build the episodes of an evaluation; see `dgl_collect.attempts.AttemptFactory`.
+
+    Args:
+        task: Environment id.
+        options: The keyword arguments of `EvaluationAttempts`, those of `MethodOptions` under "method".
+    """
+    content = dict(options)
+    method = content.pop("method", {})
+    if not isinstance(method, Mapping):
+        raise ValueError(f"option method must be an object; got {method!r}")
+    return EvaluationAttempts(task, method=MethodOptions(**method), **content)  # pyright: ignore[reportArgumentType]
+
+
+class EvaluationAttempts:
+    """Runs one method in one environment, episode after episode; one depends on its seed and number alone."""
+
+    def __init__(
+        self,
+        task: str,
+        *,
+        policy: str,
+        method: MethodOptions,
+        garments: GarmentChoice = "both",
+        friction: float = 1.0,
+        matcher: str = "exact",
+        look: str = "studio",
+        render_backend: str | None = None,
+    ) -> None:
+        """Build the environment and the method.
+
+        Args:
+            task: Environment id.
+            policy: Name of the method, or `module:factory`.
+            method: What it is told.
+            garments: Which garments.
+            friction: A factor on the garment's friction and adhesion; at 0 nothing can be held.
+            matcher: Finds the demonstrated points, for the methods that ask for them.
+            look: "studio" or "random".
+            render_backend: ManiSkill's; chosen by what is there when None.
+        """
+        if garments not in get_args(GarmentChoice):
+            raise ValueError(
+                f"garments must be one of {list(get_args(GarmentChoice))}; got {garments!r}"
+            )
+        self._setup = make_setup(task, matcher=matcher, look=look, render_backend=render_backend)
+        self._garments: GarmentChoice = garments
+        env = self._setup.env
+        if friction != 1.0:
+            material = dataclasses.replace(
+                env.task.material,
+                friction=friction * env.task.material.friction,
+                adhesion=friction * env.task.material.adhesion,
+            )
+            env.task = dataclasses.replace(env.task, material=material)
+        self._policy = make_method(policy, self._setup, method)
+
+    def close(self) -> None:
+        """Release the environment."""
+        self._setup.env.close()
+
+    def run(
+        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
+    ) -> AttemptResult:
+        """Run one episode; see `dgl_collect.attempts.AttemptRunner`."""
+        started = time.perf_counter()
+        env = self._setup.env
+        split = choose_split(self._garments, attempt_index)
+        files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
+        result, outcome = None, None
+        with VideoWriter(out_dir / files["video"]) as video:
+            try:
+                result = run_episode(
+                    env,
+                    self._setup.motion,
+                    self._policy,
+                    seed=seed,
+                    garment=draw_garment(env.task.category, split, seed),
+                    film=video.add,
+                )
+                picture = result.judgement.picture
+            except (TaskError, PhysicsError) as err:
+                logger.info("episode %d: %s", attempt_index, err)
+                outcome = Outcome.from_error(err, film(env))
+                picture = outcome.picture
+                video.add(picture)
+        save_png(out_dir / files["picture"], picture)
+        common = {
+            "index": attempt_index,
+            "seed": seed,
+            "garment_id": env.garment.name,
+            "seconds": time.perf_counter() - started,
+            "files": files,
+            "randomisation": {**env.draws, "split": split},
+        }
+        if result is None:
+            assert outcome is not None
+            return AttemptResult(
+                success=False, reason=outcome.reason, detail=outcome.detail, **common
+            )
+        return _describe(result, common)
+
+
+def draw_garment(category: str, split: "Split", seed: int) -> str:
+    """Draw the garment of an episode from a split of its category."""
+    ids = garment_ids(category, split)
+    return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
+
+
+def _describe(result: EpisodeResult, common: dict) -> AttemptResult:
+    verdict = result.judgement.verdict
+    detail = ""
+    if not verdict.success:
+        detail = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
+        if result.events:
+            detail = f"{result.events[0][1]}; {detail}"
+    return AttemptResult(
+        success=result.success,
+        value=verdict.value,
+        reason=result.reason,
+        detail=detail,
+        criteria=(
+            Criterion(
+                name=verdict.quantity,
+                value=verdict.value,
+                comparison=">=",
+                threshold=verdict.threshold,
+            ),
+        ),
+        measurements={**result.measurements, "steps": float(result.steps)},
+        **common,
+    )

@@ -1,0 +1,110 @@
+"""The methods that can be evaluated, by name."""
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dgl_collect.execution import Setup
+    from dgl_tasks.policy import EpisodePolicy
+
+__all__ = ["METHODS", "MethodOptions", "check_method", "make_method"]
+
+DEFAULT_ACTIONS = 600
+"""Actions that a policy of one's own has for an episode: 50 s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodOptions:
+    """What a method may be told."""
+
+    actions: int = DEFAULT_ACTIONS
+    """Most actions of a policy that starts from the parked arms, each five control steps."""
+
+    def __post_init__(self) -> None:
+        if self.actions < 1:
+            raise ValueError(f"actions must be at least 1; got {self.actions}")
+
+
+def _make_nothing(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
+    from dgl_tasks.policy import Nothing
+
+    del setup, options
+    return Nothing()
+
+
+def _make_expert(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
+    from dgl_collect.scripted import Expert
+
+    del options
+    return Expert(setup=setup)
+
+
+def _make_lift_drop(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
+    from dgl_collect.scripted import LiftAndDrop
+
+    del options
+    return LiftAndDrop(setup=setup)
+
+
+METHODS: Mapping[str, Callable[["Setup", MethodOptions], "EpisodePolicy"]] = {
+    "nothing": _make_nothing,
+    "lift-drop": _make_lift_drop,
+    "expert": _make_expert,
+}
+"""Name of a method to what makes it in a worker."""
+
+
+def check_method(name: str) -> None:
+    """Check a method's name, or that of a factory, without making it.
+
+    Raises:
+        ValueError: If it is neither; the message lists the methods.
+    """
+    if name in METHODS:
+        return
+    module, _, attribute = name.partition(":")
+    if not module or not attribute:
+        names = ", ".join(METHODS)
+        raise ValueError(f"--policy must be one of {names}, or module:factory; got {name!r}")
+
+
+def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
+    """Make a method.
+
+    Args:
+        name: One of `METHODS`, or `module:factory` of your own, which is called with the environment and gives
+            a `Policy` or an `EpisodePolicy` of `dgl_tasks.policy`.
+        setup: Environment and demonstration.
+        options: What it may be told.
+
+    Raises:
+        ValueError: If there is no such method, or what the factory gives has not the methods of a policy.
+        ImportError: If the module cannot be imported.
+    """
+    check_method(name)
+    if name in METHODS:
+        return METHODS[name](setup, options)
+    return _adapt(_load(name)(setup.env), name, options)
+
+
+def _load(name: str) -> Callable[..., Any]:
+    module, _, attribute = name.partition(":")
+    factory = getattr(importlib.import_module(module), attribute, None)
+    if not callable(factory):
+        raise ValueError(f"--policy {name} must name something callable; got {factory!r}")
+    return factory
+
+
+def _adapt(made: object, name: str, options: MethodOptions) -> "EpisodePolicy":
+    from dgl_tasks.policy import EpisodePolicy, FromStart, Policy
+
+    if isinstance(made, EpisodePolicy):
+        return made
+    if isinstance(made, Policy):
+        return FromStart(policy=made, actions=options.actions)
+    raise ValueError(
+        f"--policy {name} must give something with reset and act, or with run; "
+        f"got {type(made).__name__}"
+    )

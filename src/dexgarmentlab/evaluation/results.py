@@ -1,0 +1,153 @@
+"""What an evaluation amounts to: success by seed and by split, with their spread."""
+
+import statistics
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from dgl_collect import AttemptResult, wilson_interval
+
+__all__ = ["Count", "Results", "Run", "count", "summarize", "to_json"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The episodes of one seed."""
+
+    seed: int
+    """As the command line names it."""
+    folder: Path
+    """Where their films and pictures are, relative to the evaluation's folder."""
+    results: Sequence[AttemptResult]
+    """In the order of the episodes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """Successes among episodes."""
+
+    episodes: int
+    """Episodes run."""
+    succeeded: int
+    """Those that met the task's rule."""
+    rate: float | None
+    """Succeeded over episodes; None without episodes."""
+    interval: tuple[float, float]
+    """95 % Wilson interval of the rate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """The figures of an evaluation."""
+
+    total: Count
+    """Over all seeds."""
+    by_seed: Mapping[int, Count]
+    """For each seed."""
+    by_split: Mapping[str, Count]
+    """For garments of the training and of the testing split."""
+    mean: float | None
+    """Mean over the seeds of their success rates; None without episodes."""
+    std: float | None
+    """Standard deviation of these rates, with n - 1; None for fewer than two seeds."""
+    value_median: float | None
+    """Median of the quantity that the rule judges, over the episodes that were judged."""
+    value_largest: float | None
+    """Its largest."""
+    seconds_median: float | None
+    """Median wall-clock time of an episode [s]."""
+    reasons: Mapping[str, int]
+    """Reason of failure to count, most frequent first."""
+
+
+def count(results: Sequence[AttemptResult]) -> Count:
+    """Count successes."""
+    succeeded = sum(result.success for result in results)
+    return Count(
+        episodes=len(results),
+        succeeded=succeeded,
+        rate=succeeded / len(results) if results else None,
+        interval=wilson_interval(succeeded, len(results)),
+    )
+
+
+def summarize(runs: Sequence[Run]) -> Results:
+    """Compute the figures of the runs of all seeds."""
+    everything = [result for run in runs for result in run.results]
+    by_seed = {run.seed: count(run.results) for run in runs}
+    rates = [item.rate for item in by_seed.values() if item.rate is not None]
+    values = [result.value for result in everything if result.value is not None]
+    splits = sorted({_split(result) for result in everything})
+    reasons = Counter(result.reason for result in everything if result.reason is not None)
+    return Results(
+        total=count(everything),
+        by_seed=by_seed,
+        by_split={s: count([r for r in everything if _split(r) == s]) for s in splits},
+        mean=statistics.fmean(rates) if rates else None,
+        std=statistics.stdev(rates) if len(rates) > 1 else None,
+        value_median=statistics.median(values) if values else None,
+        value_largest=max(values, default=None),
+        seconds_median=statistics.median(r.seconds for r in everything) if everything else None,
+        reasons=dict(reasons.most_common()),
+    )
+
+
+def to_json(
+    results: Results,
+    runs: Sequence[Run],
+    *,
+    asked: Mapping[str, object],
+    status: Literal["complete", "interrupted"],
+    versions: Mapping[str, str],
+) -> dict[str, object]:
+    """Give the content of `results.json`: what was asked for, the figures, and a record of every episode."""
+
+    def plain(item: Count) -> dict[str, object]:
+        return {
+            "episodes": item.episodes,
+            "succeeded": item.succeeded,
+            "rate": item.rate,
+            "interval": list(item.interval),
+        }
+
+    return {
+        "format": 1,
+        **asked,
+        "status": status,
+        "success": {"mean": results.mean, "std": results.std, **plain(results.total)},
+        "by_seed": {str(seed): plain(item) for seed, item in results.by_seed.items()},
+        "by_split": {split: plain(item) for split, item in results.by_split.items()},
+        "value": {"median": results.value_median, "largest": results.value_largest},
+        "seconds_median": results.seconds_median,
+        "reasons": dict(results.reasons),
+        "runs": [_record(run, result) for run in runs for result in run.results],
+        "versions": dict(versions),
+    }
+
+
+def _record(run: Run, result: AttemptResult) -> dict[str, object]:
+    return {
+        "seed": run.seed,
+        "episode": result.index,
+        "episode_seed": result.seed,
+        "garment": result.garment_id,
+        "split": _split(result),
+        "success": result.success,
+        "value": result.value,
+        "reason": result.reason,
+        "detail": result.detail,
+        "steps": _steps(result),
+        "seconds": result.seconds,
+        "files": {kind: str(run.folder / name) for kind, name in result.files.items()},
+    }
+
+
+def _steps(result: AttemptResult) -> int | None:
+    steps = result.measurements.get("steps")
+    return None if steps is None else int(steps)
+
+
+def _split(result: AttemptResult) -> str:
+    return str(result.randomisation.get("split", "unknown"))

@@ -1,0 +1,229 @@
+"""The verb `eval`, with made-up episodes, and the figures that it computes."""
+
+import functools
+import importlib
+import json
+import os
+import signal
+import threading
+from pathlib import Path
+
+import pytest
+
+import dgl_collect
+from dexgarmentlab.cli import eval as verb
+from dexgarmentlab.evaluation.attempts import choose_split, draw_garment, make_evaluation_runner
+from dexgarmentlab.evaluation.methods import MethodOptions, make_method
+from dexgarmentlab.evaluation.results import Run, summarize
+from dgl_assets import garment_ids
+from dgl_collect import AttemptResult
+from dgl_collect.errors import UnknownTaskError
+from dgl_collect.runner import make_attempt_seed
+from dgl_tasks.policy import FromStart
+
+COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """Make the verb use made-up episodes."""
+    monkeypatch.syspath_prepend(str(COLLECT_TESTS))
+    fakes = importlib.import_module("dgl_collect_fakes")
+    monkeypatch.setattr("dgl_tasks.tasks.task_ids", lambda: fakes.KNOWN_TASKS)
+    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.FACTORY", fakes.FACTORY)
+
+    def use(**options):
+        config = dgl_collect.CollectConfig
+
+        def configure(**content):
+            return config(**{**content, "options": {**content["options"], **options}})
+
+        monkeypatch.setattr("dgl_collect.CollectConfig", configure)
+
+    return use
+
+
+def options(out, **changes):
+    content = {"task": "FoldTops-v1", "policy": "nothing", "episodes": 3, "seeds": "0,1"}
+    return verb.Options(**(content | {"out": out} | changes))
+
+
+def count_even(seed, episodes):
+    """Made-up episodes succeed for even seeds."""
+    seeds = [make_attempt_seed(verb.SEED_OFFSET + seed, k) for k in range(episodes)]
+    return sum(s % 2 == 0 for s in seeds)
+
+
+def test_results_hold_every_seed_and_every_episode(fake, tmp_path, capsys):
+    assert verb.run(options(tmp_path / "out")) == 0
+    out = capsys.readouterr().out
+    results = json.loads((tmp_path / "out/results.json").read_text())
+    succeeded = [count_even(seed, 3) for seed in (0, 1)]
+    assert f"nothing: {sum(succeeded)} of 6 episodes succeeded" in out
+    assert [item["succeeded"] for item in results["by_seed"].values()] == succeeded
+    assert results["success"]["mean"] == pytest.approx(sum(succeeded) / 6)
+    assert [(r["seed"], r["episode"]) for r in results["runs"]] == [
+        (seed, episode) for seed in (0, 1) for episode in range(3)
+    ]
+    for record in results["runs"]:
+        for kind in ("video", "picture"):
+            assert (tmp_path / "out" / record["files"][kind]).is_file()
+    assert results["status"] == "complete"
+    assert results["command"].startswith("dgl eval FoldTops-v1 --policy nothing --episodes 3")
+    assert results["versions"]["python"]
+    collected = {make_attempt_seed(seed, k) for seed in range(3) for k in range(100)}
+    assert not collected & {record["episode_seed"] for record in results["runs"]}
+
+
+def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
+    fake(seconds=0.3)
+    timer = threading.Timer(3.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    asked = options(tmp_path / "my out", episodes=60, seeds="3,4")
+    assert verb.run(asked) == 130
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "of 120 episodes; continue with: dgl eval FoldTops-v1 --policy nothing" in said
+    assert said.endswith("my out' --resume")
+    results = json.loads((tmp_path / "my out/results.json").read_text())
+    assert results["status"] == "interrupted"
+    done = results["success"]["episodes"]
+    assert done < 60
+    left = options(tmp_path / "my out", episodes=done + 1, seeds="3", resume=True, json=True)
+    assert verb.run(left) == 0
+    results = json.loads(capsys.readouterr().out)
+    assert results["status"] == "complete"
+    assert results["success"]["episodes"] == done + 1
+
+
+def test_refusals_come_before_any_work(fake, tmp_path):
+    for changes, kind, message in (
+        ({"task": "FoldTop-v1"}, UnknownTaskError, "did you mean 'FoldTops-v1'"),
+        ({"policy": "magic"}, ValueError, "must be one of nothing, lift-drop, expert.*'magic'"),
+        ({"seeds": "0,0"}, ValueError, "different numbers from 0 to 999,999.*'0,0'"),
+        ({"seeds": "a"}, ValueError, "separated by commas; got 'a'"),
+        ({"seeds": "-1"}, ValueError, "got '-1'"),
+        ({"friction": -0.5}, ValueError, "--friction must be at least 0; got -0.5"),
+        ({"actions": 0}, ValueError, "actions must be at least 1; got 0"),
+        ({"episodes": 0}, ValueError, "episodes must be at least 1; got 0"),
+    ):
+        with pytest.raises(kind, match=message):
+            verb.run(options(tmp_path / "out", **changes))
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_asks_for_the_same(tmp_path):
+    asked = options(tmp_path / "out", friction=0.0, garments="test", workers=2)
+    assert asked.command == (
+        "dgl eval FoldTops-v1 --policy nothing --episodes 3 --seeds 0,1 --workers 2 "
+        f"--garments test --friction 0.0 --out {tmp_path}/out"
+    )
+
+
+def make_run(seed, successes, split="train"):
+    return Run(
+        seed=seed,
+        folder=Path(f"seed-{seed}"),
+        results=[
+            AttemptResult(
+                index=k,
+                seed=k,
+                success=success,
+                value=0.9 if success else 0.3,
+                reason=None if success else "slipped",
+                randomisation={"split": split if k % 2 else "test"},
+                seconds=10.0 + k,
+            )
+            for k, success in enumerate(successes)
+        ],
+    )
+
+
+def test_figures_by_hand():
+    """3 of 4 and 1 of 4: mean 0.5, standard deviation of 0.75 and 0.25 with n - 1 is 0.3536."""
+    results = summarize([make_run(0, [True] * 3 + [False]), make_run(1, [True] + [False] * 3)])
+    assert results.mean == 0.5
+    assert results.std == pytest.approx(0.35355, abs=1e-5)
+    assert (results.total.succeeded, results.total.episodes) == (4, 8)
+    assert results.total.interval == pytest.approx((0.2152, 0.7848), abs=1e-4)
+    assert {k: (c.succeeded, c.episodes) for k, c in results.by_split.items()} == {
+        "test": (3, 4),
+        "train": (1, 4),
+    }
+    assert results.reasons == {"slipped": 4}
+    assert (results.value_median, results.value_largest) == (pytest.approx(0.6), 0.9)
+    assert results.seconds_median == 11.5
+
+
+def test_one_seed_has_no_spread_and_no_episode_no_rate():
+    assert summarize([make_run(0, [True])]).std is None
+    empty = summarize([make_run(0, [])])
+    assert empty.mean is None
+    assert empty.total.interval == (0.0, 1.0)
+    assert empty.reasons == {}
+
+
+def test_garments_come_from_the_split_by_turns():
+    assert [choose_split("both", k) for k in range(4)] == ["train", "test", "train", "test"]
+    assert [choose_split("test", k) for k in range(2)] == ["test", "test"]
+    for split in ("train", "test"):
+        ids = set(garment_ids("Trousers", split))
+        drawn = [draw_garment("Trousers", split, seed) for seed in range(20)]
+        assert set(drawn) <= ids
+        assert len(set(drawn)) > 15
+        assert drawn == [draw_garment("Trousers", split, seed) for seed in range(20)]
+
+
+class StandingStill:
+    """A policy of one's own."""
+
+    def reset(self, observation):
+        self.target = observation["joint_state"]
+
+    def act(self, observation):
+        return self.target[None]
+
+
+def give_nothing(env):
+    return object()
+
+
+def test_a_policy_of_ones_own_is_found_by_its_name(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    setup = type("Setup", (), {"env": None})()
+    make = functools.partial(make_method, setup=setup, options=MethodOptions(actions=7))
+    name = "test_cli_eval:make_standing_still"
+    made = make(name)
+    assert isinstance(made, FromStart)
+    assert made.actions == 7
+    with pytest.raises(ValueError, match="with reset and act, or with run; got object"):
+        make("test_cli_eval:give_nothing")
+    with pytest.raises(ValueError, match="must name something callable; got None"):
+        make("test_cli_eval:absent")
+
+
+def make_standing_still(env):
+    return StandingStill()
+
+
+def test_unknown_garments_are_refused():
+    with pytest.raises(ValueError, match=r"garments must be one of .*'both'.*; got 'mine'"):
+        make_evaluation_runner("FoldTops-v1", {"policy": "nothing", "garments": "mine"})
+
+
+@pytest.mark.render
+def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path):
+    runner = make_evaluation_runner(
+        "FoldTops-v1", {"policy": "nothing", "garments": "test", "friction": 0.0}
+    )
+    try:
+        result = runner.run(attempt_index=0, seed=11, out_dir=tmp_path, episode_id="e")
+        assert runner._setup.env.task.material.friction == 0.0
+    finally:
+        runner.close()
+    assert not result.success
+    assert result.reason == "below the threshold"
+    assert 0.3 < result.value < 0.85
+    assert result.garment_id in garment_ids("Tops_LongSleeve", "test")
+    assert result.measurements["steps"] > 50
+    for name in result.files.values():
+        assert (tmp_path / name).stat().st_size > 1000
