@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -189,7 +190,7 @@ def give_nothing(env):
 
 def test_a_policy_of_ones_own_is_found_by_its_name(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    setup = type("Setup", (), {"env": None})()
+    setup = SimpleNamespace(env=SimpleNamespace(task=None))
     make = functools.partial(make_method, setup=setup, options=MethodOptions(actions=7))
     name = "test_cli_eval:make_standing_still"
     made = make(name)

@@ -13,6 +13,7 @@ from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import format_duration
 
 if TYPE_CHECKING:
+    from dexgarmentlab.evaluation.methods import MethodOptions
     from dexgarmentlab.evaluation.results import Count, Results
     from dgl_collect import CollectConfig, Progress
 
@@ -37,7 +38,7 @@ class Options:
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
     """Which task, such as FoldTops-v1."""
     policy: str
-    """Which method: nothing, lift-drop, expert, or module:factory of your own."""
+    """Which method: nothing, lift-drop, expert; learned: halo, sadp, gam-dp3, dp3, dp; or module:factory of your own."""
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
     episodes: int = 50
@@ -56,6 +57,12 @@ class Options:
     """What finds the demonstrated points, for the methods that ask for them."""
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    checkpoints: Path | None = None
+    """Trained policies of a learned method: a folder with stage_1/policy.safetensors and so on."""
+    chunks: int | None = None
+    """Predictions that each stage gets; as long as the recorded stages were when not given."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where policies compute."""
     actions: int = 600
     """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
     json: bool = False
@@ -66,7 +73,9 @@ class Options:
         """The command line that asks for the same, without --resume and --json."""
         words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
         words += ["--episodes", self.episodes, "--seeds", self.seeds, "--workers", self.workers]
-        for field in ("garments", "friction", "matcher", "look", "actions"):
+        for field in (
+            "garments", "friction", "matcher", "look", "checkpoints", "chunks", "device", "actions",
+        ):  # fmt: skip
             value = getattr(self, field)
             if value != getattr(type(self), field):
                 words += [f"--{field}", value]
@@ -100,14 +109,14 @@ def run(options: Options) -> int:
     from dgl_collect.results import read_results
     from dgl_collect.run_folder import ATTEMPTS_FILE
     from dgl_collect.runner import check_task
-    from dgl_tasks.tasks import task_ids
+    from dgl_tasks.tasks import get_task, task_ids
 
     seeds = parse_seeds(options.seeds)
     if not options.friction >= 0:
         raise ValueError(f"--friction must be at least 0; got {options.friction:g}")
     known_tasks = task_ids()
     check_task(options.task, known_tasks)
-    check_method(options.policy)
+    check_method(options.policy, get_task(options.task), _tell_method(options))
     configs = {seed: _configure(options, seed) for seed in seeds}
     status: Literal["complete", "interrupted"] = "complete"
     runs: list[Run] = []
@@ -151,10 +160,8 @@ def run(options: Options) -> int:
 def _configure(options: Options, seed: int) -> "CollectConfig":
     """Make the run of one seed."""
     from dexgarmentlab.evaluation.attempts import FACTORY
-    from dexgarmentlab.evaluation.methods import MethodOptions
     from dgl_collect import CollectConfig
 
-    method = MethodOptions(actions=options.actions)
     return CollectConfig(
         task=options.task,
         episodes=options.episodes,
@@ -165,7 +172,7 @@ def _configure(options: Options, seed: int) -> "CollectConfig":
         attempt_factory=FACTORY,
         options={
             "policy": options.policy,
-            "method": dataclasses.asdict(method),
+            "method": dataclasses.asdict(_tell_method(options)),
             "garments": options.garments,
             "friction": options.friction,
             "matcher": options.matcher,
@@ -176,12 +183,26 @@ def _configure(options: Options, seed: int) -> "CollectConfig":
     )
 
 
+def _tell_method(options: Options) -> "MethodOptions":
+    from dexgarmentlab.evaluation.methods import MethodOptions
+
+    checkpoints = options.checkpoints
+    return MethodOptions(
+        actions=options.actions,
+        # absolute: a resumed evaluation may be called from elsewhere
+        checkpoints=None if checkpoints is None else str(checkpoints.resolve()),
+        chunks=options.chunks,
+        device=options.device,
+    )
+
+
 def _asked(options: Options) -> dict[str, object]:
     content = {
         field.name: getattr(options, field.name)
         for field in dataclasses.fields(options)
         if field.name not in ("out", "resume", "json", "workers", "seeds")
     }
+    content["checkpoints"] = None if options.checkpoints is None else str(options.checkpoints)
     return {**content, "seeds": list(parse_seeds(options.seeds)), "command": options.command}
 
 

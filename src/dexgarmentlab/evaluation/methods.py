@@ -3,10 +3,12 @@
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dgl_collect.execution import Setup
+    from dgl_tasks.declaration import Task
     from dgl_tasks.policy import EpisodePolicy
 
 __all__ = ["METHODS", "MethodOptions", "check_method", "make_method"]
@@ -22,9 +24,18 @@ class MethodOptions:
     actions: int = DEFAULT_ACTIONS
     """Most actions of a policy that starts from the parked arms, each five control steps."""
 
+    checkpoints: str | None = None
+    """Folder with a trained policy for each stage, for the learned methods."""
+    chunks: int | None = None
+    """Predictions that each stage gets; as long as the recorded stages were when None."""
+    device: str = "cpu"
+    """Where policies compute, "cpu" or "cuda"."""
+
     def __post_init__(self) -> None:
-        if self.actions < 1:
-            raise ValueError(f"actions must be at least 1; got {self.actions}")
+        for name in ("actions", "chunks"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} must be at least 1; got {value}")
 
 
 def _make_nothing(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
@@ -56,17 +67,25 @@ METHODS: Mapping[str, Callable[["Setup", MethodOptions], "EpisodePolicy"]] = {
 """Name of a method to what makes it in a worker."""
 
 
-def check_method(name: str) -> None:
-    """Check a method's name, or that of a factory, without making it.
+def check_method(name: str, task: "Task", options: MethodOptions) -> None:
+    """Check a method, or the name of a factory, without making it.
 
     Raises:
-        ValueError: If it is neither; the message lists the methods.
+        ValueError: If there is no such method, or what it needs is missing or of another kind.
+        CheckpointError: If a policy is damaged.
     """
     if name in METHODS:
         return
+    from dexgarmentlab.evaluation.halo import LEARNED, check_checkpoints
+
+    if name in LEARNED:
+        if options.checkpoints is None:
+            raise ValueError(f"--policy {name} needs --checkpoints, a folder of trained policies")
+        check_checkpoints(task, Path(options.checkpoints))
+        return
     module, _, attribute = name.partition(":")
     if not module or not attribute:
-        names = ", ".join(METHODS)
+        names = ", ".join([*METHODS, *LEARNED])
         raise ValueError(f"--policy must be one of {names}, or module:factory; got {name!r}")
 
 
@@ -74,7 +93,7 @@ def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePo
     """Make a method.
 
     Args:
-        name: One of `METHODS`, or `module:factory` of your own, which is called with the environment and gives
+        name: One of `METHODS` or of `LEARNED`, or `module:factory` of your own, which is called with the environment and gives
             a `Policy` or an `EpisodePolicy` of `dgl_tasks.policy`.
         setup: Environment and demonstration.
         options: What it may be told.
@@ -83,9 +102,19 @@ def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePo
         ValueError: If there is no such method, or what the factory gives has not the methods of a policy.
         ImportError: If the module cannot be imported.
     """
-    check_method(name)
     if name in METHODS:
         return METHODS[name](setup, options)
+    from dexgarmentlab.evaluation.halo import LEARNED, HaloMethod
+
+    check_method(name, setup.env.task, options)
+    if name in LEARNED:
+        return HaloMethod(
+            name,
+            setup,
+            Path(str(options.checkpoints)),
+            chunks=options.chunks,
+            device=options.device,
+        )
     return _adapt(_load(name)(setup.env), name, options)
 
 

@@ -211,6 +211,12 @@ class Driver:
 
     # Seeing ----------------------------------------------------------------------------------
 
+    @property
+    def cloud_seed(self) -> int:
+        """Seed of the sampling of what is seen now."""
+        rng = np.random.default_rng([self.seed, 1, self.step_count])
+        return int(rng.integers(2**31))
+
     def observe(self) -> Observation:
         """Look with the environment camera and feel the joints."""
         picture = see.take_picture(self.env, "environment_camera")
@@ -218,7 +224,7 @@ class Driver:
             joint_state=self.get_joint_state(),
             ee_pose=self._get_poses().astype(np.float32),
             image=picture.rgb,
-            env_point_cloud=see.get_environment_cloud(self.env, picture, seed=self._cloud_seed),
+            env_point_cloud=see.get_environment_cloud(self.env, picture, seed=self.cloud_seed),
         )
 
     def see_garment(self) -> np.ndarray:
@@ -228,7 +234,7 @@ class Driver:
             PerceptionError: If the camera sees nothing of it.
         """
         picture = see.take_picture(self.env, "garment_camera")
-        return see.get_garment_cloud(self.env, picture, seed=self._cloud_seed)
+        return see.get_garment_cloud(self.env, picture, seed=self.cloud_seed)
 
     def get_joint_state(self) -> np.ndarray:
         """Measured joint positions [rad], shape (D,), float32."""
@@ -272,11 +278,6 @@ class Driver:
         )
 
     # -----------------------------------------------------------------------------------------
-
-    @property
-    def _cloud_seed(self) -> int:
-        rng = np.random.default_rng([self.seed, 1, self.step_count])
-        return int(rng.integers(2**31))
 
     def _get_poses(self) -> np.ndarray:
         poses = self.env.agent.get_ee_poses()[0]  # pyright: ignore[reportAttributeAccessIssue]

@@ -1,0 +1,212 @@
+"""HALO and its ablations in the laboratory: policies from their checkpoints, and the driver that they ask for."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dgl_assets.robots import SIDES, Side
+from dgl_sadp import (
+    HALO,
+    HaloStage,
+    PolicyConfig,
+    PolicyRunner,
+    load_policy,
+    read_card,
+)
+from dgl_tasks import perception as see
+from dgl_tasks.declaration import Stage, Task
+from dgl_tasks.driver import Driver
+
+if TYPE_CHECKING:
+    from dgl_collect.execution import Setup
+
+__all__ = ["LEARNED", "HaloDriver", "HaloMethod", "Learned", "check_checkpoints", "count_chunks"]
+
+POLICY_FILE = "policy.safetensors"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learned:
+    """A learned method: which policies it takes, and whether they begin at the matched points."""
+
+    policies: tuple[str, ...]
+    """Methods of `dgl train` whose policies it takes."""
+    use_gam: bool
+    """Whether points are matched and the hands sent there; the hands stay parked otherwise."""
+
+
+LEARNED: Mapping[str, Learned] = {
+    "halo": Learned(policies=("sadp", "sadp-g"), use_gam=True),
+    "sadp": Learned(policies=("sadp", "sadp-g"), use_gam=False),
+    "gam-dp3": Learned(policies=("dp3",), use_gam=True),
+    "dp3": Learned(policies=("dp3",), use_gam=False),
+    "dp": Learned(policies=("dp",), use_gam=False),
+}
+"""HALO; without GAM; without SADP; and the baselines."""
+
+
+class HaloDriver:
+    """Gives HALO what it asks of an environment: `dgl_sadp.EnvironmentDriver`, by `dgl_tasks.driver.Driver`."""
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+        self._stages = driver.env.task.stages
+        self._stage = self._stages[0]
+
+    def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
+        """Look at the garment, and at the props where there are some."""
+        self._stage = self._stages[stage - 1]
+        driver = self._driver
+        seen = {"garment_point_cloud": driver.see_garment()}
+        if driver.env.props:
+            picture = see.take_picture(driver.env, "environment_camera")
+            seed = driver.cloud_seed
+            seen["object_point_cloud"] = see.get_object_cloud(driver.env, picture, seed=seed)
+        return seen
+
+    def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
+        """Go above the points, down to the height at which the stage grasps, and wait."""
+        wanted: dict[Side, np.ndarray | None] = {"left": left, "right": right}
+        points: dict[Side, np.ndarray] = {
+            side: np.array([*point[:2], self._stage.grasp_height], dtype=float)
+            for side, point in wanted.items()
+            if point is not None
+        }
+        self._driver.approach(self._stage, points)
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """Look and feel."""
+        return self._driver.observe().as_arrays()
+
+    def execute(self, target: np.ndarray) -> dict[str, np.ndarray]:
+        """Hold joint targets for five control steps."""
+        self._driver.execute(np.asarray(target)[None])
+        return self.observe()
+
+    def end_stage(self, stage: int) -> None:
+        """Open the working hands, leave the cloth and park."""
+        sides: tuple[Side, ...] = tuple(s for s in SIDES if s in self._stages[stage - 1].grasp)
+        if not self._driver.is_parked:
+            self._driver.retreat(sides)
+
+
+class _PresentMatcher:
+    """Asks for the matcher of the garment as it lies now."""
+
+    def __init__(self, setup: "Setup") -> None:
+        self._setup = setup
+
+    def match(
+        self, source_cloud: np.ndarray, source_points: np.ndarray, target_cloud: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Match as `dgl_gam.Matcher`."""
+        matcher = self._setup.find_matcher(self._setup.env)
+        return matcher.match(source_cloud, source_points, target_cloud)
+
+
+class HaloMethod:
+    """A learned method as an `EpisodePolicy` of `dgl_tasks.policy`."""
+
+    def __init__(
+        self,
+        name: str,
+        setup: "Setup",
+        checkpoints: Path,
+        *,
+        chunks: int | None = None,
+        device: str = "cpu",
+    ) -> None:
+        """Load a policy for each stage.
+
+        Args:
+            name: One of `LEARNED`.
+            setup: Environment, demonstration and matcher.
+            checkpoints: Folder with `stage_<k>/policy.safetensors` for each stage.
+            chunks: Predictions that each stage gets; as long as the recorded stages were when None.
+            device: "cpu" or "cuda".
+
+        Raises:
+            ValueError: If a policy is of another method, stage or task.
+            CheckpointError: If a policy is missing or damaged.
+        """
+        task = setup.env.task
+        check_checkpoints(task, checkpoints)
+        stages = []
+        for number, stage in enumerate(task.stages, start=1):
+            path = _locate(checkpoints, number)
+            policy = load_policy(path, device=device)
+            if policy.config.method not in LEARNED[name].policies:
+                raise ValueError(
+                    f"{path}: {name} takes a policy of {' or '.join(LEARNED[name].policies)}; "
+                    f"got {policy.config.method}"
+                )
+            count = chunks or count_chunks(policy.config, read_card(path), stage)
+            points = {side: _find_source(setup, names) for side, names in stage.grasp.items()}
+            stages.append(
+                HaloStage(
+                    policy=PolicyRunner(policy),
+                    chunks=count,
+                    source_cloud=setup.demo_cloud,
+                    left=points.get("left"),
+                    right=points.get("right"),
+                )
+            )
+        self.halo = HALO(_PresentMatcher(setup), stages, use_gam=LEARNED[name].use_gam)
+
+    def run(self, driver: Driver) -> None:
+        """Carry out all stages."""
+        self.halo.run(HaloDriver(driver), seed=driver.seed)
+
+
+def check_checkpoints(task: Task, checkpoints: Path) -> None:
+    """Check, without loading weights, that there is a fitting policy for each stage.
+
+    Args:
+        task: What is to be done.
+        checkpoints: Folder with `stage_<k>/policy.safetensors`.
+
+    Raises:
+        ValueError: If a policy is missing, or of another stage or task.
+        CheckpointError: If a file is damaged.
+    """
+    for number in range(1, len(task.stages) + 1):
+        path = _locate(checkpoints, number)
+        if not path.is_file():
+            raise ValueError(f"--checkpoints must hold a policy for stage {number}; no {path}")
+        card = read_card(path)
+        if card.get("stage", number) != number:
+            raise ValueError(f"{path}: it must be of stage {number}; got {card['stage']}")
+        tasks = card.get("tasks", [task.id])
+        if task.id not in tasks:
+            raise ValueError(f"{path}: it must be of task {task.id}; got {', '.join(tasks)}")
+
+
+def count_chunks(config: PolicyConfig, card: Mapping[str, object], stage: Stage) -> int:
+    """Say how many predictions a stage gets: as many as its recordings were long in the mean.
+
+    Args:
+        config: The policy's.
+        card: How it was trained; the windows and episodes in it tell the mean number of frames.
+        stage: Has the original's number, which is taken where the card does not tell.
+    """
+    windows, episodes = card.get("windows"), card.get("episodes")
+    if not isinstance(windows, int) or not isinstance(episodes, list) or not episodes:
+        return stage.policy_loops
+    # a stage of T frames, with the edge frames repeated, has this many more windows than frames
+    beyond = config.observation_steps - 1 + config.action_steps - 1 - (config.horizon - 1)
+    frames = windows / len(episodes) - beyond
+    return max(1, math.ceil(frames / config.action_steps))
+
+
+def _find_source(setup: "Setup", names: str | tuple[str, ...]) -> np.ndarray:
+    """Give the place that a hand grasps on the demonstration's garment [m], shape (3,): midway between several."""
+    chosen = (names,) if isinstance(names, str) else names
+    return np.mean([setup.demonstration.points[name] for name in chosen], axis=0)
+
+
+def _locate(checkpoints: Path, number: int) -> Path:
+    return checkpoints / f"stage_{number}" / POLICY_FILE

@@ -1,0 +1,179 @@
+"""HALO in the laboratory: what it asks of an environment, and which policies it takes."""
+
+import dataclasses
+import functools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dexgarmentlab.evaluation.attempts import make_evaluation_runner
+from dexgarmentlab.evaluation.halo import (
+    LEARNED,
+    HaloDriver,
+    HaloMethod,
+    check_checkpoints,
+    count_chunks,
+)
+from dexgarmentlab.evaluation.methods import MethodOptions, check_method
+from dgl_collect.demonstration import load_demonstration
+from dgl_sadp import DiffusionPolicy, EnvironmentDriver, get_policy_config, save_policy
+from dgl_tasks import get_task
+from dgl_tasks.observation import Observation
+
+TASK = get_task("FoldTops-v1")
+
+
+@functools.cache
+def make_policy(method):
+    return DiffusionPolicy.make(get_policy_config(method, "small"), seed=0)
+
+
+def save(folder, *, method="sadp-g", stages=3, **card):
+    """Policies that have learnt nothing."""
+    policy = make_policy(method)
+    for number in range(1, stages + 1):
+        whole = {"stage": number, "tasks": ["FoldTops-v1"], **card}
+        save_policy(folder / f"stage_{number}/policy.safetensors", policy, whole)
+    return folder
+
+
+class Recorder:
+    """Notes what a driver is told, where one that moves a robot would be."""
+
+    def __init__(self, *, is_parked=False):
+        self.env = SimpleNamespace(task=TASK, props={})
+        self.told, self.is_parked = [], is_parked
+
+    def see_garment(self):
+        return np.ones((2048, 3), np.float32)
+
+    def observe(self):
+        return Observation(
+            joint_state=np.zeros(60, np.float32),
+            ee_pose=np.zeros((2, 7), np.float32),
+            image=np.zeros((4, 4, 3), np.uint8),
+            env_point_cloud=np.zeros((2048, 6), np.float32),
+        )
+
+    def approach(self, stage, points):
+        self.told.append(("approach", stage.name, points))
+
+    def execute(self, actions):
+        self.told.append(("execute", actions.shape))
+
+    def retreat(self, sides):
+        self.told.append(("retreat", sides))
+
+
+def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    assert set(halo.begin_stage(3)) == {"garment_point_cloud"}
+    halo.move_hands(np.array([-0.2, 0.6, 0.3]), np.array([0.2, 0.6, 0.3]))
+    kind, name, points = driver.told[0]
+    assert (kind, name) == ("approach", "bottom_up")
+    height = TASK.stages[2].grasp_height
+    np.testing.assert_allclose(points["left"], [-0.2, 0.6, height])
+    np.testing.assert_allclose(points["right"], [0.2, 0.6, height])
+    halo.end_stage(3)
+    assert driver.told[-1] == ("retreat", ("left", "right"))
+
+
+def test_one_hand_works_and_the_other_stays():
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    halo.begin_stage(1)
+    halo.move_hands(np.zeros(3), None)
+    assert set(driver.told[0][2]) == {"left"}
+    seen = halo.execute(np.zeros(60))
+    assert set(seen) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
+    assert driver.told[1] == ("execute", (1, 60))
+    halo.end_stage(1)
+    assert driver.told[2] == ("retreat", ("left",))
+    parked = Recorder(is_parked=True)
+    HaloDriver(parked).end_stage(1)
+    assert parked.told == []
+
+
+def test_the_driver_has_what_halo_asks_for():
+    asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
+    assert asked == {"begin_stage", "move_hands", "observe", "execute", "end_stage"}
+    assert all(callable(getattr(HaloDriver, name)) for name in asked)
+
+
+def test_a_stage_gets_as_many_chunks_as_its_recordings_were_long():
+    """26 frames give 24 windows of 8: 2 begin before the stage and 3 end after it."""
+    config = get_policy_config("sadp-g", "small")
+    stage = dataclasses.replace(TASK.stages[0], policy_loops=8)
+    card = {"windows": 3 * 24, "episodes": ["a.h5", "b.h5", "c.h5"]}
+    assert count_chunks(config, card, stage) == 7  # of 4 actions: 26 frames are 6.5
+    assert count_chunks(config, {}, stage) == 8
+
+
+def test_policies_must_be_there_and_of_the_task(tmp_path):
+    check_checkpoints(TASK, save(tmp_path / "good"))
+    with pytest.raises(ValueError, match=r"policy for stage 3; no .*stage_3/policy.safetensors"):
+        check_checkpoints(TASK, save(tmp_path / "few", stages=2))
+    with pytest.raises(ValueError, match="must be of stage 1; got 2"):
+        check_checkpoints(TASK, save(tmp_path / "stage", stage=2))
+    with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
+        check_checkpoints(TASK, save(tmp_path / "task", tasks=["FoldDress-v1"]))
+    with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
+        check_method("halo", TASK, MethodOptions())
+    with pytest.raises(ValueError, match="chunks must be at least 1; got 0"):
+        MethodOptions(chunks=0)
+
+
+@pytest.fixture
+def setup():
+    return SimpleNamespace(
+        env=SimpleNamespace(task=TASK),
+        demonstration=load_demonstration("FoldTops-v1"),
+        demo_cloud=np.zeros((100, 3), np.float32),
+        find_matcher=lambda env: None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "use_gam"),
+    [
+        ("halo", "sadp-g", True),
+        ("sadp", "sadp-g", False),
+        ("gam-dp3", "dp3", True),
+        ("dp3", "dp3", False),
+    ],
+)
+def test_methods_are_halo_with_parts_taken_away(tmp_path, setup, name, method, use_gam):
+    made = HaloMethod(name, setup, save(tmp_path, method=method), chunks=2)
+    assert made.halo.use_gam is use_gam
+    assert [stage.chunks for stage in made.halo.stages] == [2, 2, 2]
+    left, right = made.halo.stages[0].left, made.halo.stages[0].right
+    np.testing.assert_array_equal(left, setup.demonstration.points["left_cuff"])
+    assert right is None
+    others = {method_ for other in LEARNED.values() for method_ in other.policies}
+    for wrong in sorted(others - set(LEARNED[name].policies) - {"dp", "sadp"}):
+        folder = save(tmp_path / wrong, method=wrong)
+        with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):
+            HaloMethod(name, setup, folder)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.render
+def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
+    """A policy that has learnt nothing: what is scripted still runs, and the garment is not folded."""
+    (tmp_path / "out").mkdir()
+    options = {
+        "policy": "halo",
+        "method": {"checkpoints": str(save(tmp_path / "policies")), "chunks": 1},
+        "garments": "train",
+    }
+    runner = make_evaluation_runner("FoldTops-v1", options)
+    try:
+        result = runner.run(attempt_index=0, seed=5, out_dir=tmp_path / "out", episode_id="e")
+    finally:
+        runner.close()
+    assert not result.success
+    assert result.value is not None
+    assert result.measurements["steps"] > 500
