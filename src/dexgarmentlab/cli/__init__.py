@@ -64,7 +64,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("collect", "collect demonstrations of a task automatically"),
     Verb("replay", "re-run a recorded episode from its file and compare"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),
-    Verb("train", "train the affordance model"),
+    Verb("train", "train the affordance model or a policy: sadp, sadp-g, dp3, dp"),
     Verb("gam", "the affordance model: match two garments, measure networks, pack weights"),
     Verb("bench", "measure this machine: the numbers that the documentation quotes"),
 )

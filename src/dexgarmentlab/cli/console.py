@@ -17,8 +17,8 @@ T = TypeVar("T")
 class Progress(Protocol):
     """A running progress bar."""
 
-    def advance(self, steps: int = 1, *, note: str | None = None) -> None:
-        """Move on by some steps, and replace the note beside the bar when one is given."""
+    def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
+        """Move on by some steps, and replace the note beside the bar and the number of steps when they are given."""
         ...
 
 
@@ -85,7 +85,11 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
         task = bar.add_task(description, total=total, note="")
 
         class _Bar:
-            def advance(self, steps: int = 1, *, note: str | None = None) -> None:
+            def advance(
+                self, steps: int = 1, *, note: str | None = None, total: int | None = None
+            ) -> None:
+                if total is not None:
+                    bar.update(task, total=total)
                 if note is None:
                     bar.advance(task, steps)
                 else:

@@ -3,9 +3,7 @@
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+from typing import TYPE_CHECKING, Any, Literal
 
 from dexgarmentlab.cli import EXIT_OK, console
 
@@ -27,8 +25,6 @@ class TrainGamOptions:
     Example: dgl train gam --data gam-data --out gam-runs --preset shipped
     """
 
-    subject: Annotated[Literal["gam"], tyro.conf.Positional]
-    """What to train: the affordance model."""
     data: Path
     """Folder of training data, one file a garment; garments of the split "train" are used."""
     out: Path

@@ -11,6 +11,7 @@ from dgl_sadp.errors import CheckpointError as CheckpointError
 from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
+from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
 from dgl_sadp.halo import HALO as HALO
 from dgl_sadp.halo import EnvironmentDriver as EnvironmentDriver
 from dgl_sadp.halo import HaloStage as HaloStage
@@ -19,6 +20,11 @@ from dgl_sadp.halo import StagePolicy as StagePolicy
 from dgl_sadp.halo import StageRecord as StageRecord
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 from dgl_sadp.runner import PolicyRunner as PolicyRunner
+from dgl_sadp.train import Progress as Progress
+from dgl_sadp.train import TrainResult as TrainResult
+from dgl_sadp.train import train_policy as train_policy
+from dgl_sadp.train_config import TrainConfig as TrainConfig
+from dgl_sadp.train_config import get_train_config as get_train_config
 
 __all__ = [
     "HALO",
@@ -32,12 +38,18 @@ __all__ = [
     "ObservationError",
     "PolicyConfig",
     "PolicyRunner",
+    "Progress",
     "SadpError",
     "StagePolicy",
     "StageRecord",
+    "TrainConfig",
+    "TrainResult",
+    "TrainingDivergedError",
     "get_policy_config",
+    "get_train_config",
     "load_policy",
     "read_card",
     "save_policy",
     "split_episodes",
+    "train_policy",
 ]

@@ -59,6 +59,8 @@ class StageFile:
     """Number of recorded frames T, at least 1."""
     static_keys: tuple[str, ...]
     """Which of the arrays that are stored once in a stage are there."""
+    task: str
+    """Environment id, such as `FoldTops-v1`; empty if it was not recorded."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ def scan_stage(path: Path, stage: int) -> StageFile | None:
             stage=stage,
             frames=_check_frames(path, group),
             static_keys=_check_static(path, group),
+            task=str(file.attrs.get("task", "")),
         )
 
 

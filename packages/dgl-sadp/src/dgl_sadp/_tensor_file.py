@@ -45,6 +45,7 @@ def write_tensors(
         save_file(whole, beside, metadata=metadata)
         with beside.open("rb") as file:
             os.fsync(file.fileno())
+        beside.chmod(0o644)  # safetensors lets only the owner read.
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)

@@ -2,7 +2,13 @@
 
 from pathlib import Path
 
-__all__ = ["CheckpointError", "CorruptEpisodeError", "ObservationError", "SadpError"]
+__all__ = [
+    "CheckpointError",
+    "CorruptEpisodeError",
+    "ObservationError",
+    "SadpError",
+    "TrainingDivergedError",
+]
 
 
 class SadpError(Exception):
@@ -15,6 +21,10 @@ class CheckpointError(SadpError):
 
 class ObservationError(SadpError):
     """An observation lacks something, or has another shape or values that are not finite."""
+
+
+class TrainingDivergedError(SadpError):
+    """The loss of a training is no longer finite."""
 
 
 class CorruptEpisodeError(SadpError):

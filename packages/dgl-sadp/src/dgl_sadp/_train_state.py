@@ -1,0 +1,175 @@
+"""The state of a training: all that it takes to go on as if it had not been interrupted."""
+
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor
+
+from dgl_sadp._tensor_file import read_tensors, write_tensors
+from dgl_sadp.errors import CheckpointError
+from dgl_sadp.policy import DiffusionPolicy
+
+if TYPE_CHECKING:
+    from diffusers.training_utils import EMAModel
+    from torch.optim.lr_scheduler import LambdaLR
+
+__all__ = ["Interrupts", "TrainState", "hold_interrupts"]
+
+_KIND = "dgl_sadp.training"
+_MOMENTS = ("step", "exp_avg", "exp_avg_sq")
+
+
+class TrainState:
+    """What changes while a policy is trained.
+
+    Random numbers are not among it: whatever is drawn in a step follows from the seed and the step's number.
+    """
+
+    def __init__(
+        self,
+        policy: DiffusionPolicy,
+        ema: "EMAModel",
+        optimizer: torch.optim.Optimizer,
+        schedule: "LambdaLR",
+    ) -> None:
+        self.policy = policy
+        self.ema = ema
+        self.optimizer = optimizer
+        self.schedule = schedule
+        self.step = 0
+        self.loss_sum = 0.0
+        self.last: dict[str, Any] = {}
+
+    def save(self, path: Path, described: Mapping[str, Any]) -> None:
+        """Write everything.
+
+        Args:
+            path: The file.
+            described: What the training was begun with.
+        """
+        tensors: dict[str, Tensor] = {}
+        parameters = dict(self.policy.named_parameters())
+        for (name, parameter), average in zip(
+            parameters.items(), self.ema.shadow_params, strict=True
+        ):
+            tensors[f"weight/{name}"] = parameter
+            tensors[f"average/{name}"] = average
+            if parameter in self.optimizer.state:
+                for key in _MOMENTS:
+                    tensors[f"{key}/{name}"] = self.optimizer.state[parameter][key]
+        for name, buffer in self.policy.normalizer.named_buffers():
+            tensors[f"range/{name}"] = buffer
+        values = {
+            "step": self.step,
+            "loss_sum": self.loss_sum,
+            "last": self.last,
+            "average_step": self.ema.optimization_step,
+            "schedule": self.schedule.state_dict(),
+            "described": described,
+        }
+        write_tensors(path, tensors, kind=_KIND, values=values)
+
+    def load(self, path: Path, described: Mapping[str, Any]) -> None:
+        """Put everything back.
+
+        Raises:
+            CheckpointError: If the file is damaged, or of a training that was begun with something else.
+        """
+        tensors, values = read_tensors(path, kind=_KIND)
+        before = values.get("described", {})
+        for part, now in described.items():
+            if before.get(part) != now:
+                raise CheckpointError(
+                    f"{path.parent} was begun with another {part} "
+                    f"({_find_difference(before.get(part), now)}); resume it with the same, or start anew"
+                )
+        parameters = dict(self.policy.named_parameters())
+        wanted = {f"{kind}/{name}" for kind in ("weight", "average") for name in parameters}
+        wanted |= {f"range/{name}" for name, _ in self.policy.normalizer.named_buffers()}
+        if not wanted <= set(tensors):
+            raise CheckpointError(f"{path} lacks {min(wanted - set(tensors))}")
+        for name, buffer in self.policy.normalizer.named_buffers():
+            if not torch.equal(buffer.cpu(), tensors[f"range/{name}"]):
+                raise CheckpointError(
+                    f"{path.parent} was begun with other values in its episodes ({name}); start anew"
+                )
+        with torch.no_grad():
+            for (name, parameter), average in zip(
+                parameters.items(), self.ema.shadow_params, strict=True
+            ):
+                parameter.copy_(tensors[f"weight/{name}"])
+                average.copy_(tensors[f"average/{name}"])
+                if f"exp_avg/{name}" in tensors:
+                    self.optimizer.state[parameter] = {
+                        key: tensors[f"{key}/{name}"].to(parameter.device) for key in _MOMENTS
+                    }
+        self.ema.optimization_step = int(values["average_step"])
+        self.schedule.load_state_dict(values["schedule"])
+        for group, rate in zip(
+            self.optimizer.param_groups, values["schedule"]["_last_lr"], strict=True
+        ):
+            group["lr"] = rate
+        self.step, self.loss_sum = int(values["step"]), float(values["loss_sum"])
+        self.last = values["last"]
+
+    @contextmanager
+    def averaged(self) -> Iterator[DiffusionPolicy]:
+        """Lend the policy with its averaged weights, in evaluation mode."""
+        parameters = list(self.policy.parameters())
+        self.ema.store(parameters)
+        self.ema.copy_to(parameters)
+        self.policy.eval()
+        try:
+            yield self.policy
+        finally:
+            self.ema.restore(parameters)
+            self.policy.train()
+
+
+class Interrupts:
+    """Whether an interruption was asked for."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+
+
+@contextmanager
+def hold_interrupts() -> Iterator[Interrupts]:
+    """Note the first SIGINT instead of raising it, so that a step can be finished and saved; the second one raises.
+
+    Only the main thread can do so; elsewhere signals do not arrive anyway.
+    """
+    held = Interrupts()
+    if threading.current_thread() is not threading.main_thread():
+        yield held
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if held.is_asked:
+            raise KeyboardInterrupt
+        held.is_asked = True
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield held
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _find_difference(before: object, now: object) -> str:
+    """Name the first thing that two configurations differ in."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in (*now, *before):
+            if before.get(key) != now.get(key):
+                return f"{key}: {_find_difference(before.get(key), now.get(key))}"
+    if isinstance(before, list) and isinstance(now, list):
+        return (
+            f"{len(before)} entries then, {len(now)} now" if len(before) != len(now) else "entries"
+        )
+    return f"{before!r} then, {now!r} now"

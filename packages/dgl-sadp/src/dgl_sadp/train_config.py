@@ -1,0 +1,100 @@
+"""How a policy is trained."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from dgl_sadp._clouds import Augmentation
+from dgl_sadp.config import Method, PolicySize
+
+__all__ = ["TrainConfig", "get_train_config"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """How a policy is trained. Source of the optimiser's and EMA's numbers: DexGarmentLab's code."""
+
+    epochs: int
+    """Passes over all windows."""
+    batch: int
+    """Windows in a batch."""
+    learning_rate: float = 1e-4
+    """Largest learning rate, of AdamW. Source: paper."""
+    warmup_steps: int = 500
+    """Batches over which it rises, at most a tenth of all; it then falls to zero as a cosine. Source: paper."""
+    betas: tuple[float, float] = (0.95, 0.999)
+    """Decay of AdamW's moments."""
+    weight_decay: float = 1e-6
+    """Weight decay of AdamW."""
+    ema_power: float = 0.75
+    """The weights' average forgets as 1 - (1 + step)^-power: slower and slower."""
+    ema_decay: float = 0.9999
+    """Largest share of the average that a step keeps."""
+    validation_share: float = 0.02
+    """Share of whole episodes for validation, at least one; 0 for none. Source: paper."""
+    split_seed: int = 0
+    """Of which episodes these are."""
+    validate_every: int = 25
+    """Epochs between validations; there is one after the last."""
+    validation_windows: int = 256
+    """Most windows of a validation, evenly spread."""
+    save_every: int = 1
+    """Epochs between states to go on from."""
+    keep_every: int = 0
+    """Epochs between policies that are kept besides the last; 0 for none."""
+    precision: Literal["no", "bf16"] = "no"
+    """Mixed precision; "no" is float32."""
+    augmentation: Augmentation | None = field(default_factory=Augmentation)
+    """How clouds are varied; None leaves them as they are."""
+    seed: int = 42
+    """Of the weights and of everything drawn."""
+
+    def __post_init__(self) -> None:
+        for name in ("epochs", "batch", "validate_every", "validation_windows", "save_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
+        for name in ("warmup_steps", "keep_every", "seed", "split_seed"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must be at least 0; got {getattr(self, name)}")
+        if not self.learning_rate > 0:
+            raise ValueError(f"learning_rate must be positive; got {self.learning_rate}")
+        for name in ("validation_share", "ema_decay"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} must lie in [0, 1); got {getattr(self, name)}")
+        if self.precision not in ("no", "bf16"):
+            raise ValueError(f"precision must be 'no' or 'bf16'; got {self.precision!r}")
+
+
+# Source: DexGarmentLab's code; the batch of SADP: paper.
+_PAPER: Mapping[str, TrainConfig] = {
+    "sadp": TrainConfig(epochs=3000, batch=200, validate_every=25, save_every=10, keep_every=100),
+    "sadp-g": TrainConfig(epochs=3000, batch=200, validate_every=25, save_every=10, keep_every=100),
+    "dp3": TrainConfig(epochs=10_000, batch=256, validate_every=50, save_every=10, keep_every=500),
+    "dp": TrainConfig(epochs=500, batch=32, validate_every=2, save_every=1, keep_every=50),
+}
+# A twentieth of the weights learns at a larger rate, in far fewer passes.
+_SMALL = TrainConfig(
+    epochs=60,
+    batch=64,
+    learning_rate=1e-3,
+    warmup_steps=100,
+    validation_share=0.05,
+    validate_every=5,
+)
+
+
+def get_train_config(method: str, size: str = "small") -> TrainConfig:
+    """Return a preset, for the policy's preset of the same name; see `get_policy_config`.
+
+    Raises:
+        ValueError: If there is no such policy or preset.
+    """
+    if method not in get_args(Method):
+        raise ValueError(f"method must be one of {list(get_args(Method))}; got {method!r}")
+    if size not in get_args(PolicySize):
+        raise ValueError(f"size must be one of {list(get_args(PolicySize))}; got {size!r}")
+    if size == "paper":
+        return _PAPER[method]
+    # The average of few steps must forget sooner than that of 10,000s.
+    return dataclasses.replace(_SMALL, ema_decay=0.995)

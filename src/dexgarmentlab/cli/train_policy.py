@@ -1,0 +1,193 @@
+"""`dgl train sadp`, `sadp-g`, `dp3` and `dp`: train a policy for one stage of a task."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from dexgarmentlab.cli import EXIT_OK, console
+
+if TYPE_CHECKING:
+    from dgl_sadp import Progress, TrainResult
+
+__all__ = [
+    "TrainDp3Options",
+    "TrainDpOptions",
+    "TrainPolicyOptions",
+    "TrainSadpGOptions",
+    "TrainSadpOptions",
+    "train_policy",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainPolicyOptions:
+    """What training any of the policies takes."""
+
+    method: ClassVar[str]
+
+    data: Path
+    """Folder of collected episodes (*.h5)."""
+    out: Path
+    """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
+    stage: int = 1
+    """Stage of the task, from 1; each has a policy of its own."""
+    preset: Literal["small", "paper"] = "small"
+    """small: trains on a CPU; paper: the published sizes, for a large GPU."""
+    epochs: int | None = None
+    """Passes over all windows; the preset's when not given."""
+    batch: int | None = None
+    """Windows in a batch; the preset's when not given."""
+    precision: Literal["no", "bf16"] = "no"
+    """Mixed precision."""
+    seed: int = 42
+    """Of the weights and of everything drawn."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where to compute."""
+    threads: int | None = None
+    """Threads of the CPU; torch decides when not given. Resume with the same number."""
+    workers: int = 0
+    """Processes that read episodes beside this one."""
+    memory: float = 1.0
+    """Memory for frames of episodes [GiB]; those that do not fit are read again each time."""
+    resume: bool = False
+    """Go on with the run in the folder."""
+    json: bool = False
+    """Write the result as JSON."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSadpOptions(TrainPolicyOptions):
+    """Train SADP: it sees garment with affordance, object, environment and joints.
+
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
+    named and left out.
+
+    Example: dgl train sadp --data out/hang_tops/episodes --out runs/hang_tops --stage 1
+    """
+
+    method: ClassVar[str] = "sadp"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSadpGOptions(TrainPolicyOptions):
+    """Train SADP_G, for tasks without an object: it sees garment with affordance, environment and joints.
+
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
+    named and left out.
+
+    Example: dgl train sadp-g --data out/fold_tops/episodes --out runs/fold_tops --stage 1
+    """
+
+    method: ClassVar[str] = "sadp-g"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainDp3Options(TrainPolicyOptions):
+    """Train the baseline DP3: it sees environment and joints.
+
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
+    named and left out.
+
+    Example: dgl train dp3 --data out/fold_tops/episodes --out runs/fold_tops_dp3 --stage 1
+    """
+
+    method: ClassVar[str] = "dp3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainDpOptions(TrainPolicyOptions):
+    """Train the baseline DP: it sees the environment camera's picture and joints.
+
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
+    named and left out.
+
+    Example: dgl train dp --data out/fold_tops/episodes --out runs/fold_tops_dp --stage 1
+    """
+
+    method: ClassVar[str] = "dp"
+
+
+def train_policy(options: TrainPolicyOptions) -> int:
+    """Train the policy, and say where it is and how it does."""
+    import torch
+
+    import dgl_sadp
+
+    config = dgl_sadp.get_train_config(options.method, options.preset)
+    config = dataclasses.replace(
+        config,
+        epochs=config.epochs if options.epochs is None else options.epochs,
+        batch=config.batch if options.batch is None else options.batch,
+        precision=options.precision,
+        seed=options.seed,
+    )
+    if options.threads is not None:
+        torch.set_num_threads(options.threads)
+    if options.memory < 0:
+        raise ValueError(f"--memory must be at least 0 GiB; got {options.memory}")
+    shown = 0
+    with console.progress(f"training {options.method}") as bar:
+
+        def show(progress: "Progress") -> None:
+            nonlocal shown
+            bar.advance(progress.step - shown, note=_describe(progress), total=progress.steps)
+            shown = progress.step
+
+        result = dgl_sadp.train_policy(
+            options.data,
+            options.out,
+            dgl_sadp.get_policy_config(options.method, options.preset),
+            config,
+            stage=options.stage,
+            is_resumed=options.resume,
+            device=options.device,
+            workers=options.workers,
+            keep_bytes=int(options.memory * 2**30),
+            on_progress=show,
+        )
+    if options.json:
+        console.out_json(_as_json(options, result))
+    else:
+        console.out(_as_text(result))
+    return EXIT_OK
+
+
+def _describe(progress: "Progress") -> str:
+    left = round(progress.seconds_left)
+    note = f"epoch {progress.epoch}/{progress.epochs}, loss {progress.loss:.4f}, "
+    note += f"{left // 3600}:{left % 3600 // 60:02}:{left % 60:02} left"
+    if progress.validation is not None:
+        note += f", validation {math.degrees(progress.validation.error):.2f} deg"
+    return note
+
+
+def _as_json(options: TrainPolicyOptions, result: "TrainResult") -> dict[str, object]:
+    validation = result.validation
+    return {
+        "method": options.method,
+        "preset": options.preset,
+        "stage": options.stage,
+        "policy": str(result.policy),
+        "steps": result.steps,
+        "loss": None if math.isnan(result.loss) else result.loss,
+        "validation_loss": None if validation is None else validation.loss,
+        "validation_error_deg": None if validation is None else math.degrees(validation.error),
+        "episodes": result.episodes,
+        "validation_episodes": result.validation_episodes,
+        "windows": result.windows,
+        "refused": [str(error.path) for error in result.refused],
+    }
+
+
+def _as_text(result: "TrainResult") -> str:
+    text = (
+        f"{result.policy}: {result.episodes} episodes, {result.steps} steps, loss {result.loss:.4f}"
+    )
+    if result.validation is not None:
+        text += (
+            f", {math.degrees(result.validation.error):.2f} deg from the commanded targets "
+            f"of {result.validation_episodes} other episode(s)"
+        )
+    return text

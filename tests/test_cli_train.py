@@ -1,0 +1,56 @@
+"""The verbs `train sadp`, `sadp-g`, `dp3` and `dp`, on made-up episodes."""
+
+import json
+
+import pytest
+
+from dexgarmentlab.cli import main
+from dgl_sadp import load_policy, read_card
+from dgl_sadp.synthetic import write_synthetic_episodes
+
+
+@pytest.fixture(scope="module")
+def episodes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("episodes")
+    paths = write_synthetic_episodes(folder, 4, frames=6, points=300)
+    paths[0].write_bytes(paths[0].read_bytes()[:4000])
+    return folder
+
+
+@pytest.mark.parametrize("method", ["sadp", "sadp-g", "dp3", "dp"])
+def test_each_policy_is_trained(method, episodes, tmp_path, capsys):
+    out = tmp_path / "run"
+    command = ["train", method, "--data", str(episodes), "--out", str(out), "--epochs", "1"]
+    assert main([*command, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["method"], result["preset"], result["stage"]) == (method, "small", 1)
+    assert (result["episodes"], result["validation_episodes"], result["steps"]) == (2, 1, 1)
+    assert 0 < result["validation_error_deg"] < 180
+    (refused,) = result["refused"]
+    assert refused.endswith("Synthetic-v1-s0-00000.h5")
+    assert load_policy(result["policy"]).config.method == method
+    assert read_card(result["policy"])["tasks"] == ["Synthetic-v1"]
+
+    assert main(command) == 1
+    assert "run holds a run already; resume it" in capsys.readouterr().err
+    assert main([*command, "--resume"]) == 0
+    assert "2 episodes, 1 steps, loss" in capsys.readouterr().out
+
+
+def test_what_cannot_be_trained_is_said_in_one_line(episodes, tmp_path, capsys):
+    command = ["train", "sadp", "--data", str(episodes), "--out", str(tmp_path / "run")]
+    for words, message in (
+        (["--resume"], "holds no run to resume"),
+        (["--stage", "2"], "succeeded, and 4 are refused:"),
+        (["--epochs", "0"], "epochs must be at least 1; got 0"),
+        (["--memory", "-1"], "--memory must be at least 0 GiB; got -1.0"),
+        (["--data", str(tmp_path / "none")], "no episode files (*.h5) in"),
+    ):
+        assert main([*command, *words]) == 1
+        error = capsys.readouterr().err.splitlines()
+        assert message in error[-1]
+
+
+def test_help_has_an_example(capsys):
+    assert main(["train", "sadp-g", "--help"]) == 0
+    assert "Example: dgl train sadp-g --data" in " ".join(capsys.readouterr().out.split())
