@@ -40,6 +40,8 @@ from dgl_tasks.tasks import get_task
 LookName = Literal["studio", "random"]
 """Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
 
+STEEPER = float(np.radians(5))
+"""How much steeper a garment is dropped that has fallen too flat [rad]."""
 STILL_SPEED = 0.05
 """RMS speed of the particles below which a garment counts as at rest [m/s]."""
 
@@ -191,7 +193,35 @@ class GarmentEnv(BaseEnv):
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
-        self._load_garment(garment_id, float(x), float(y), float(roll))
+        garment = self._make_garment(garment_id)
+        limit, steepest = self.task.start_below, np.pi / 2
+        while True:
+            self.draws["roll"] = float(roll)
+            self._drop(garment, float(x), float(y), float(roll))
+            if limit is None or self._start_value < limit or roll >= steepest:
+                break
+            roll = min(roll + STEEPER, steepest)
+
+    def _change_floor(self, look: FloorLook) -> None:
+        self.floor_look = look
+        self.draws["floor"] = look.material.name if look.material is not None else "studio"
+        if self._floor is not None:
+            self._floor.draw(look)
+            if self._shadow is not None:
+                self.scene.sub_scenes[0].remove_entity(self._shadow.entity)
+                self._shadow = None
+
+    def _make_garment(self, garment_id: str) -> Garment:
+        garment = load_garment(garment_id)
+        if garment.category != self.task.category:
+            raise ValueError(
+                f"garment must be of category {self.task.category}; got {garment_id!r}"
+            )
+        return garment
+
+    def _drop(self, garment: Garment, x: float, y: float, roll: float) -> None:
+        """Let the garment fall and settle, and see what there is before it is touched."""
+        self._load_garment(garment, x, y, roll)
         for _ in range(self.task.settle_frames):
             self.cloth.step()
         positions = self.get_particles()
@@ -205,21 +235,7 @@ class GarmentEnv(BaseEnv):
         )
         self._start_value = self.judge_visible_surface().value
 
-    def _change_floor(self, look: FloorLook) -> None:
-        self.floor_look = look
-        self.draws["floor"] = look.material.name if look.material is not None else "studio"
-        if self._floor is not None:
-            self._floor.draw(look)
-            if self._shadow is not None:
-                self.scene.sub_scenes[0].remove_entity(self._shadow.entity)
-                self._shadow = None
-
-    def _load_garment(self, garment_id: str, x: float, y: float, roll: float) -> None:
-        garment = load_garment(garment_id)
-        if garment.category != self.task.category:
-            raise ValueError(
-                f"garment must be of category {self.task.category}; got {garment_id!r}"
-            )
+    def _load_garment(self, garment: Garment, x: float, y: float, roll: float) -> None:
         self.garment = garment
         c, s = np.cos(self.task.yaw), np.sin(self.task.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])

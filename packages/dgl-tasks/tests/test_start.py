@@ -1,0 +1,63 @@
+"""What an episode begins with: a garment that is not where the task wants it already."""
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+
+import dgl_tasks
+
+WIDE_TOP = "Tops_LongSleeve/001754"
+"""So wide and short that it lands flat from every tilt of the declared range."""
+SEED = 1003
+
+
+@pytest.fixture(scope="module")
+def env():
+    made = gymnasium.make(
+        "FlingTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
+    )
+    yield made.unwrapped
+    made.close()
+
+
+def test_what_falls_flat_is_dropped_again_steeper(env):
+    declared = env.task
+    env.task = dataclasses.replace(declared, start_below=None)
+    env.reset(seed=SEED, options={"garment": WIDE_TOP})
+    flat, as_drawn = env.judge_visible_surface(), dict(env.draws)
+    env.task = declared
+    env.reset(seed=SEED, options={"garment": WIDE_TOP})
+    heap = env.judge_visible_surface()
+    # three quarters of these starts meet the rule by doing nothing
+    assert flat.value > declared.start_below + 0.03
+    assert heap.value < declared.start_below < heap.threshold
+    steeper = np.degrees(env.draws["roll"] - as_drawn["roll"])
+    assert steeper == pytest.approx(5 * round(steeper / 5), abs=1e-6)
+    assert steeper >= 5
+    assert {k: v for k, v in env.draws.items() if k != "roll"} == {
+        k: v for k, v in as_drawn.items() if k != "roll"
+    }
+    assert np.degrees(env.draws["roll"]) <= 90
+
+
+@pytest.mark.parametrize("task_id", [t for t in dgl_tasks.task_ids() if t.startswith("Fling")])
+def test_every_fling_begins_short_of_success(task_id):
+    task = dgl_tasks.get_task(task_id)
+    assert task.start_below is not None
+    assert task.start_below <= 1 - task.success.tolerance - 0.05
+
+
+@pytest.mark.parametrize("values", [[0.9, 0.85, 0.7], [0.7], [0.9] * 20])
+def test_it_is_dropped_until_it_is_a_heap_or_stands_upright(env, monkeypatch, values):
+    left, rolls = list(values), []
+
+    def drop(garment, x, y, roll):
+        rolls.append(np.degrees(roll))
+        env._start_value = left.pop(0)
+
+    monkeypatch.setattr(env, "_drop", drop)
+    env.reset(seed=SEED, options={"garment": WIDE_TOP})
+    assert rolls[1:] == pytest.approx([min(roll + 5, 90) for roll in rolls[:-1]])
+    assert len(rolls) == len(values) if values[-1] < 0.75 else rolls[-1] == pytest.approx(90)
