@@ -97,3 +97,17 @@ def test_interpolated_values_agree_with_sums_by_hand(clouds):
     (gradient,) = torch.autograd.grad(found.square().sum(), values)
     (expected,) = torch.autograd.grad(by_hand.square().sum(), values)
     torch.testing.assert_close(gradient, expected)
+
+
+@pytest.mark.parametrize(("width", "count"), [(2048, 16), (1024, 16), (2000, 16), (600, 3), (7, 7)])
+def test_the_smallest_of_many_values_are_those_of_a_sorted_list(width, count):
+    values = torch.rand(2, 5, width, generator=torch.Generator().manual_seed(width))
+    smallest, indices = _sampling._find_smallest(values, count)
+    assert torch.equal(smallest, values.sort(dim=2).values[..., :count])
+    assert torch.equal(values.gather(2, indices), smallest)
+    assert all(len(set(row)) == count for row in indices.flatten(0, 1).tolist())
+    # Equal values crowd into few columns of a comb: each is found once all the same.
+    values[:, :, :: max(1, width // 8)] = 0.0
+    smallest, indices = _sampling._find_smallest(values, count)
+    assert torch.equal(smallest, values.sort(dim=2).values[..., :count])
+    assert all(len(set(row)) == count for row in indices.flatten(0, 1).tolist())
