@@ -5,6 +5,7 @@ import importlib
 import json
 import os
 import signal
+import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -100,6 +101,7 @@ def test_refusals_come_before_any_work(fake, tmp_path):
     for changes, kind, message in (
         ({"task": "FoldTop-v1"}, UnknownTaskError, "did you mean 'FoldTops-v1'"),
         ({"policy": "magic"}, ValueError, "must be one of nothing, lift-drop, expert.*'magic'"),
+        ({"policy": "no_such.module:make"}, ValueError, "there is no module no_such.module here"),
         ({"seeds": "0,0"}, ValueError, "different numbers from 0 to 999,999.*'0,0'"),
         ({"seeds": "a"}, ValueError, "separated by commas; got 'a'"),
         ({"seeds": "-1"}, ValueError, "got '-1'"),
@@ -200,6 +202,17 @@ def test_a_policy_of_ones_own_is_found_by_its_name(monkeypatch):
         make("test_cli_eval:give_nothing")
     with pytest.raises(ValueError, match="must name something callable; got None"):
         make("test_cli_eval:absent")
+
+
+def test_a_module_beside_the_command_is_found(fake, tmp_path, monkeypatch):
+    (tmp_path / "beside_me.py").write_text("def make(env):\n    return None\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [path for path in sys.path if path])
+    check = functools.partial(verb.run, options(tmp_path / "out", policy="beside_me:make"))
+    monkeypatch.setattr(verb, "_configure", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):  # it got as far as the work
+        check()
+    assert str(tmp_path) in sys.path
 
 
 def make_standing_still(env):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,6 +117,8 @@ def run(options: Options) -> int:
         raise ValueError(f"--friction must be at least 0; got {options.friction:g}")
     known_tasks = task_ids()
     check_task(options.task, known_tasks)
+    if ":" in options.policy and (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
     check_method(options.policy, get_task(options.task), _tell_method(options))
     configs = {seed: _configure(options, seed) for seed in seeds}
     status: Literal["complete", "interrupted"] = "complete"

@@ -1,6 +1,7 @@
 """The methods that can be evaluated, by name."""
 
 import importlib
+import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,7 +72,7 @@ def check_method(name: str, task: "Task", options: MethodOptions) -> None:
     """Check a method, or the name of a factory, without making it.
 
     Raises:
-        ValueError: If there is no such method, or what it needs is missing or of another kind.
+        ValueError: If there is no such method or module, or what it needs is missing or of another kind.
         CheckpointError: If a policy is damaged.
     """
     if name in METHODS:
@@ -87,6 +88,12 @@ def check_method(name: str, task: "Task", options: MethodOptions) -> None:
     if not module or not attribute:
         names = ", ".join([*METHODS, *LEARNED])
         raise ValueError(f"--policy must be one of {names}, or module:factory; got {name!r}")
+    try:
+        found = importlib.util.find_spec(module)
+    except ModuleNotFoundError:  # of the package that it would be in
+        found = None
+    if found is None:
+        raise ValueError(f"--policy {name}: there is no module {module} here or on PYTHONPATH")
 
 
 def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePolicy":

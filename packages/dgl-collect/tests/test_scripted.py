@@ -1,0 +1,101 @@
+"""Methods without learning: what the hands of one do, and that the other does what collection does."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dgl_assets.robots import HAND_POSES, joint_slice
+from dgl_collect.attempt import make_setup
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.execution import Execution
+from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
+from dgl_tasks import get_task
+from dgl_tasks.driver import Driver
+from dgl_tasks.evaluation import run_episode
+from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.policy import EpisodePolicy
+from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+
+TASK = get_task("FoldTops-v1")
+CUFF = np.array([-0.4, 0.7, 0.01])
+
+
+class DryDriver(Driver):
+    """Plans and remembers, and moves nothing."""
+
+    def send(self, rows, listener=None):
+        self.commands.extend(rows)
+
+    def see_garment(self):
+        return np.array([[0.0, 0.8, 0.0], CUFF, [0.4, 0.7, 0.0]], np.float32)
+
+
+class CuffMatcher:
+    """Finds the cuff wherever it is asked for a point."""
+
+    def match(self, source_cloud, source_points, target_cloud):
+        count = len(source_points)
+        return np.ones(count, np.int64), np.ones((count, len(target_cloud)), np.float32)
+
+
+@pytest.fixture
+def dry():
+    env = SimpleNamespace(task=TASK)
+    motion = BimanualMotion(TASK, DEFAULT_ROBOT_DIRECTORY)
+    setup = SimpleNamespace(
+        env=env,
+        motion=motion,
+        demonstration=load_demonstration("FoldTops-v1"),
+        demo_cloud=np.zeros((3, 3), np.float32),
+        find_matcher=lambda env: CuffMatcher(),
+    )
+    motion.reset(motion.robot.compute_start("open"))
+    motion.park()
+    return setup, DryDriver(env, motion, seed=0)
+
+
+def test_lift_and_drop_takes_hold_lifts_straight_up_and_lets_go(dry):
+    setup, driver = dry
+    LiftAndDrop(setup=setup).run(driver)
+    motion, hand = setup.motion, joint_slice("left", "hand")
+    path, closed = [], []
+    for row in driver.commands:
+        motion.reset(row)
+        pose = motion.compute_poses()["left"]
+        path.append(wrist_to_grasp(pose[:3], pose[3:], "left"))
+        closed.append(bool(np.allclose(row[hand], HAND_POSES["close"], atol=1e-6)))
+    path, closed = np.array(path), np.array(closed)
+    held = path[closed]
+    bottom = np.array([*CUFF[:2], TASK.stages[0].grasp_height])
+    np.testing.assert_allclose(held[0], bottom, atol=2e-3)
+    np.testing.assert_allclose(held[-1], bottom + np.array([0, 0, LIFT_HEIGHT]), atol=2e-3)
+    assert np.linalg.norm(held[:, :2] - bottom[:2], axis=1).max() < 5e-3
+    np.testing.assert_allclose(driver.commands[-1][hand], HAND_POSES["open"], atol=1e-6)
+    assert driver.is_parked
+    right = joint_slice("right", "arm")
+    assert np.ptp(np.array(driver.commands)[:, right], axis=0).max() == 0  # the other arm rests
+
+
+def test_both_are_methods_of_evaluations():
+    assert isinstance(LiftAndDrop(setup=None), EpisodePolicy)
+    assert isinstance(Expert(setup=None), EpisodePolicy)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.render
+def test_the_expert_does_what_collection_does():
+    """Looking at more, as a recording does, changes nothing: equal commands, equal end."""
+    setup = make_setup("FoldTops-v1")
+    try:
+        attempt = Execution(setup, 0)
+        outcome = attempt.execute()
+        garment, particles = setup.env.garment.name, setup.env.get_particles().copy()
+        result = run_episode(setup.env, setup.motion, Expert(setup=setup), seed=0, garment=garment)
+        assert result.success == outcome.success
+        assert result.steps == attempt.driver.step_count
+        np.testing.assert_array_equal(setup.env.get_particles(), particles)
+    finally:
+        setup.env.close()
