@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from dgl_gam import DataError, GarmentAffordanceModel, Matches
+from dgl_gam.card import format_card
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import PRESETS
 from dgl_gam.data import GarmentFolder, write_garment
@@ -40,7 +41,7 @@ def folder(shirts):
 def answer_with(monkeypatch, choose):
     """Replace the model's matching by a rule: choose(source_points, target_cloud) -> indices."""
 
-    def locate(self, source_cloud, source_points, target_cloud):
+    def locate(self, source_cloud, source_points, target_cloud, *, yaw=None):
         indices = choose(source_points, target_cloud)
         count = len(indices)
         return Matches(
@@ -294,3 +295,39 @@ def test_calibration_is_fitted_to_the_folder(model, folder):
     found = calibrate({"Shirt": model}, folder, EvalConfig(pairs=3, points=60))
     assert found.samples > 300
     assert model.with_calibration(found).checkpoint.calibration == found
+
+
+def test_the_yaw_that_the_model_is_told_is_the_true_one(model, folder, monkeypatch):
+    told = []
+    kept = GarmentAffordanceModel.locate
+
+    def locate(self, source_cloud, source_points, target_cloud, *, yaw=None):
+        told.append((yaw, target_cloud))
+        return kept(self, source_cloud, source_points, target_cloud, yaw=yaw)
+
+    monkeypatch.setattr(GarmentAffordanceModel, "locate", locate)
+    config = EvalConfig(points=4, is_yaw_known=True)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        for told_or_not in (config, EvalConfig(points=4)):
+            run_trial(model, folder.load(0), folder.load(1), "flat_any", told_or_not, rng)
+    for yaw, cloud in told[::2]:
+        # Turned back, sleeves reach out along x: the cloud is wider than anywhere else.
+        widths = []
+        for angle in np.radians([0, 45, 90, 135]) - yaw:
+            widths.append(np.ptp(cloud[:, 0] * np.cos(angle) - cloud[:, 1] * np.sin(angle)))
+        assert np.argmax(widths) == 0
+    assert all(yaw is None for yaw, _ in told[1::2])
+
+
+def test_a_card_names_the_stages_and_has_no_times(model, folder):
+    stage = {"garments": 9, "deformed": 9, "steps_done": 6}
+    card = {**stage, "train": {"parts": "yaw"}, "earlier": [{**stage, "parts": "all"}]}
+    rows = evaluate({"Shirt": model}, folder, EvalConfig(pairs=1, points=2))
+    text = format_card("shirts", dataclasses.replace(model.checkpoint, card=card), rows)
+    assert (
+        "| trained on | 9 garments, 9 of them with deformed states: 6 steps; "
+        "then 9 garments, 9 of them with deformed states: 6 steps of the yaw alone |"
+    ) in text
+    assert "AUROC |\n" in text
+    assert " ms |" not in text

@@ -69,6 +69,20 @@ def test_where_the_shape_does_not_tell_the_yaw_is_that_of_the_demonstration(
     assert math.cos(found - wanted) > 0.99
 
 
+def test_a_yaw_that_is_known_is_not_sought(model, cloud, monkeypatch):
+    cos, sin = math.cos(2.0), math.sin(2.0)
+    turned = cloud @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    expected = model.encode([cloud])[0]
+    monkeypatch.setattr(model._network.yaw, "forward", None)  # would fail if it was asked
+    source = dataclasses.replace(expected, yaw=0.0)
+    monkeypatch.setattr(model, "_encode_source", lambda points: source)
+    found = model.locate(cloud, cloud[:5], turned, yaw=2.0 + expected.yaw)
+    similarity = (expected.features[:5] @ expected.features.T).numpy()
+    np.testing.assert_allclose(found.similarity, similarity, atol=1e-3)
+    with pytest.raises(ValueError, match="one finite angle for each of 1 clouds; got"):
+        model.locate(cloud, cloud[:5], turned, yaw=math.nan)
+
+
 def test_the_order_of_the_target_does_not_matter(model, cloud, rng):
     order = rng.permutation(len(cloud))
     first = model.match(cloud, cloud[:9], cloud)[1]

@@ -26,6 +26,8 @@ class EvalOptions:
     """Which garments to measure on."""
     pairs: int = 40
     """Pairs of garments for each category and condition."""
+    true_yaw: bool = False
+    """Tell the model how each garment is turned, instead of letting it find that: what the yaw costs."""
     seed: int = 0
     """Of everything drawn."""
     device: str = "cpu"
@@ -69,7 +71,7 @@ def evaluate_models(options: EvalOptions) -> int:
     from dgl_gam.data import GarmentFolder
     from dgl_gam.evaluate import EvalConfig, evaluate, format_markdown, list_conditions
 
-    config = EvalConfig(pairs=options.pairs, seed=options.seed)
+    config = EvalConfig(pairs=options.pairs, seed=options.seed, is_yaw_known=options.true_yaw)
     folder = GarmentFolder(options.data, categories=options.category or None, split=options.split)
     models = load_models(options.weights, folder.categories, device=options.device)
     total = sum(len(list_conditions(folder, category)) for category in folder.categories)

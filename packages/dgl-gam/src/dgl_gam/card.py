@@ -1,6 +1,7 @@
 """The model card: what a network was trained on, how well it works, and where it does not."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.evaluate import Row, format_markdown
@@ -32,8 +33,8 @@ indices, similarity = model.match(demonstrated_cloud, points, observed_cloud)
 
 ## How well it works
 
-On garments that it was not trained on. Errors are shares of the garment's horizontal diagonal; the columns are explained in
-`docs/gam.md`.
+On garments that it was not trained on. Errors are shares of the garment's horizontal diagonal; the conditions and the columns are
+explained in `docs/gam.md`. `noise_any`, and what hangs with `_any`, are the stricter readings of `noise_half` and of the others.
 
 {table}
 
@@ -66,7 +67,7 @@ def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
         features=config.features,
         trained="; then ".join(
             f"{part.get('garments', 'unknown')} garments, {part.get('deformed', 'unknown')} of them "
-            f"with deformed states: {part.get('steps_done', 'unknown')} steps"
+            f"with deformed states: {part.get('steps_done', 'unknown')} steps{_name_parts(part)}"
             for part in (*card.get("earlier", []), card)
         ),
         states=", ".join(card.get("states", [])) or "unknown",
@@ -75,5 +76,11 @@ def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
         calibration=f"calibrated on {samples:,} matches" if samples else "not calibrated",
         versions=", ".join(f"{k} {v}" for k, v in card.get("versions", {}).items()) or "unknown",
         category=f', category="{config.categories[0]}"' if several else "",
-        table=format_markdown(rows),
+        table=format_markdown(rows, is_timed=False),
     )
+
+
+def _name_parts(part: Mapping[str, Any]) -> str:
+    """What a stage trained, where that was not the whole network."""
+    parts = part.get("parts", part.get("train", {}).get("parts", "all"))
+    return {"yaw": " of the yaw alone", "features": " of the features alone"}.get(parts, "")

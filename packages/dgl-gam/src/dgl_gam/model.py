@@ -191,16 +191,32 @@ class GarmentAffordanceModel:
         return channels if channels.shape[1] == 2 else np.repeat(channels, 2, axis=1)
 
     def locate(
-        self, source_cloud: np.ndarray, source_points: np.ndarray, target_cloud: np.ndarray
+        self,
+        source_cloud: np.ndarray,
+        source_points: np.ndarray,
+        target_cloud: np.ndarray,
+        *,
+        yaw: float | None = None,
     ) -> Matches:
-        """Find the corresponding points, and how sure they are. Arguments as for `match`."""
-        return self.locate_batch(source_cloud, source_points, [target_cloud])[0]
+        """Find the corresponding points, and how sure they are.
+
+        Args:
+            source_cloud: As for `match`.
+            source_points: As for `match`.
+            target_cloud: As for `match`.
+            yaw: How the target is turned about the vertical [rad], counter-clockwise from the frame in which garments lie
+                flat, where that is known; found by the network when None.
+        """
+        yaws = None if yaw is None else [yaw]
+        return self.locate_batch(source_cloud, source_points, [target_cloud], yaws=yaws)[0]
 
     def locate_batch(
         self,
         source_cloud: np.ndarray,
         source_points: np.ndarray,
         target_clouds: Sequence[np.ndarray],
+        *,
+        yaws: Sequence[float] | None = None,
     ) -> list[Matches]:
         """Find the points of one demonstration on many garments. Clouds of one size are computed together.
 
@@ -208,7 +224,15 @@ class GarmentAffordanceModel:
             source_cloud: As for `match`.
             source_points: As for `match`.
             target_clouds: Clouds, each as for `match`.
+            yaws: How they are turned, as for `locate`; found by the network when None.
+
+        Raises:
+            ValueError: If an argument has a wrong shape, or there is not one finite yaw for each cloud.
         """
+        if yaws is not None and (len(yaws) != len(target_clouds) or not np.isfinite(yaws).all()):
+            raise ValueError(
+                f"yaws must be one finite angle for each of {len(target_clouds)} clouds; got {yaws}"
+            )
         cloud = check_cloud(source_cloud, "source_cloud", min_points=MIN_POINTS)
         points = check_cloud(source_points, "source_points", min_points=0)
         targets = [
@@ -226,7 +250,9 @@ class GarmentAffordanceModel:
             source = self._encode_source(cloud)
             return [
                 self._compare(source, torch.from_numpy(index).to(self.device), target, encoded)
-                for target, encoded in zip(targets, self._encode(targets, source), strict=True)
+                for target, encoded in zip(
+                    targets, self._encode(targets, source, yaws), strict=True
+                )
             ]
 
     def encode(self, clouds: Sequence[np.ndarray]) -> list[Encoded]:
@@ -273,7 +299,12 @@ class GarmentAffordanceModel:
             self._sources.popitem(last=False)
         return encoded
 
-    def _encode(self, clouds: Sequence[np.ndarray], source: Encoded | None) -> list[Encoded]:
+    def _encode(
+        self,
+        clouds: Sequence[np.ndarray],
+        source: Encoded | None,
+        yaws: Sequence[float] | None = None,
+    ) -> list[Encoded]:
         """Encode clouds, those of one size together. With a source, its features settle an ambiguous yaw."""
         groups: dict[int, list[int]] = {}
         for number, cloud in enumerate(clouds):
@@ -286,15 +317,26 @@ class GarmentAffordanceModel:
         results: dict[int, Encoded] = {}
         for numbers in groups.values():
             stacked = np.stack([clouds[number] for number in numbers])
-            for number, encoded in zip(numbers, self._encode_equal(stacked, source), strict=True):
+            known = None if yaws is None else [yaws[number] for number in numbers]
+            for number, encoded in zip(
+                numbers, self._encode_equal(stacked, source, known), strict=True
+            ):
                 results[number] = encoded
         return [results[number] for number in range(len(clouds))]
 
-    def _encode_equal(self, clouds: np.ndarray, source: Encoded | None) -> list[Encoded]:
+    def _encode_equal(
+        self, clouds: np.ndarray, source: Encoded | None, known: Sequence[float] | None = None
+    ) -> list[Encoded]:
         # Centred in double precision: a garment far from the origin keeps its shape.
         local = clouds - clouds.mean(axis=1, keepdims=True)
         points = torch.from_numpy(local.astype(np.float32)).to(self.device)
         points = center_clouds(points)[0]
+        if known is not None:
+            frame = rotate_yaw(points, -torch.tensor(known, dtype=points.dtype, device=self.device))
+            return [
+                Encoded(features=f, frame=p, yaw=y)
+                for f, p, y in zip(self.compute_features(frame), frame, known, strict=True)
+            ]
         logits = self._network.yaw(_reduce(points))
         yaws, masses = self._network.yaw.find_peaks(logits, 2)
         if source is not None:
