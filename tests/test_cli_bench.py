@@ -95,3 +95,18 @@ def test_an_experiment_is_measured_and_reported(tmp_path):
         "rows.json",
     ]
     assert "dgl bench physics --only free_fall" in (tmp_path / "index.html").read_text()
+
+
+def test_policies_are_timed(capsys):
+    command = ["bench", "sadp", "--method", "sadp", "--repeats", "1", "--json"]
+    assert main(command) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert list(rows) == [
+        "sadp, small, chunk of 4 targets",
+        "sadp, small, once a stage",
+        "sadp, small, training, batch of 64",
+    ]
+    assert all(row["value"] > 0 for row in rows.values())
+    assert rows["sadp, small, chunk of 4 targets"]["bar"] == "<= 150"
+    assert main([*command, "--repeats", "0"]) == 1
+    assert "repeats and threads must be positive; got 0" in capsys.readouterr().err

@@ -7,22 +7,26 @@ import tyro  # noqa: TID253 - names the subjects; the command line imports it an
 from dexgarmentlab.cli.bench_assets import AssetsOptions, measure_assets
 from dexgarmentlab.cli.bench_gam import GamOptions, measure_gam
 from dexgarmentlab.cli.bench_physics import PhysicsOptions, measure_physics
+from dexgarmentlab.cli.bench_sadp import SadpOptions, measure_sadp
 
 __all__ = ["Options", "run"]
 
 Options = Annotated[
     Annotated[PhysicsOptions, tyro.conf.subcommand("physics")]
     | Annotated[AssetsOptions, tyro.conf.subcommand("assets")]
-    | Annotated[GamOptions, tyro.conf.subcommand("gam")],
+    | Annotated[GamOptions, tyro.conf.subcommand("gam")]
+    | Annotated[SadpOptions, tyro.conf.subcommand("sadp")],
     tyro.conf.arg(name=""),
 ]
 """What each subject takes."""
 
 
-def run(options: PhysicsOptions | AssetsOptions | GamOptions) -> int:
+def run(options: PhysicsOptions | AssetsOptions | GamOptions | SadpOptions) -> int:
     """Measure the subject."""
     if isinstance(options, PhysicsOptions):
         return measure_physics(options)
     if isinstance(options, GamOptions):
         return measure_gam(options)
+    if isinstance(options, SadpOptions):
+        return measure_sadp(options)
     return measure_assets(options)

@@ -43,12 +43,22 @@ class ImageNet18(nn.Module):
 
     def forward(self, images: Tensor) -> Tensor:
         """Map pictures, shape (B, H, W, 3), uint8, to features, shape (B, widths[-1])."""
-        x = images.movedim(3, 1).to(self.mean.dtype) / 255.0  # (B, 3, H, W)
-        if x.shape[2:] != self.size:
-            # Averages of areas: nothing of the picture is skipped.
-            x = functional.interpolate(x, size=self.size, mode="area")
-        x = (x - self.mean) / self.std
+        x = (self._scale(images) - self.mean) / self.std
         return self.blocks(self.stem(x)).mean(dim=(2, 3))
+
+    @torch.no_grad()
+    def _scale(self, images: Tensor) -> Tensor:
+        """Return pictures in [0, 1] of the network's size, shape (B, 3, height, width)."""
+        scaled: list[Tensor] = []
+        for part in images.split(
+            32
+        ):  # Whole batches of large pictures as floats would fill the memory.
+            x = part.movedim(3, 1).to(self.mean.dtype) / 255.0
+            if x.shape[2:] != self.size:
+                # Averages of areas: nothing of the picture is skipped.
+                x = functional.interpolate(x, size=self.size, mode="area")
+            scaled.append(x)
+        return torch.cat(scaled)
 
 
 class _Block(nn.Module):

@@ -1,0 +1,49 @@
+"""`dgl bench sadp`: the speed of the policies."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.bench_physics import print_rows
+
+__all__ = ["SadpOptions", "measure_sadp"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SadpOptions:
+    """Time the policies: a chunk of joint targets with its encoders, the start of a stage, and steps of training.
+
+    Example: dgl bench sadp --json
+    """
+
+    method: tuple[Literal["sadp", "sadp-g", "dp3", "dp"], ...] = ("sadp", "sadp-g", "dp3", "dp")
+    """Policies to time."""
+    preset: Literal["small", "paper"] = "small"
+    """Their sizes."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where to compute."""
+    repeats: int = 20
+    """Timed chunks; the median counts."""
+    threads: int = 1
+    """Threads of the CPU."""
+    seed: int = 0
+    """Of weights and observations."""
+    json: bool = False
+    """Write the rows as JSON."""
+
+
+def measure_sadp(options: SadpOptions) -> int:
+    """Measure and write the rows."""
+    from dexgarmentlab.sadp.speed import measure_speed
+
+    console.info("timing the policies ...")
+    rows = measure_speed(
+        options.method,
+        size=options.preset,
+        device=options.device,
+        repeats=options.repeats,
+        threads=options.threads,
+        seed=options.seed,
+    )
+    print_rows(rows, as_json=options.json)
+    return EXIT_OK

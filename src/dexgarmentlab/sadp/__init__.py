@@ -1,0 +1,1 @@
+"""The policies of `dgl_sadp` as the laboratory uses them."""
