@@ -1,15 +1,20 @@
 import importlib.util
 from pathlib import Path
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "read_windows.py"
+EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
-def test_read_windows(tmp_path, make_episode):
-    spec = importlib.util.spec_from_file_location("read_windows", EXAMPLE)
+def load(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    return module
+
+
+def test_read_windows(tmp_path, make_episode):
+    module = load("read_windows")
     for number in range(4):
         make_episode(tmp_path / f"{number}.h5", frames=12, success=number != 3)
     result = module.main(tmp_path)
@@ -20,3 +25,9 @@ def test_read_windows(tmp_path, make_episode):
         "validation_windows": 10,
         "action": (8, 60),
     }
+
+
+def test_train_and_run(tmp_path):
+    result = load("train_and_run").main(tmp_path, episodes=3, epochs=1, runs=1)
+    assert 0.3 < result["before"] < 1.5  # From home to a sheet in front [m].
+    assert 0.0 < result["after"] < 1.5  # After one epoch nothing is learned yet.

@@ -42,8 +42,8 @@ class _Scene:
 
     garment: np.ndarray
     """Points of the sheet [m], shape (N, 3), world frame."""
-    grid: np.ndarray
-    """Where each of them is on the sheet, in [-1, 1], shape (N, 2)."""
+    places: np.ndarray
+    """Where on the sheet the goals are, in [-1, 1], shape (2, 2)."""
     goals: np.ndarray
     """Points for the left and the right hand [m], shape (2, 3), world frame: points of the sheet."""
     object: np.ndarray
@@ -80,16 +80,26 @@ class SyntheticEnvironment:
         self.image_size = image_size
         self.reset(seed=0)
 
-    def reset(self, *, seed: int) -> None:
-        """Draw a scene, and bring the hands back."""
+    def reset(self, *, seed: int, places: np.ndarray | None = None) -> None:
+        """Draw a scene, and bring the hands back.
+
+        Args:
+            seed: Of what is drawn.
+            places: Where on the sheet the hands should go, as `places` of another scene; drawn when not given.
+        """
         self._rng = np.random.default_rng(seed)
-        self._scene = _draw_scene(self._rng, self.points)
+        self._scene = _draw_scene(self._rng, self.points, places)
         self._joints = np.zeros(JOINTS)
 
     @property
     def goals(self) -> np.ndarray:
         """Points that the left and the right hand should go to [m], shape (2, 3), world frame."""
         return self._scene.goals.copy()
+
+    @property
+    def places(self) -> np.ndarray:
+        """Where on the sheet these points are, as shares of its half length and width, in [-1, 1], shape (2, 2)."""
+        return self._scene.places.copy()
 
     @property
     def hands(self) -> np.ndarray:
@@ -176,9 +186,10 @@ class SyntheticEnvironment:
 
 
 class SyntheticMatcher:
-    """Finds points of one sheet on another exactly, in place of a trained model; it fulfils `Matcher`.
+    """Finds points of one sheet on another, in place of a trained model; it fulfils `Matcher`.
 
-    Sheets are the same but for how they lie, so a point's place in the sheet's own frame tells which it is.
+    Sheets are the same but for how they lie, so a point's place in the sheet's own frame tells which it is. The frame is
+    that of the cloud's principal axes: with 2,000 points, places are found to about 3 cm.
     """
 
     def match(
@@ -231,18 +242,19 @@ def write_synthetic_episodes(
     return paths
 
 
-def _draw_scene(rng: np.random.Generator, points: int) -> _Scene:
+def _draw_scene(rng: np.random.Generator, points: int, places: np.ndarray | None) -> _Scene:
     grid = rng.uniform(-1, 1, (points, 2))
     yaw = rng.uniform(-0.3, 0.3)
     R = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     centre = np.array([0.0, 0.8]) + rng.uniform(-0.1, 0.1, 2)
     flat = centre + (grid * _SHEET / 2) @ R.T
     garment = np.column_stack([flat, 0.01 + 0.01 * np.sin(6 * flat.sum(axis=1))])
-    wanted = np.array([[-0.5, 0.0], [0.5, 0.0]]) + rng.uniform(-1, 1, (2, 2)) * [0.4, 0.8]
+    drawn = np.array([[-0.5, 0.0], [0.5, 0.0]]) + rng.uniform(-1, 1, (2, 2)) * [0.4, 0.8]
+    wanted = drawn if places is None else np.asarray(places, dtype=np.float64)
     nearest = np.linalg.norm(grid[None] - wanted[:, None], axis=2).argmin(axis=1)
     corner = np.array([rng.uniform(-0.4, 0.4), rng.uniform(1.3, 1.5), 0.0])
     box = corner + rng.uniform(0, 1, (points, 3)) * [0.15, 0.15, 0.4]
-    return _Scene(garment=garment, grid=grid, goals=garment[nearest], object=box)
+    return _Scene(garment=garment, places=grid[nearest], goals=garment[nearest], object=box)
 
 
 def _find_frame(cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
