@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import dgl_collect
@@ -21,7 +22,12 @@ from dgl_assets import garment_ids
 from dgl_collect import AttemptResult
 from dgl_collect.errors import UnknownTaskError
 from dgl_collect.runner import make_attempt_seed
+from dgl_tasks import get_task
+from dgl_tasks.driver import Judgement
+from dgl_tasks.errors import UnreachableError
+from dgl_tasks.evaluation import EpisodeResult
 from dgl_tasks.policy import FromStart
+from dgl_tasks.success import Verdict
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 
@@ -224,6 +230,89 @@ def test_unknown_garments_are_refused():
         make_evaluation_runner("FoldTops-v1", {"policy": "nothing", "garments": "mine"})
 
 
+class FakeEnv:
+    """Has what an episode is described by."""
+
+    def __init__(self):
+        self.task = get_task("FoldTops-v1")
+        self.garment, self.draws = SimpleNamespace(name="tops/1"), {"x": 0.1}
+        self.is_closed = False
+
+    def close(self):
+        self.is_closed = True
+
+
+@pytest.fixture
+def fake_setup(monkeypatch):
+    setup = SimpleNamespace(env=FakeEnv(), motion="motion")
+    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.make_setup", lambda *_, **__: setup)
+    return setup
+
+
+def run_fake(monkeypatch, folder, end, **options):
+    """Run one episode that ends as `end` does, and give the result and what was asked for."""
+    asked = {}
+
+    def run_episode(env, motion, policy, *, seed, garment, film):
+        asked.update(policy=policy, seed=seed, garment=garment, task=env.task)
+        film(np.zeros((4, 4, 3), np.uint8))
+        return end()
+
+    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.run_episode", run_episode)
+    runner = make_evaluation_runner("FoldTops-v1", {"policy": "nothing", **options})
+    result = runner.run(attempt_index=1, seed=5, out_dir=folder, episode_id="e")
+    runner.close()
+    return result, asked
+
+
+def finish(value=0.9, events=()):
+    verdict = Verdict(success=value >= 0.8, value=value, threshold=0.8, quantity="share")
+    picture = np.zeros((4, 4, 3), np.uint8)
+    judgement = Judgement(verdict=verdict, is_released=True, is_still=True, picture=picture)
+    return EpisodeResult(
+        garment="tops/1",
+        judgement=judgement,
+        steps=321,
+        measurements={"max_strain_mean": 0.01},
+        draws={"x": 0.1},
+        events=events,
+    )
+
+
+def test_an_episode_is_described_with_film_picture_and_split(monkeypatch, fake_setup, tmp_path):
+    result, asked = run_fake(monkeypatch, tmp_path, finish, friction=0.0)
+    assert (result.success, result.value, result.reason) == (True, 0.9, None)
+    assert result.measurements == {"max_strain_mean": 0.01, "steps": 321.0}
+    assert result.randomisation == {"x": 0.1, "split": "test"}  # the second episode's garment
+    assert asked["garment"] in garment_ids("Tops_LongSleeve", "test")
+    assert asked["task"].material.friction == asked["task"].material.adhesion == 0.0
+    assert get_task("FoldTops-v1").material.friction > 0
+    for name in result.files.values():
+        assert (tmp_path / name).is_file()
+    assert fake_setup.env.is_closed
+
+
+def test_a_failure_has_the_first_thing_that_went_wrong(monkeypatch, fake_setup, tmp_path):
+    events = (("slipped", "left_sleeve, left hand"), ("missed grasp", "later"))
+    result, _ = run_fake(monkeypatch, tmp_path, lambda: finish(0.5, events))
+    assert (result.success, result.reason) == (False, "slipped")
+    assert result.detail == "left_sleeve, left hand; share: 0.500, needed 0.80"
+
+
+def test_what_cannot_be_reached_is_a_failure(monkeypatch, fake_setup, tmp_path):
+    def fail():
+        raise UnreachableError("the left arm cannot reach that", distance=0.1)
+
+    picture = np.full((4, 4, 3), 7, np.uint8)
+    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.film", lambda env: picture)
+    result, _ = run_fake(monkeypatch, tmp_path, fail)
+    assert (result.success, result.value, result.reason) == (False, None, "unreachable")
+    assert result.detail == "the left arm cannot reach that"
+    assert (tmp_path / "e.png").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path):
     runner = make_evaluation_runner(
