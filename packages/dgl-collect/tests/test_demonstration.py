@@ -50,7 +50,9 @@ def test_every_task_has_a_demonstration_that_fits_it(task_id):
     task, demonstration = get_task(task_id), load_demonstration(task_id)
     assert demonstration.task == task.id
     assert [stage.name for stage in demonstration.stages] == [s.name for s in task.stages]
-    named = {name for stage in task.stages for name in stage.grasp.values()}
+    named = {
+        n for stage in task.stages for side in stage.grasp for n in stage.get_grasp_names(side)
+    }
     assert named | set(task.success.points) <= set(demonstration.points)
     for stage in task.stages:
         demonstrated = demonstration.get_stage(stage.name)

@@ -6,9 +6,10 @@ import pytest
 
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
-from dgl_tasks.approach import CLEARANCE, ROLL_LIFT, plan_approach, plan_leave
+from dgl_tasks.approach import CLEARANCE, plan_approach, plan_leave
 from dgl_tasks.driver import Driver
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
+from dgl_tasks.leaving import LEAVES
 from dgl_tasks.motion import PARKED, BimanualMotion
 from dgl_tasks.observation import STEPS_PER_FRAME
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
@@ -63,12 +64,19 @@ def grasp_point(motion, row):
     return wrist_to_grasp(pose[:3], pose[3:], "left")
 
 
-def test_a_hand_leaves_with_its_thumb_down_and_rises(motion):
+@pytest.mark.parametrize("name", sorted(LEAVES))
+def test_a_hand_rolls_draws_back_and_rises(motion, name):
+    leave = LEAVES[name]
     plan_approach(motion, POINT, STANDARD)
-    rows = np.concatenate(plan_leave(motion, POINT, STANDARD))
-    last = grasp_point(motion, rows[-1])
-    assert last[2] - POINT["left"][2] == pytest.approx(ROLL_LIFT + CLEARANCE, abs=2e-3)
-    assert np.linalg.norm(last[:2] - POINT["left"][:2]) < 0.05  # drawn back by at most 4 cm
+    *parts, up = plan_leave(motion, POINT, STANDARD, name)
+    rolled = motion.compute_poses()["left"][3:]
+    last, low = grasp_point(motion, up[-1]), grasp_point(motion, parts[-1][-1])
+    assert last[2] - POINT["left"][2] == pytest.approx(leave.rise + CLEARANCE, abs=2e-3)
+    assert low[2] - POINT["left"][2] == pytest.approx(leave.rise, abs=2e-3)
+    back = np.linalg.norm(last[:2] - POINT["left"][:2])
+    assert back == pytest.approx(leave.draw_backs[0], abs=2e-3)
+    angle = 2 * np.arccos(min(1.0, abs(float(np.dot(rolled, STANDARD["left"])))))
+    assert angle == pytest.approx(leave.roll, abs=1e-2)
 
 
 def test_an_action_is_held_for_five_steps_and_planning_goes_on_from_the_last(driver):

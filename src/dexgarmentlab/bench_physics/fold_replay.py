@@ -181,7 +181,15 @@ class _Player:
         motion = self.motion
         shown = self.demonstration.get_stage(stage.name)
         seen = self.find_points()  # the stages before may have dragged the garment along
-        grasp = {s: np.array([*seen[n][:2], stage.grasp_height]) for s, n in stage.grasp.items()}
+        grasp = {
+            s: np.array(
+                [
+                    *np.mean([seen[n][:2] for n in stage.get_grasp_names(s)], axis=0),
+                    stage.grasp_height,
+                ]
+            )
+            for s in stage.grasp
+        }
         above = {s: p + np.array([0, 0, 0.15]) for s, p in grasp.items()}
         waypoints = retarget_waypoints(shown, points)
 

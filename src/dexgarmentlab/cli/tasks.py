@@ -49,7 +49,7 @@ def describe_task(task: "Task") -> dict[str, Any]:
         "stages": [
             {
                 "name": stage.name,
-                "grasp": dict(stage.grasp),
+                "grasp": {side: stage.get_grasp_names(side) for side in stage.grasp},
                 "orientation": stage.orientation,
                 "policy_loops": stage.policy_loops,
             }
@@ -65,7 +65,7 @@ def _lines(task: dict[str, Any]) -> list[str]:
     garments = ", ".join(f"{count:,} for {split}ing" for split, count in task["garments"].items())
     stages = [
         f"{number}. {stage['name']}: "
-        + ", ".join(f"{side} hand at {point}" for side, point in stage["grasp"].items())
+        + ", ".join(f"{side} hand at {' / '.join(names)}" for side, names in stage["grasp"].items())
         for number, stage in enumerate(task["stages"], start=1)
     ]
     bases = [

@@ -146,14 +146,15 @@ class Execution:
             Grasp point of each working hand [m], shape (3,), and the similarity of every point of
             the cloud to the places that the left and the right hand grasp, shape (2, 2048).
         """
-        names = [stage.grasp.get(side, next(iter(stage.grasp.values()))) for side in SIDES]
-        found, similarity = self._match(names, cloud)
-        grasp: dict[Side, np.ndarray] = {
-            side: np.array([*cloud[index][:2], stage.grasp_height], dtype=float)
-            for side, index in zip(SIDES, found, strict=True)
-            if side in stage.grasp
-        }
-        return grasp, similarity
+        grasp: dict[Side, np.ndarray] = {}
+        similarities = []
+        for side in SIDES:
+            found, similarity = self._match(list(stage.get_grasp_names(side)), cloud)
+            similarities.append(similarity.max(axis=0))
+            if side in stage.grasp:
+                x, y = cloud[found, :2].mean(axis=0, dtype=float)
+                grasp[side] = np.array([x, y, stage.grasp_height])
+        return grasp, np.stack(similarities)
 
     def _run_stage(self, stage: Stage) -> None:
         demonstrated = self.demonstration.get_stage(stage.name)
@@ -166,7 +167,7 @@ class Execution:
         grasp, similarity = self.find_grasps(stage, cloud)
         waypoints = retarget_waypoints(demonstrated, points)
         orientations = self.driver.approach(
-            stage, grasp, lambda side, q: self._plan_hand(side, q, grasp[side], waypoints)
+            stage, grasp, lambda side, q: self._plan_hand(stage, side, q, grasp[side], waypoints)
         )
         recorder = None
         if self._is_recorded:
@@ -189,10 +190,11 @@ class Execution:
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         if recorder is not None:
             self.records.append(recorder.finish())
-        self.driver.leave(waypoints[-1].targets, orientations)
+        self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
 
     def _plan_hand(
         self,
+        stage: Stage,
         side: Side,
         orientation: np.ndarray,
         grasp: np.ndarray,
@@ -204,7 +206,7 @@ class Execution:
         for waypoint in waypoints:
             target: dict[Side, np.ndarray] = {side: waypoint.targets[side]}
             self.motion.move(target, orientations, spacing=waypoint.spacing)
-        plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations)
+        plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations, stage.leave)
 
     # Seeing ----------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ import numpy as np
 from dgl_assets.robots import Side
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down
+from dgl_tasks.leaving import LEAVES, LeaveName
 from dgl_tasks.motion import BimanualMotion
 
 APPROACH_HEIGHT = 0.15
@@ -15,14 +16,6 @@ ARRIVAL_FRAMES = 10
 """Frames for the arm to arrive at the grasp points before the hand closes."""
 RELEASE_FRAMES = 15
 """Frames for the cloth to fall from an opened hand before it leaves."""
-ROLL = np.radians(60)
-"""How far an opened hand rolls for its thumb to point down, out of the cloth [rad]."""
-ROLL_LIFT = 0.04
-"""How far it rises while it rolls [m]."""
-ROLL_FRAMES = 15
-"""Frames for the cloth to slide off the thumb."""
-DRAW_BACKS = (0.04, 0.02, 0.0)
-"""How far it then draws back, level [m]: the first of these that the arm can reach."""
 CLEARANCE = 0.15
 """How far it then rises [m]."""
 LEAVE_SPACING = 0.005
@@ -57,17 +50,17 @@ def plan_leave(
     motion: BimanualMotion,
     points: Mapping[Side, np.ndarray],
     orientations: Mapping[Side, np.ndarray],
+    name: LeaveName = "slide",
 ) -> list[np.ndarray]:
     """Plan how opened hands leave the cloth, from where `motion` is.
 
-    The palm looks down, so of an opened hand the thumb is under the cloth and would hook it. So the
-    hand rolls until cloth slides off the thumb, draws back along its fingers from under what hangs over
-    them, and then goes straight up.
+    They roll, draw back along their fingers, and go straight up.
 
     Args:
         motion: Plans the arms.
         points: Grasp point of each hand [m], shape (3,), world frame.
         orientations: Of `ee` of each hand that leaves, wxyz, shape (4,).
+        name: Which of `LEAVES`.
 
     Returns:
         Joint targets of each part, shape (N, D) [rad].
@@ -75,13 +68,14 @@ def plan_leave(
     Raises:
         UnreachableError: If a hand cannot even go straight up.
     """
+    leave = LEAVES[name]
     rolled: dict[Side, np.ndarray] = {
-        side: roll_thumb_down(q, ROLL, side) for side, q in orientations.items()
+        side: roll_thumb_down(q, leave.roll, side) for side, q in orientations.items()
     }
     ways: dict[Side, tuple[np.ndarray, ...]] = {}
     for side in orientations:
-        for length in DRAW_BACKS:
-            out = points[side] + np.array([0, 0, ROLL_LIFT])
+        for length in leave.draw_backs:
+            out = points[side] + np.array([0, 0, leave.rise])
             back = out - length * point_along_fingers(rolled[side])
             ways[side] = (out, back, back + np.array([0, 0, CLEARANCE]))
             with motion.rehearsal():
@@ -89,7 +83,7 @@ def plan_leave(
                     for target in ways[side]:
                         motion.move({side: target}, {side: rolled[side]}, spacing=LEAVE_SPACING)
                 except UnreachableError:
-                    if length == DRAW_BACKS[-1]:
+                    if length == leave.draw_backs[-1]:
                         raise
                 else:
                     break
@@ -98,5 +92,5 @@ def plan_leave(
         targets: dict[Side, np.ndarray] = {side: way[k] for side, way in ways.items()}
         parts.append(motion.move(targets, rolled, spacing=LEAVE_SPACING))
         if k == 0:
-            parts.append(motion.hold(ROLL_FRAMES))
+            parts.append(motion.hold(leave.frames))
     return parts

@@ -14,6 +14,7 @@ from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlaceme
 from dgl_physics import ClothMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
 from dgl_tasks.grasps import GraspName
+from dgl_tasks.leaving import LeaveName
 from dgl_tasks.success import SuccessRule
 
 Range = tuple[float, float]
@@ -33,16 +34,24 @@ class Stage:
     """One learned part of a task: from the hands at the grasp points to the release."""
 
     name: str
-    grasp: Mapping[Side, str]
-    """Name of the point that each working hand grasps, as the demonstration marks it."""
+    grasp: Mapping[Side, str | tuple[str, ...]]
+    """Name of the point that each working hand grasps, as the demonstration marks it. Of several, the hand
+    grasps midway between them: so it takes hold of layers that do not lie quite on each other."""
     orientation: GraspName = "standard"
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
     looks_again: bool = False
     """The points of the waypoints are found anew when the stage begins, instead of those on the initial
     garment: for a garment that the stages before have laid out differently."""
+    leave: LeaveName = "slide"
+    """How the hands leave the cloth, see `dgl_tasks.leaving`."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
+
+    def get_grasp_names(self, side: Side) -> tuple[str, ...]:
+        """Name the points between which a hand grasps; of a hand that rests, those of the other one."""
+        names = self.grasp.get(side, next(iter(self.grasp.values())))
+        return (names,) if isinstance(names, str) else names
 
 
 @dataclass(frozen=True, kw_only=True)

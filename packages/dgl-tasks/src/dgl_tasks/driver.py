@@ -14,6 +14,7 @@ from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.leaving import LeaveName
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import STEPS_PER_FRAME, Observation
 from dgl_tasks.success import Before, Verdict
@@ -174,19 +175,23 @@ class Driver:
         return orientations
 
     def leave(
-        self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
+        self,
+        points: Mapping[Side, np.ndarray],
+        orientations: Mapping[Side, np.ndarray],
+        name: LeaveName = "slide",
     ) -> None:
         """Let opened hands leave the cloth and park, from where `motion` is.
 
         Args:
             points: Grasp point of each of these hands [m], shape (3,), world frame.
             orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+            name: In which way, see `dgl_tasks.leaving`.
 
         Raises:
             UnreachableError: If a hand cannot even go straight up.
         """
         self.send(self.motion.hold(RELEASE_FRAMES))
-        for rows in plan_leave(self.motion, points, orientations):
+        for rows in plan_leave(self.motion, points, orientations, name):
             self.send(rows)
         self.send(self.motion.park())
 

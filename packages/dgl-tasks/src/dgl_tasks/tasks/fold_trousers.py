@@ -30,8 +30,10 @@ TASK = Task(
         ),
         Stage(
             name="hems_to_waist",
-            grasp={"right": "right_hem_middle"},
+            grasp={"right": ("left_hem_middle", "right_hem_middle")},
             orientation="trousers_2",
+            grasp_height=0.0,
+            leave="shed",
             policy_loops=8,
         ),
     ),
