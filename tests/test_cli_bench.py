@@ -103,6 +103,7 @@ def test_policies_are_timed(capsys):
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert list(rows) == [
         "sadp, small, chunk of 4 targets",
+        "sadp, small, chunk of 4 targets, processor time",
         "sadp, small, once a stage",
         "sadp, small, training, batch of 64",
     ]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import dgl_sadp
-from dgl_collect import write_episode
+from dgl_collect import read_episode, write_episode
+from dgl_sadp.synthetic import write_synthetic_episodes
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 FRAMES = 10
@@ -80,3 +81,10 @@ def test_the_documented_keys_are_the_written_ones(tmp_path, episodes):
         "commands",
     } < (attributes)
     assert "`commands`" in page
+
+
+def test_made_up_episodes_are_of_the_format(tmp_path):
+    (path,) = write_synthetic_episodes(tmp_path, 1, frames=6, image_size=(480, 640))
+    episode = read_episode(path)
+    assert (episode.task, episode.success) == ("Synthetic-v1", True)
+    assert episode.stages[0].joint_state.shape == (6, 60)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from dgl_sadp import DiffusionPolicy, PolicyConfig, get_policy_config
-from dgl_sadp.config import UNetConfig
+from dgl_sadp.config import PointsConfig, UNetConfig
 
 
 def count(module: torch.nn.Module) -> float:
@@ -98,6 +98,10 @@ def test_what_is_no_object_is_refused():
         ({"object": None}, r"sadp observes \['environment', 'garment', 'object'\]; got"),
         ({"joints": 0}, "joints must be at least 1; got 0"),
         ({"state": (0,)}, "state must be positive"),
+        (
+            {"object": PointsConfig(points=8, widths=(8,), features=8, use_color=True)},
+            "object must not use_color",
+        ),
     ],
 )
 def test_fields_out_of_range_are_refused(change, message):

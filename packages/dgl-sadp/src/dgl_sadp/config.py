@@ -206,6 +206,8 @@ class PolicyConfig:
             )
         if self.state:
             _check_widths("state", self.state)
+        if self.object is not None and self.object.use_color:
+            raise ValueError("object must not use_color: its recorded cloud has none")
         there = {name for name in _ENCODERS if getattr(self, name) is not None}
         if there != _OBSERVED[self.method]:
             raise ValueError(

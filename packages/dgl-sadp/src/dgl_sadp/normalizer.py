@@ -112,7 +112,7 @@ class Normalizer(nn.ModuleDict):
         if config.garment is not None:
             scalers["garment_point_cloud"] = RangeScaler(3)
         if config.object is not None:
-            scalers["object_point_cloud"] = RangeScaler(6 if config.object.use_color else 3)
+            scalers["object_point_cloud"] = RangeScaler(3)
         super().__init__(scalers)
 
     def fit(self, ranges: Mapping[str, Range]) -> None:

@@ -213,6 +213,7 @@ def write_synthetic_episodes(
     points: int = 2048,
     frames: int = 24,
     has_object: bool = True,
+    image_size: tuple[int, int] = (48, 64),
 ) -> list[Path]:
     """Write expert episodes of the made-up task in the episode format.
 
@@ -223,6 +224,7 @@ def write_synthetic_episodes(
         points: Points of each cloud.
         frames: Frames of an episode.
         has_object: Whether there is an object.
+        image_size: Rows and columns of pictures [pixel]; collected episodes have 480 and 640.
 
     Returns:
         The files. They are written beside and renamed.
@@ -231,7 +233,9 @@ def write_synthetic_episodes(
         raise ValueError(f"count must be at least 1; got {count}")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    environment = SyntheticEnvironment(points=points, frames=frames, has_object=has_object)
+    environment = SyntheticEnvironment(
+        points=points, frames=frames, has_object=has_object, image_size=image_size
+    )
     paths: list[Path] = []
     for number in range(count):
         drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])

@@ -225,9 +225,12 @@ class _Data:
         train, validation = np.arange(count), np.arange(0)
         if config.validation_share > 0:
             train, validation = split_episodes(count, config.validation_share, config.split_seed)
+        held_out = whole.select(validation) if len(validation) else None
+        if held_out is not None:
+            held_out.keep_bytes = 0  # A few windows now and then: the memory is for training.
         return cls(
             train=whole.select(train),
-            validation=whole.select(validation) if len(validation) else None,
+            validation=held_out,
             ranges=join_ranges([measured.ranges[number] for number in train]),
             refused=(*found.refused, *measured.refused),
             tasks=tuple(sorted({episode.task for episode in whole.episodes})),
