@@ -89,6 +89,7 @@ def test_what_cannot_be_trained_is_said_in_one_line(data, tmp_path, capsys):
     command = ["train", "gam", "--data", str(data), "--out", str(tmp_path)]
     for words, message in (
         (["--preset", "tune"], "name them with --start"),
+        (["--preset", "yaw"], "name them with --start"),
         (["--resume"], "holds no run to resume"),
         (["--category", "Hat"], "no garments of Hat; it has ['Trousers']"),
         (["--start", str(tmp_path / "none.safetensors")], "none.safetensors cannot be read"),

@@ -198,7 +198,7 @@ def test_the_presets_are_as_documented():
     assert (paper.batch.groups, paper.batch.group_size) == (32, 2)
     assert (paper.batch.positives, paper.batch.negatives, paper.steps) == (20, 150, 40_000)
     assert TRAIN_PRESETS["cpu"].batch.groups * TRAIN_PRESETS["cpu"].batch.group_size == 16
-    with pytest.raises(ValueError, match=r"one of \['cpu', 'paper', 'tune'\]; got 'gpu'"):
+    with pytest.raises(ValueError, match=r"one of \['cpu', 'paper', 'tune', 'yaw'\]; got 'gpu'"):
         get_train_config("gpu")
     with pytest.raises(ValueError, match="lr must be positive"):
         TrainConfig(lr=0.0)

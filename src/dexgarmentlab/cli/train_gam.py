@@ -33,9 +33,10 @@ class TrainGamOptions:
     """Train one network for all categories."""
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
-    preset: Literal["cpu", "tune", "paper", "shipped"] = "cpu"
-    """cpu: small network, from the start; tune: refines the weights of --start; paper: the paper's batches; shipped: all
-    stages by which the weights were made that come along, one network for all categories."""
+    preset: Literal["cpu", "tune", "yaw", "paper", "shipped"] = "cpu"
+    """cpu: small network, from the start; tune: refines the weights of --start; yaw: only how they find the way a garment
+    is turned; paper: the paper's batches; shipped: all stages by which the weights were made that
+    come along, one network for all categories."""
     steps: int | None = None
     """Steps, of all stages together; the preset's when not given."""
     start: Path | None = None
@@ -61,8 +62,8 @@ def train_gam(options: TrainGamOptions) -> int:
     from dgl_gam.train import CONFIG_FILE
 
     config = _configure(options)
-    if options.preset == "tune" and options.start is None:
-        raise ValueError("--preset tune refines other weights: name them with --start")
+    if options.preset in ("tune", "yaw") and options.start is None:
+        raise ValueError(f"--preset {options.preset} refines other weights: name them with --start")
     if options.device.startswith("cuda") and not torch.cuda.is_available():
         raise ValueError(f"--device {options.device}: torch finds no CUDA device here")
     if options.threads is not None:

@@ -98,6 +98,28 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
         lr=3e-4,
         batch=BatchConfig(positives=48, near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
     ),
+    # The yaw alone: many clouds, also mirrored ones, and more of the states whose yaw is hard to see.
+    "yaw": TrainConfig(
+        steps=3500,
+        lr=2e-3,
+        parts="yaw",
+        batch=BatchConfig(
+            groups=16,
+            points=1024,
+            flat_share=0.25,
+            state_weights=(
+                ("crumpled", 1.5),
+                ("hung_two", 1.5),
+                ("sleeve_folded", 1.5),
+                ("side_folded", 3.0),
+                ("leg_folded", 3.0),
+                ("end_folded", 3.0),
+                ("flat", 0.5),
+            ),
+            mirrored_share=0.5,
+            least_yaw_weight=0.3,
+        ),
+    ),
     # Source: paper, section on GAM: 32 pairs, 20 positives, 150 negatives, 40,000 batches.
     "paper": TrainConfig(
         network="paper",
@@ -108,7 +130,7 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
         batch=BatchConfig(groups=32, group_size=2),
     ),
 }
-"""Ways to train by name: "cpu" from the start on a CPU, "tune" from other weights, "paper" for a GPU."""
+"""Ways to train by name: "cpu" from the start on a CPU, "tune" and "yaw" from other weights, "paper" for a GPU."""
 
 
 def get_train_config(name: str) -> TrainConfig:
