@@ -62,8 +62,8 @@ class Recorder:
     def execute(self, actions):
         self.told.append(("execute", actions.shape))
 
-    def retreat(self, sides):
-        self.told.append(("retreat", sides))
+    def retreat(self, sides, name):
+        self.told.append(("retreat", sides, name))
 
 
 def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
@@ -77,7 +77,7 @@ def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
     np.testing.assert_allclose(points["left"], [-0.2, 0.6, height])
     np.testing.assert_allclose(points["right"], [0.2, 0.6, height])
     halo.end_stage(3)
-    assert driver.told[-1] == ("retreat", ("left", "right"))
+    assert driver.told[-1] == ("retreat", ("left", "right"), TASK.stages[2].leave)
 
 
 def test_one_hand_works_and_the_other_stays():
@@ -90,7 +90,7 @@ def test_one_hand_works_and_the_other_stays():
     assert set(seen) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
     assert driver.told[1] == ("execute", (1, 60))
     halo.end_stage(1)
-    assert driver.told[2] == ("retreat", ("left",))
+    assert driver.told[2] == ("retreat", ("left",), TASK.stages[0].leave)
     parked = Recorder(is_parked=True)
     HaloDriver(parked).end_stage(1)
     assert parked.told == []

@@ -89,9 +89,10 @@ class HaloDriver:
 
     def end_stage(self, stage: int) -> None:
         """Open the working hands, leave the cloth and park."""
-        sides: tuple[Side, ...] = tuple(s for s in SIDES if s in self._stages[stage - 1].grasp)
+        declared = self._stages[stage - 1]
+        sides: tuple[Side, ...] = tuple(s for s in SIDES if s in declared.grasp)
         if not self._driver.is_parked:
-            self._driver.retreat(sides)
+            self._driver.retreat(sides, declared.leave)
 
 
 class _PresentMatcher:

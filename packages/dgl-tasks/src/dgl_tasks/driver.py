@@ -195,10 +195,14 @@ class Driver:
             self.send(rows)
         self.send(self.motion.park())
 
-    def retreat(self, sides: tuple[Side, ...] = SIDES) -> None:
+    def retreat(self, sides: tuple[Side, ...] = SIDES, name: LeaveName = "slide") -> None:
         """Open hands, wherever a policy has left them, and let them leave the cloth and park.
 
         From where there is no way straight up the arms swing to their parking place at once.
+
+        Args:
+            sides: Hands that leave the cloth; both arms park.
+            name: In which way they leave it, see `dgl_tasks.leaving`.
         """
         self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
         poses = self.motion.compute_poses()
@@ -206,13 +210,13 @@ class Driver:
         points: dict[Side, np.ndarray] = {s: self._to_grasp(poses[s], s) for s in sides}
         try:
             with self.motion.rehearsal():
-                plan_leave(self.motion, points, orientations)
+                plan_leave(self.motion, points, orientations, name)
         except (UnreachableError, ValueError) as err:
             logger.info("the hands park at once: %s", err)
             self.send(self.motion.hold(RELEASE_FRAMES))
             self.send(self.motion.park())
         else:
-            self.leave(points, orientations)
+            self.leave(points, orientations, name)
 
     # Seeing ----------------------------------------------------------------------------------
 

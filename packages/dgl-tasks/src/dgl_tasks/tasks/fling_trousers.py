@@ -22,6 +22,7 @@ TASK = Task(
             grasp={"left": "left_waistband", "right": "right_waistband"},
             orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
+            leave="shed",
             policy_loops=12,
         ),
     ),
