@@ -22,7 +22,6 @@ TASK = Task(
             grasp={"left": "left_shoulder", "right": "right_shoulder"},
             orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
-            leave="shed",
             policy_loops=12,
         ),
         Stage(
