@@ -107,7 +107,7 @@ def replay_episode(
         episode: What was recorded.
         robots: Folder of imported robots, for a robot that is not built in.
         render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
-        film: Receives a picture for people at every fifth control step, shape (H, W, 3), uint8.
+        film: Receives pictures for people, shape (H, W, 3), uint8.
         on_step: Told after each control step how many have been made.
 
     Raises:

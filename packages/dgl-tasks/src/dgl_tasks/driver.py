@@ -23,6 +23,9 @@ logger = logging.getLogger(__name__)
 
 FINAL_FRAMES = 50
 """Control steps between the hands being out of the way and the verdict."""
+PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
+"""Control steps between pictures for people while the arms come and go: the film runs three times as fast
+there, since a picture costs as much as two or three steps of the simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +81,8 @@ class Driver:
             env: The environment.
             motion: Plans its arms.
             seed: Of the episode, at least 0.
-            film: Receives a picture for people at every fifth control step, shape (H, W, 3), uint8.
+            film: Receives pictures for people, shape (H, W, 3), uint8: one at every fifth control step,
+                and at every fifteenth while the arms come and go.
         """
         self.env, self.motion, self.seed = env, motion, seed
         self.commands: list[np.ndarray] = []
@@ -115,17 +119,29 @@ class Driver:
         """
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
         self.motion.reset(self.motion.robot.compute_start("open"))
-        self.send(self.motion.park())
+        self._pass(self.motion.park())
 
-    def send(self, rows: np.ndarray, listener: StepListener | None = None) -> None:
-        """Send joint targets that `motion` has planned, one a control step [rad], shape (N, D)."""
+    def send(
+        self,
+        rows: np.ndarray,
+        listener: StepListener | None = None,
+        *,
+        film_steps: int = STEPS_PER_FRAME,
+    ) -> None:
+        """Send joint targets that `motion` has planned, one a control step.
+
+        Args:
+            rows: The targets [rad], shape (N, D).
+            listener: Is told before every step.
+            film_steps: Control steps between two pictures of the film.
+        """
         for row in rows:
             target = row.astype(np.float32)
             if listener is not None:
                 listener.before_step(target, self.observe)
+            if self._film is not None and self.step_count % film_steps == 0:
+                self._film(see.film(self.env))
             if self.step_count % STEPS_PER_FRAME == 0:
-                if self._film is not None:
-                    self._film(see.film(self.env))
                 self._measure()
             self.env.advance(target)
             self.commands.append(target)
@@ -171,7 +187,7 @@ class Driver:
             plan_approach(self.motion, {side: points[side]}, {side: orientation})
 
         orientations = self.motion.choose_turns(stage.orientation, tuple(points), rehearse or come)
-        self.send(plan_approach(self.motion, points, orientations))
+        self._pass(plan_approach(self.motion, points, orientations))
         return orientations
 
     def leave(
@@ -190,10 +206,10 @@ class Driver:
         Raises:
             UnreachableError: If a hand cannot even go straight up.
         """
-        self.send(self.motion.hold(RELEASE_FRAMES))
+        self._pass(self.motion.hold(RELEASE_FRAMES))
         for rows in plan_leave(self.motion, points, orientations, name):
-            self.send(rows)
-        self.send(self.motion.park())
+            self._pass(rows)
+        self._pass(self.motion.park())
 
     def retreat(self, sides: tuple[Side, ...] = SIDES, name: LeaveName = "slide") -> None:
         """Open hands, wherever a policy has left them, and let them leave the cloth and park.
@@ -213,8 +229,8 @@ class Driver:
                 plan_leave(self.motion, points, orientations, name)
         except (UnreachableError, ValueError) as err:
             logger.info("the hands park at once: %s", err)
-            self.send(self.motion.hold(RELEASE_FRAMES))
-            self.send(self.motion.park())
+            self._pass(self.motion.hold(RELEASE_FRAMES))
+            self._pass(self.motion.park())
         else:
             self.leave(points, orientations, name)
 
@@ -258,7 +274,7 @@ class Driver:
 
     def settle(self) -> None:
         """Wait for the garment to come to rest before it is judged."""
-        self.send(self.motion.hold(FINAL_FRAMES))
+        self._pass(self.motion.hold(FINAL_FRAMES))
 
     def judge(self, points: Mapping[str, np.ndarray] | None = None) -> Judgement:
         """Judge what the garment camera sees, with the arms where they are.
@@ -287,6 +303,9 @@ class Driver:
         )
 
     # -----------------------------------------------------------------------------------------
+
+    def _pass(self, rows: np.ndarray) -> None:
+        self.send(rows, film_steps=PASSAGE_FILM_STEPS)
 
     def _get_poses(self) -> np.ndarray:
         poses = self.env.agent.get_ee_poses()[0]  # pyright: ignore[reportAttributeAccessIssue]

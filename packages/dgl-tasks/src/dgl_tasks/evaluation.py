@@ -62,7 +62,7 @@ def run_episode(
         policy: Acts; see `dgl_tasks.policy`.
         seed: Of the episode.
         garment: Catalogue id; drawn from the seed when None.
-        film: Receives a picture for people at every fifth control step, shape (H, W, 3), uint8.
+        film: Receives pictures for people, shape (H, W, 3), uint8.
 
     Raises:
         TaskError: If a hand cannot go where the policy sends it, or a camera sees no garment.
