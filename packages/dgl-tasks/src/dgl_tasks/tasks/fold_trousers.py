@@ -31,7 +31,7 @@ TASK = Task(
         Stage(
             name="hems_to_waist",
             grasp={"right": ("left_hem_middle", "right_hem_middle")},
-            orientation="trousers_2",
+            orientation="heap",
             grasp_height=0.0,
             leave="shed",
             policy_loops=8,
