@@ -16,12 +16,21 @@ from dgl_tasks.rotations import (
 )
 
 GraspName = Literal[
-    "standard", "heap", "trousers_2", "store_lift", "cap", "bowl", "scarf", "glove", "glove_retreat"
+    "standard",
+    "heap",
+    "trousers_2",
+    "hems",
+    "store_lift",
+    "cap",
+    "bowl",
+    "scarf",
+    "glove",
+    "glove_retreat",
 ]
 
 HEAP_PITCH = np.radians(30)
-"""How far the fingers of a "heap" grasp point down: the forearm stays above the cloth, and nothing hangs over
-it when the hand leaves [rad]."""
+"""How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
+stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
@@ -57,7 +66,9 @@ def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
         name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
         for name, row in _GRASP_ROWS.items()
     }
-    found["heap"] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found["standard"].items()}
+    pitched: dict[GraspName, GraspName] = {"heap": "standard", "hems": "trousers_2"}
+    for name, level in pitched.items():
+        found[name] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found[level].items()}
     return found
 
 

@@ -31,9 +31,8 @@ TASK = Task(
         Stage(
             name="hems_to_waist",
             grasp={"right": ("left_hem_middle", "right_hem_middle")},
-            orientation="heap",
+            orientation="hems",
             grasp_height=0.0,
-            leave="shed",
             policy_loops=8,
         ),
     ),
