@@ -22,6 +22,8 @@ TASK = Task(
         Stage(
             name="skirt_up",
             grasp={"left": "left_side", "right": "right_side"},
+            orientation="heap",
+            grasp_height=0.0,
             policy_loops=12,
         ),
     ),
