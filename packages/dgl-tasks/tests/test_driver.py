@@ -112,6 +112,16 @@ def test_actions_that_no_robot_can_take_are_refused(driver, actions, message):
     assert driver.step_count == 0
 
 
+def test_films_run_three_times_as_fast_while_the_arms_come_and_go(env, motion, monkeypatch):
+    pictures = []
+    monkeypatch.setattr("dgl_tasks.perception.film", lambda _: driver.step_count)
+    driver = Driver(env, motion, seed=0, film=pictures.append)
+    motion.reset(driver.get_joint_state())
+    driver.execute(motion.hold(6))  # 30 steps
+    driver.settle()
+    assert pictures == [*range(0, 30, 5), *range(30, driver.step_count, 15)]
+
+
 def check_parked(driver):
     for side in SIDES:
         np.testing.assert_allclose(driver.motion.target[joint_slice(side, "arm")], PARKED[side])
