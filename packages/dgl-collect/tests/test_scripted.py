@@ -25,7 +25,7 @@ CUFF = np.array([-0.4, 0.7, 0.01])
 class DryDriver(Driver):
     """Plans and remembers, and moves nothing."""
 
-    def send(self, rows, listener=None):
+    def send(self, rows, listener=None, *, film_steps=5):
         self.commands.extend(rows)
 
     def see_garment(self):
