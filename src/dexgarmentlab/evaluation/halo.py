@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
+from dgl_collect.execution import MOVED_AT_MOST
 from dgl_sadp import (
     HALO,
     HaloStage,
+    ObservationError,
     PolicyConfig,
     PolicyRunner,
     load_policy,
@@ -20,6 +22,7 @@ from dgl_sadp import (
 from dgl_tasks import perception as see
 from dgl_tasks.declaration import Stage, Task
 from dgl_tasks.driver import Driver
+from dgl_tasks.errors import PerceptionError
 
 if TYPE_CHECKING:
     from dgl_collect.execution import Setup
@@ -154,13 +157,21 @@ class HaloMethod:
                     source_cloud=setup.demo_cloud,
                     left=points.get("left"),
                     right=points.get("right"),
+                    moved_at_most=None if stage.looks_again else MOVED_AT_MOST,
                 )
             )
         self.halo = HALO(_PresentMatcher(setup), stages, use_gam=LEARNED[name].use_gam)
 
     def run(self, driver: Driver) -> None:
-        """Carry out all stages."""
-        self.halo.run(HaloDriver(driver), seed=driver.seed)
+        """Carry out all stages.
+
+        Raises:
+            PerceptionError: If a point is not near where it was when the episode began.
+        """
+        try:
+            self.halo.run(HaloDriver(driver), seed=driver.seed)
+        except ObservationError as err:
+            raise PerceptionError(str(err)) from err
 
 
 def check_checkpoints(task: Task, checkpoints: Path) -> None:

@@ -13,12 +13,13 @@ from dgl_collect.matching import FindMatcher
 from dgl_collect.recording import StageRecorder, StageStart
 from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
-from dgl_gam import compute_affordance
+from dgl_gam import GamError, compute_affordance, restrict_to_places
 from dgl_tasks import perception as see
 from dgl_tasks.approach import plan_approach, plan_leave
 from dgl_tasks.declaration import Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
+from dgl_tasks.errors import PerceptionError
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
@@ -26,6 +27,8 @@ HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
+MOVED_AT_MOST = 0.15
+"""A point that is found again is looked for this near to where it first lay [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,6 +141,9 @@ class Execution:
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
         """Find a stage's grasp points in the garment's cloud.
 
+        Where the garment has been looked at before, they are looked for near their old places, unless
+        the stage looks for all points again.
+
         Args:
             stage: The stage.
             cloud: What is seen of the garment [m], shape (2048, 3), world frame.
@@ -145,11 +151,23 @@ class Execution:
         Returns:
             Grasp point of each working hand [m], shape (3,), and the similarity of every point of
             the cloud to the places that the left and the right hand grasp, shape (2, 2048).
+
+        Raises:
+            PerceptionError: If nothing of the garment is near where a point was.
         """
         grasp: dict[Side, np.ndarray] = {}
         similarities = []
         for side in SIDES:
-            found, similarity = self._match(list(stage.get_grasp_names(side)), cloud)
+            names = list(stage.get_grasp_names(side))
+            found, similarity = self._match(names, cloud)
+            if self.points and not stage.looks_again:
+                places = np.array([self.points[name] for name in names])
+                try:
+                    found, similarity = restrict_to_places(
+                        similarity, cloud, places, radius=MOVED_AT_MOST
+                    )
+                except GamError as err:
+                    raise PerceptionError(f"{stage.name}: {err}") from err
             similarities.append(similarity.max(axis=0))
             if side in stage.grasp:
                 x, y = cloud[found, :2].mean(axis=0, dtype=float)

@@ -15,6 +15,7 @@ from dgl_gam.model import GarmentAffordanceModel as GarmentAffordanceModel
 from dgl_gam.model import Matches as Matches
 from dgl_gam.normalize import Normalization as Normalization
 from dgl_gam.normalize import normalize_cloud as normalize_cloud
+from dgl_gam.tracking import restrict_to_places as restrict_to_places
 
 __all__ = [
     "Calibration",
@@ -28,4 +29,5 @@ __all__ = [
     "WeightsNotFoundError",
     "compute_affordance",
     "normalize_cloud",
+    "restrict_to_places",
 ]

@@ -107,6 +107,9 @@ class HaloStage:
     """Where the left hand grasped it [m], shape (3,), world frame; None if it did not."""
     right: np.ndarray | None = None
     """The same of the right hand."""
+    moved_at_most: float | None = None
+    """How far the points may have moved since the first stage began [m]: they are looked for that near to where
+    they were then; anywhere when None."""
 
     def __post_init__(self) -> None:
         if self.chunks < 1:
@@ -190,10 +193,14 @@ class HALO:
             A record of each stage.
         """
         records: list[StageRecord] = []
+        places: list[np.ndarray] = []
         for number, stage in enumerate(self.stages, start=1):
             observation = dict(driver.begin_stage(number))
             cloud = np.asarray(observation["garment_point_cloud"])
-            record, affordance = self._match(number, stage, cloud)
+            if self.use_gam and number == 1:
+                places = [cloud[self._ask(each, cloud)[0]] for each in self.stages]
+            place = places[number - 1] if places and number > 1 else None
+            record, affordance = self._match(number, stage, cloud, place)
             if self.use_gam:
                 driver.move_hands(record.left, record.right)
             observation["points_affordance_feature"] = affordance
@@ -223,23 +230,23 @@ class HALO:
         return tuple(records)
 
     def _match(
-        self, number: int, stage: HaloStage, cloud: np.ndarray
+        self, number: int, stage: HaloStage, cloud: np.ndarray, place: np.ndarray | None
     ) -> tuple[StageRecord, np.ndarray]:
         """Find the points of the hands on a cloud, shape (N, 3), and the affordance of both, shape (N, 2)."""
         if not self.use_gam:
             nothing = StageRecord(stage=number, left=None, right=None, similarity=(), targets=0)
             return nothing, np.zeros((len(cloud), 2), np.float32)
-        assert self.matcher is not None
-        assert stage.source_cloud is not None
-        wanted = [point for point in (stage.left, stage.right) if point is not None]
-        indices, similarity = self.matcher.match(stage.source_cloud, np.stack(wanted), cloud)
-        indices, similarity = np.asarray(indices), np.asarray(similarity, dtype=np.float64)
-        shape = (len(wanted), len(cloud))
-        if indices.shape != shape[:1] or similarity.shape != shape:
-            raise ValueError(
-                f"the matcher must return shapes {shape[:1]} and {shape}; "
-                f"got {indices.shape} and {similarity.shape}"
-            )
+        indices, similarity = self._ask(stage, cloud)
+        if place is not None and stage.moved_at_most is not None:
+            offset = cloud[None, :, :2] - place[:, None, :2]
+            near = np.linalg.norm(offset, axis=2) <= stage.moved_at_most
+            if not near.any(axis=1).all():
+                raise ObservationError(
+                    f"stage {number}: nothing of the garment lies within {stage.moved_at_most} m of "
+                    "where a point was"
+                )
+            indices = np.where(near, similarity, -np.inf).argmax(axis=1)
+            similarity = np.where(near, similarity, similarity.min(axis=1, keepdims=True))
         found = [cloud[int(index)] for index in indices]
         record = StageRecord(
             stage=number,
@@ -251,6 +258,21 @@ class HALO:
             targets=0,
         )
         return record, scale_affordance(similarity)
+
+    def _ask(self, stage: HaloStage, cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Match the stage's points: their indices in the cloud, shape (K,), and the similarity, shape (K, N)."""
+        assert self.matcher is not None
+        assert stage.source_cloud is not None
+        wanted = [point for point in (stage.left, stage.right) if point is not None]
+        indices, similarity = self.matcher.match(stage.source_cloud, np.stack(wanted), cloud)
+        indices, similarity = np.asarray(indices), np.asarray(similarity, dtype=np.float64)
+        shape = (len(wanted), len(cloud))
+        if indices.shape != shape[:1] or similarity.shape != shape:
+            raise ValueError(
+                f"the matcher must return shapes {shape[:1]} and {shape}; "
+                f"got {indices.shape} and {similarity.shape}"
+            )
+        return indices, similarity
 
 
 def scale_affordance(similarity: np.ndarray) -> np.ndarray:
