@@ -168,6 +168,7 @@ def _drop(*path):
 
 
 STAGE, WAYPOINT = ("stages", 0), ("stages", 0, "waypoints", 0)
+STRETCH = {"sag": 0.03, "step": 0.01, "at_most": 0.1, "spacing": 0.005}
 FAULTS = [
     (_drop("format"), "missing 'format'"),
     (_set(["format"], 2), "format must be 1; got 2"),
@@ -190,6 +191,15 @@ FAULTS = [
     (_set([*WAYPOINT, "spacing"], 0), "spacing must be positive; got 0"),
     (_set([*WAYPOINT, "spacing"], -0.01), "spacing must be positive"),
     (_set([*WAYPOINT, "spacing"], "fast"), "could not convert string"),
+    (
+        _set([*WAYPOINT, "stretch"], STRETCH),
+        "a stretch needs both hands and definitions of half_span",
+    ),
+    (
+        _set([*WAYPOINT, "stretch"], STRETCH | {"sag": 0}),
+        "sag of a stretch must be positive; got 0",
+    ),
+    (_set([*WAYPOINT, "stretch"], {"sag": 0.03}), "missing .* 'step'"),
 ]
 
 
@@ -224,3 +234,17 @@ def test_definitions_see_those_before_them(content):
     stage["definitions"] = {"b": "a * 2", "a": "left_cuff.x"}
     with pytest.raises(DemonstrationError, match="unknown name 'a'"):
         retarget_waypoints(parse_demonstration(content, source="t").stages[0], P)
+
+
+def test_what_is_seen_takes_the_place_of_what_was_expected():
+    stage = load_demonstration("FlingTrousers-v1").stages[0]
+    points = {
+        "left_waistband": np.array([-0.2, 0.8, 0]),
+        "right_waistband": np.array([0.2, 0.8, 0]),
+    }
+    expected = retarget_waypoints(stage, points)
+    seen = retarget_waypoints(stage, points, seen={"half_span": 0.25, "hanging": 0.6})
+    assert expected[0].stretch is not None
+    np.testing.assert_array_equal(seen[0].targets["left"], expected[0].targets["left"])
+    np.testing.assert_allclose(seen[1].targets["right"], (0.25, 1.24 - 1.05 * 0.6, 0.85 * 0.6))
+    np.testing.assert_allclose(expected[1].targets["right"], (0.18, 1.24 - 1.05 * 0.8, 0.85 * 0.8))

@@ -7,13 +7,14 @@ import pytest
 
 from dgl_assets.robots import HAND_POSES, joint_slice
 from dgl_collect.attempt import make_setup
-from dgl_collect.demonstration import load_demonstration
+from dgl_collect.demonstration import RetargetedWaypoint, Stretch, load_demonstration
 from dgl_collect.execution import Execution
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
 from dgl_tasks.evaluation import run_episode
-from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
+from dgl_tasks.hanging import Hanging
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.policy import EpisodePolicy
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
@@ -76,6 +77,39 @@ def test_lift_and_drop_takes_hold_lifts_straight_up_and_lets_go(dry):
     assert driver.is_parked
     right = joint_slice("right", "arm")
     assert np.ptp(np.array(driver.commands)[:, right], axis=0).max() == 0  # the other arm rests
+
+
+class SaggingDriver(DryDriver):
+    """Sees a garment that is taut when the hands are this far apart [m]."""
+
+    taut = 0.5
+
+    def get_grasp_point(self, side):
+        pose = self.motion.compute_poses()[side]
+        return wrist_to_grasp(pose[:3], pose[3:], side)
+
+    def see_hanging(self):
+        span = np.linalg.norm(self.get_grasp_point("right") - self.get_grasp_point("left"))
+        return Hanging(sag=max(self.taut - span, 0.0), length=0.7)
+
+
+@pytest.mark.parametrize(("taut", "each"), [(0.5, 0.04), (0.43, 0.0), (0.9, 0.15), (9.0, 0.0)])
+def test_hands_move_apart_until_the_garment_is_taut(dry, taut, each):
+    setup, _ = dry
+    driver = SaggingDriver(setup.env, setup.motion, seed=0)
+    driver.taut = taut
+    execution = Execution(setup, 0, driver=driver, is_recorded=False)
+    targets = {"left": np.array([-0.2, 0.7, 0.5]), "right": np.array([0.2, 0.7, 0.5])}
+    orientations = GRASP_ORIENTATIONS["heap"]
+    driver.send(setup.motion.reach(targets, orientations))
+    stretch = Stretch(sag=0.03, step=0.01, at_most=0.15, spacing=0.005)
+    waypoint = RetargetedWaypoint(targets=targets, spacing=0.01, stretch=stretch)
+    seen = execution.stretch(waypoint, stretch, orientations, None)
+    # by whole steps; no farther than allowed; not at all where nothing hangs between them
+    assert seen == {"half_span": pytest.approx(0.2 + each, abs=1e-6), "hanging": 0.7}
+    left, right = driver.get_grasp_point("left"), driver.get_grasp_point("right")
+    np.testing.assert_allclose(left, targets["left"] - [each, 0, 0], atol=2e-3)
+    np.testing.assert_allclose(right, targets["right"] + [each, 0, 0], atol=2e-3)
 
 
 def test_both_are_methods_of_evaluations():

@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dgl_sadp import HALO, DiffusionPolicy, HaloStage, PolicyRunner
+from dgl_sadp import HALO, DiffusionPolicy, HaloStage, ObservationError, PolicyRunner
 
 CLOUD = np.random.default_rng(0).uniform(-1, 1, (40, 3)).astype(np.float32)
 
@@ -177,3 +179,51 @@ def test_a_matcher_that_answers_in_other_shapes_is_refused():
 def test_incomplete_parts_are_refused(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+class Turncoat(Recorder):
+    """From the second stage on, the garment is what it was in a mirror."""
+
+    def begin_stage(self, stage):
+        cloud = CLOUD if stage == 1 else CLOUD * [-1, 1, 1]
+        return super().begin_stage(stage) | {"garment_point_cloud": cloud.astype(np.float32)}
+
+
+@pytest.mark.parametrize("moved_at_most", [None, 0.3])
+def test_points_are_looked_for_near_where_they_first_lay(moved_at_most):
+    class Mirrored(NearestMatcher):
+        """Is taken in by the mirror."""
+
+        def match(self, source_cloud, source_points, target_cloud):
+            turned = np.sign(target_cloud[0, 0]) != np.sign(CLOUD[0, 0])
+            return super().match(
+                source_cloud, source_points * ([-1, 1, 1] if turned else 1), target_cloud
+            )
+
+    policy, driver = Listener(), Turncoat()
+    stages = [make_stage(policy), replace(make_stage(policy), moved_at_most=moved_at_most)]
+    HALO(Mirrored(), stages).run(driver)
+    moves = [told for told in driver.told if told[0] == "move"]
+    np.testing.assert_array_equal(moves[0][1], CLOUD[3])
+    distance = np.linalg.norm((moves[1][1] - CLOUD[3])[:2])
+    if moved_at_most is None:
+        np.testing.assert_allclose(moves[1][1], CLOUD[3] * [-1, 1, 1])
+        assert distance > 0.3
+    else:
+        assert distance <= 0.3
+        second = policy.stages[1]["points_affordance_feature"]
+        far = np.linalg.norm((CLOUD * [-1, 1, 1] - CLOUD[3])[:, :2], axis=1) > 0.3
+        assert second[far, 0].max() == 0
+        assert second[:, 0].max() > 0.99
+
+
+def test_points_that_are_gone_are_said_to_be():
+    class Gone(Recorder):
+        def begin_stage(self, stage):
+            return super().begin_stage(stage) | {"garment_point_cloud": CLOUD + 9.0 * (stage - 1)}
+
+    stages = [make_stage(Listener()), replace(make_stage(Listener()), moved_at_most=0.3)]
+    with pytest.raises(
+        ObservationError, match=r"stage 2: nothing of the garment lies within 0\.3 m"
+    ):
+        HALO(NearestMatcher(), stages).run(Gone())

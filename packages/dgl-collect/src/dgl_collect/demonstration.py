@@ -19,6 +19,30 @@ from dgl_collect.formula import evaluate_formula
 FORMAT_VERSION = 1
 
 
+SEEN_NAMES = ("half_span", "hanging")
+"""What is seen of a garment that has been stretched between the hands, by its name in formulas [m]: half the
+distance of the hands, and how far it hangs below them. The stage's definitions say what to expect."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Both hands move apart until what hangs between them is seen to be taut."""
+
+    sag: float
+    """How far the upper edge may hang below the hands midway between them [m]."""
+    step: float
+    """How much farther each hand moves at a time [m]."""
+    at_most: float
+    """How much farther each hand moves in all [m]."""
+    spacing: float
+    """As in `Waypoint`."""
+
+    def __post_init__(self) -> None:
+        for name in ("sag", "step", "at_most", "spacing"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} of a stretch must be positive; got {getattr(self, name)}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Waypoint:
     """Where the grasp points of the working hands go next: formulas for x, y, z by hand."""
@@ -26,6 +50,8 @@ class Waypoint:
     targets: Mapping[Side, tuple[str, str, str]]
     spacing: float
     """Distance between samples of the line [m], one a control step; 0.01 is 0.6 m/s."""
+    stretch: Stretch | None = None
+    """What the hands do when they have arrived."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +61,8 @@ class RetargetedWaypoint:
     targets: Mapping[Side, np.ndarray]
     """Goal of the grasp point of each working hand [m], shape (3,), world frame."""
     spacing: float
+    """As in `Waypoint`."""
+    stretch: Stretch | None = None
     """As in `Waypoint`."""
 
 
@@ -75,13 +103,17 @@ class Demonstration:
 
 
 def retarget_waypoints(
-    stage: DemonstratedStage, points: Mapping[str, np.ndarray]
+    stage: DemonstratedStage,
+    points: Mapping[str, np.ndarray],
+    *,
+    seen: Mapping[str, float] | None = None,
 ) -> list[RetargetedWaypoint]:
     """Compute a stage's waypoints for a garment.
 
     Args:
         stage: What was demonstrated.
         points: The demonstration's points as found on this garment [m], shape (3,), world frame.
+        seen: What has been seen on the way, by `SEEN_NAMES`; it takes the place of the definition.
 
     Returns:
         The waypoints in order.
@@ -92,7 +124,8 @@ def retarget_waypoints(
     names: dict[str, float | np.ndarray] = dict(points)
     try:
         for name, formula in stage.definitions.items():
-            names[name] = evaluate_formula(formula, names)
+            known = (seen or {}).get(name)
+            names[name] = evaluate_formula(formula, names) if known is None else known
         return [
             RetargetedWaypoint(
                 targets={
@@ -100,6 +133,7 @@ def retarget_waypoints(
                     for side, formulas in waypoint.targets.items()
                 },
                 spacing=waypoint.spacing,
+                stretch=waypoint.stretch,
             )
             for waypoint in stage.waypoints
         ]
@@ -152,17 +186,30 @@ def _parse_stage(content: Mapping) -> DemonstratedStage:
     waypoints = []
     for entry in content["waypoints"]:
         targets = {side: entry[side] for side in SIDES if side in entry}
-        unknown = set(entry) - set(SIDES) - {"spacing"}
+        unknown = set(entry) - set(SIDES) - {"spacing", "stretch"}
         if unknown or not targets:
-            raise ValueError(f"a waypoint has hands {SIDES} and spacing; got {sorted(entry)}")
+            raise ValueError(
+                f"a waypoint has hands {SIDES}, spacing and stretch; got {sorted(entry)}"
+            )
         for side, formulas in targets.items():
             if len(formulas) != 3:
                 raise ValueError(f"{side} must have formulas for x, y, z; got {formulas}")
         spacing = float(entry.get("spacing", 0.01))
         if not spacing > 0:
             raise ValueError(f"spacing must be positive; got {spacing}")
+        stretch = None
+        if "stretch" in entry:
+            stretch = Stretch(**entry["stretch"])
+            missing = [n for n in SEEN_NAMES if n not in content.get("definitions", {})]
+            if set(targets) != set(SIDES) or missing:
+                raise ValueError(
+                    "a stretch needs both hands and definitions of "
+                    f"{' and '.join(SEEN_NAMES)}, for what to expect; got {sorted(entry)}"
+                )
         waypoints.append(
-            Waypoint(targets={s: tuple(f) for s, f in targets.items()}, spacing=spacing)
+            Waypoint(
+                targets={s: tuple(f) for s, f in targets.items()}, spacing=spacing, stretch=stretch
+            )
         )
     for key in ("grasp_pose", "release_pose"):
         if content[key] not in HAND_POSES:

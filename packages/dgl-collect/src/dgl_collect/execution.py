@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
-from dgl_collect.demonstration import Demonstration, RetargetedWaypoint, retarget_waypoints
+from dgl_collect.demonstration import (
+    Demonstration,
+    RetargetedWaypoint,
+    Stretch,
+    retarget_waypoints,
+)
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, Points, StageRecord
 from dgl_collect.matching import FindMatcher
 from dgl_collect.recording import StageRecorder, StageStart
@@ -27,6 +32,8 @@ HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
+SWING_FRAMES = 20
+"""Frames for a lifted garment to swing to rest before it is stretched."""
 MOVED_AT_MOST = 0.15
 """A point that is found again is looked for this near to where it first lay [m]."""
 
@@ -201,14 +208,45 @@ class Execution:
             )
         send, hands = self.driver.send, self.motion.set_hands
         send(hands(dict.fromkeys(grasp, demonstrated.grasp_pose)), recorder)
-        for number, waypoint in enumerate(waypoints):
+        for number in range(len(waypoints)):
+            waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
+            # what has been lost cannot be stretched
+            if waypoint.stretch is not None and not self.driver.events:
+                seen = self.stretch(waypoint, waypoint.stretch, orientations, recorder)
+                waypoints = retarget_waypoints(demonstrated, points, seen=seen)
+                self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         if recorder is not None:
             self.records.append(recorder.finish())
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
+
+    def stretch(
+        self,
+        waypoint: RetargetedWaypoint,
+        stretch: Stretch,
+        orientations: Mapping[Side, np.ndarray],
+        recorder: StageRecorder | None,
+    ) -> dict[str, float]:
+        """Move the hands apart until the garment between them is taut; returns what is seen then."""
+        send = self.driver.send
+        targets = dict(waypoint.targets)
+        outwards = targets["right"] - targets["left"]
+        outwards /= np.linalg.norm(outwards)
+        send(self.motion.hold(SWING_FRAMES), recorder)
+        hanging = self.driver.see_hanging()
+        for _ in range(round(stretch.at_most / stretch.step)):
+            # an edge as low as the garment is long is none: it hangs from one hand
+            if not stretch.sag < hanging.sag < hanging.length:
+                break
+            targets["left"] = targets["left"] - stretch.step * outwards
+            targets["right"] = targets["right"] + stretch.step * outwards
+            send(self.motion.move(targets, orientations, spacing=stretch.spacing), recorder)
+            hanging = self.driver.see_hanging()
+        span = float(np.linalg.norm(targets["right"] - targets["left"]))
+        return {"half_span": span / 2, "hanging": hanging.length}
 
     def _plan_hand(
         self,

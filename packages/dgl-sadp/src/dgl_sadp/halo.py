@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from dgl_sadp.errors import ObservationError
+
 __all__ = ["HALO", "EnvironmentDriver", "HaloStage", "Matcher", "StagePolicy", "StageRecord"]
 
 Observation = Mapping[str, np.ndarray]

@@ -14,6 +14,7 @@ from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.leaving import LeaveName
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import STEPS_PER_FRAME, Observation
@@ -260,6 +261,16 @@ class Driver:
         """
         picture = see.take_picture(self.env, "garment_camera")
         return see.get_garment_cloud(self.env, picture, seed=self.cloud_seed)
+
+    def see_hanging(self) -> Hanging:
+        """Look at the garment that hangs between both hands, from the front.
+
+        Raises:
+            PerceptionError: If the camera sees nothing of it.
+        """
+        picture = see.take_picture(self.env, "environment_camera")
+        points = see.get_garment_points(self.env, picture)
+        return measure_hanging(points, self.get_grasp_point("left"), self.get_grasp_point("right"))
 
     def get_joint_state(self) -> np.ndarray:
         """Measured joint positions [rad], shape (D,), float32."""
