@@ -175,5 +175,8 @@ def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
     finally:
         runner.close()
     assert not result.success
-    assert result.value is not None
-    assert result.measurements["steps"] > 500
+    # what it does to the garment is chance: it may drag it away from where a later stage looks for it
+    if result.value is None:
+        assert "nothing of the garment lies within" in result.detail
+    else:
+        assert result.measurements["steps"] > 500

@@ -1,5 +1,6 @@
 """Methods without learning: what the hands of one do, and that the other does what collection does."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from dgl_collect.execution import Execution
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
+from dgl_tasks.errors import PerceptionError
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.hanging import Hanging
@@ -77,6 +79,24 @@ def test_lift_and_drop_takes_hold_lifts_straight_up_and_lets_go(dry):
     assert driver.is_parked
     right = joint_slice("right", "arm")
     assert np.ptp(np.array(driver.commands)[:, right], axis=0).max() == 0  # the other arm rests
+
+
+def test_points_are_looked_for_near_where_they_first_lay(dry):
+    setup, driver = dry
+    execution = Execution(setup, 0, driver=driver, is_recorded=False)
+    stage, cloud = TASK.stages[0], driver.see_garment()
+    anywhere = np.array([*CUFF[:2], stage.grasp_height])
+    np.testing.assert_allclose(execution.find_grasps(stage, cloud)[0]["left"], anywhere, atol=1e-6)
+    # the matcher likes the left cuff, but the point lay at the right one
+    execution.points = {"left_cuff": np.array([0.4, 0.6, 0.0])}
+    grasp, similarity = execution.find_grasps(stage, cloud)
+    np.testing.assert_allclose(grasp["left"][:2], (0.4, 0.7), atol=1e-6)
+    assert similarity.shape == (2, 3)
+    moved = dataclasses.replace(stage, moved_at_most=None)
+    np.testing.assert_allclose(execution.find_grasps(moved, cloud)[0]["left"], anywhere, atol=1e-6)
+    execution.points = {"left_cuff": np.array([0.4, 0.5, 0.0])}
+    with pytest.raises(PerceptionError, match=r"left_sleeve: nothing of the garment lies within"):
+        execution.find_grasps(stage, cloud)
 
 
 class SaggingDriver(DryDriver):

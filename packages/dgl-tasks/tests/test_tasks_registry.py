@@ -44,6 +44,7 @@ def test_stages_name_hands_points_and_orientations_that_exist(task):
         assert set(stage.grasp) <= set(SIDES)
         assert set(stage.grasp) <= set(GRASP_ORIENTATIONS[stage.orientation])
         assert stage.grasp_height >= 0
+        assert stage.moved_at_most is None or stage.moved_at_most > 0
         assert stage.policy_loops >= 1
     assert set(task.success.points) <= set(landmarks)
 

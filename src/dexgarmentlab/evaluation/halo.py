@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
-from dgl_collect.execution import MOVED_AT_MOST
 from dgl_sadp import (
     HALO,
     HaloStage,
@@ -157,7 +156,7 @@ class HaloMethod:
                     source_cloud=setup.demo_cloud,
                     left=points.get("left"),
                     right=points.get("right"),
-                    moved_at_most=None if stage.looks_again else MOVED_AT_MOST,
+                    moved_at_most=stage.moved_at_most,
                 )
             )
         self.halo = HALO(_PresentMatcher(setup), stages, use_gam=LEARNED[name].use_gam)

@@ -34,8 +34,6 @@ HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
 SWING_FRAMES = 20
 """Frames for a lifted garment to swing to rest before it is stretched."""
-MOVED_AT_MOST = 0.15
-"""A point that is found again is looked for this near to where it first lay [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,8 +146,8 @@ class Execution:
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
         """Find a stage's grasp points in the garment's cloud.
 
-        Where the garment has been looked at before, they are looked for near their old places, unless
-        the stage looks for all points again.
+        Where the garment has been looked at before, they are looked for near their old places, see
+        `Stage.moved_at_most`.
 
         Args:
             stage: The stage.
@@ -167,11 +165,11 @@ class Execution:
         for side in SIDES:
             names = list(stage.get_grasp_names(side))
             found, similarity = self._match(names, cloud)
-            if self.points and not stage.looks_again:
+            if self.points and stage.moved_at_most is not None:
                 places = np.array([self.points[name] for name in names])
                 try:
                     found, similarity = restrict_to_places(
-                        similarity, cloud, places, radius=MOVED_AT_MOST
+                        similarity, cloud, places, radius=stage.moved_at_most
                     )
                 except GamError as err:
                     raise PerceptionError(f"{stage.name}: {err}") from err

@@ -43,6 +43,10 @@ class Stage:
     looks_again: bool = False
     """The points of the waypoints are found anew when the stage begins, instead of those on the initial
     garment: for a garment that the stages before have laid out differently."""
+    moved_at_most: float | None = 0.15
+    """How far the grasp points may have moved since the garment was first seen [m]: they are looked for this near
+    to where they lay then, as what is folded no longer tells left from right. None where an earlier stage has
+    moved them on purpose."""
     leave: LeaveName = "slide"
     """How the hands leave the cloth, see `dgl_tasks.leaving`."""
     policy_loops: int = 8

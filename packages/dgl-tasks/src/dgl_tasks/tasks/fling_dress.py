@@ -29,6 +29,7 @@ TASK = Task(
             grasp={"left": "left_cuff", "right": "right_cuff"},
             grasp_height=0.02,
             looks_again=True,
+            moved_at_most=None,
             policy_loops=4,
         ),
     ),

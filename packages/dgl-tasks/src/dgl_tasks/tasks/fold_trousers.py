@@ -33,6 +33,7 @@ TASK = Task(
             grasp={"right": ("left_hem_middle", "right_hem_middle")},
             orientation="hems",
             grasp_height=0.0,
+            moved_at_most=None,
             policy_loops=8,
         ),
     ),
