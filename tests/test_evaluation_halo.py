@@ -112,17 +112,28 @@ def test_a_stage_gets_as_many_chunks_as_its_recordings_were_long():
 
 
 def test_policies_must_be_there_and_of_the_task(tmp_path):
-    check_checkpoints(TASK, save(tmp_path / "good"))
+    check_checkpoints(TASK, save(tmp_path / "good"), use_gam=True)
     with pytest.raises(ValueError, match=r"policy for stage 3; no .*stage_3/policy.safetensors"):
-        check_checkpoints(TASK, save(tmp_path / "few", stages=2))
+        check_checkpoints(TASK, save(tmp_path / "few", stages=2), use_gam=True)
     with pytest.raises(ValueError, match="must be of stage 1; got 2"):
-        check_checkpoints(TASK, save(tmp_path / "stage", stage=2))
+        check_checkpoints(TASK, save(tmp_path / "stage", stage=2), use_gam=True)
     with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
-        check_checkpoints(TASK, save(tmp_path / "task", tasks=["FoldDress-v1"]))
+        check_checkpoints(TASK, save(tmp_path / "task", tasks=["FoldDress-v1"]), use_gam=True)
     with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
         check_method("halo", TASK, MethodOptions())
     with pytest.raises(ValueError, match="chunks must be at least 1; got 0"):
         MethodOptions(chunks=0)
+
+
+def test_a_policy_begins_where_it_was_trained_to(tmp_path):
+    at_points = save(tmp_path / "a", training={"with_approach": False})
+    parked = save(tmp_path / "b", training={"with_approach": True})
+    check_checkpoints(TASK, at_points, use_gam=True)
+    check_checkpoints(TASK, parked, use_gam=False)
+    with pytest.raises(ValueError, match="must be trained with --gam; got one of --no-gam"):
+        check_checkpoints(TASK, parked, use_gam=True)
+    with pytest.raises(ValueError, match="must be trained with --no-gam; got one of --gam"):
+        check_method("sadp", TASK, MethodOptions(checkpoints=str(at_points)))
 
 
 @pytest.fixture
@@ -145,7 +156,8 @@ def setup():
     ],
 )
 def test_methods_are_halo_with_parts_taken_away(tmp_path, setup, name, method, use_gam):
-    made = HaloMethod(name, setup, save(tmp_path, method=method), chunks=2)
+    training = {"with_approach": not use_gam}
+    made = HaloMethod(name, setup, save(tmp_path, method=method, training=training), chunks=2)
     assert made.halo.use_gam is use_gam
     assert [stage.chunks for stage in made.halo.stages] == [2, 2, 2]
     left, right = made.halo.stages[0].left, made.halo.stages[0].right
@@ -153,7 +165,7 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, setup, name, method, u
     assert right is None
     others = {method_ for other in LEARNED.values() for method_ in other.policies}
     for wrong in sorted(others - set(LEARNED[name].policies) - {"dp", "sadp"}):
-        folder = save(tmp_path / wrong, method=wrong)
+        folder = save(tmp_path / wrong, method=wrong, training=training)
         with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):
             HaloMethod(name, setup, folder)
 

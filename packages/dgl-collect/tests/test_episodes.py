@@ -74,6 +74,14 @@ def test_the_matcher_is_recorded(tmp_path, fakes):
         fakes.make_episode(matcher="")
 
 
+def test_approach_frames_survive_and_must_leave_some_to_the_stage(tmp_path, fakes):
+    stage = fakes.make_stage(frames=3, approach_frames=2)
+    path = write_episode(tmp_path / "a.h5", fakes.make_episode(stages=(stage,)))
+    assert read_episode(path).stages[0].approach_frames == 2
+    with pytest.raises(ValueError, match=r"approach_frames .* fewer than the 3 frames; got 3"):
+        fakes.make_stage(frames=3, approach_frames=3)
+
+
 def test_the_same_episode_gives_the_same_bytes(tmp_path, fakes):
     first = write_episode(tmp_path / "a.h5", fakes.make_episode(3)).read_bytes()
     time.sleep(1.1)  # HDF5 keeps times in whole seconds

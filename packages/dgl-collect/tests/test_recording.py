@@ -47,6 +47,22 @@ def test_the_action_is_the_last_target_before_the_next_frame():
     np.testing.assert_array_equal(stage.joint_state[:, 0], [1, 2, 3])
 
 
+def test_what_comes_before_the_stage_is_its_approach():
+    recorder = StageRecorder(make_start())
+    record(recorder, 10)
+    recorder.begin(step=40)
+    record(recorder, 7)
+    stage = recorder.finish()
+    assert (stage.frame_count, stage.approach_frames, stage.first_step) == (4, 2, 30)
+
+
+def test_an_approach_of_part_of_a_frame_is_refused():
+    recorder = StageRecorder(make_start())
+    record(recorder, 7)
+    with pytest.raises(ValueError, match="whole frames of 5 steps; got 7"):
+        recorder.begin(step=40)
+
+
 def test_a_stage_without_frames_is_refused():
     with pytest.raises(ValueError, match="at least one frame"):
         StageRecorder(make_start()).finish()

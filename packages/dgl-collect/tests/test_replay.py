@@ -33,9 +33,10 @@ def perform(attempts, fakes, *, seed):
         points_affordance_feature=np.zeros((2048, 2), np.float32),
         points=points,
         cloud_step=cloud_step,
-        first_step=driver.step_count,
     )
     recorder = StageRecorder(start)
+    driver.send(motion.hold(10), recorder)
+    recorder.begin(driver.step_count)
     driver.send(motion.set_hands({"left": "close"})[:17], recorder)
     stage = recorder.finish()
     driver.send(motion.hold(2))

@@ -83,7 +83,7 @@ def test_lift_and_drop_takes_hold_lifts_straight_up_and_lets_go(dry):
 
 def test_points_are_looked_for_near_where_they_first_lay(dry):
     setup, driver = dry
-    execution = Execution(setup, 0, driver=driver, is_recorded=False)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
     stage, cloud = TASK.stages[0], driver.see_garment()
     anywhere = np.array([*CUFF[:2], stage.grasp_height])
     np.testing.assert_allclose(execution.find_grasps(stage, cloud)[0]["left"], anywhere, atol=1e-6)
@@ -118,7 +118,7 @@ def test_hands_move_apart_until_the_garment_is_taut(dry, taut, each):
     setup, _ = dry
     driver = SaggingDriver(setup.env, setup.motion, seed=0)
     driver.taut = taut
-    execution = Execution(setup, 0, driver=driver, is_recorded=False)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
     targets = {"left": np.array([-0.2, 0.7, 0.5]), "right": np.array([0.2, 0.7, 0.5])}
     orientations = GRASP_ORIENTATIONS["heap"]
     driver.send(setup.motion.reach(targets, orientations))

@@ -29,6 +29,7 @@ def write_episode(
     success: bool = True,
     stages: int = 1,
     has_object: bool = False,
+    approach_frames: int = 0,
     offset: float = 0.0,
 ) -> Path:
     """Write an episode whose arrays count their frames: each value is `offset` plus the frame's number."""
@@ -37,6 +38,8 @@ def write_episode(
         for stage in range(1, stages + 1):
             count = (offset + 100 * (stage - 1) + np.arange(frames)).astype(np.float32)
             group = file.create_group(f"stage_{stage}")
+            if approach_frames:
+                group.attrs["approach_frames"] = approach_frames
             for key, shape in {
                 "joint_state": (60,),
                 "action": (60,),

@@ -40,6 +40,29 @@ def test_windows_are_those_of_a_padded_array(tmp_path, make_episode):
     assert [actions_of(window) for window in dataset] == expected
 
 
+def test_an_approach_is_left_out_unless_it_is_wanted(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=14, approach_frames=4)
+    for keep_bytes in (0, 2**20):
+        stage = EpisodeDataset(tmp_path, 1, keep_bytes=keep_bytes)
+        assert actions_of(stage[0]) == [4, 4, 4, 5, 6, 7, 8, 9]
+        assert actions_of(stage[-1]) == [9, 10, 11, 12, 13, 13, 13, 13]
+        whole = EpisodeDataset(tmp_path, 1, keep_bytes=keep_bytes, with_approach=True)
+        assert actions_of(whole[0]) == [0, 0, 0, 1, 2, 3, 4, 5]
+        assert len(whole) == len(stage) + 4
+
+
+def test_an_approach_that_was_not_recorded_is_named(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=14)
+    with pytest.raises(ValueError, match=r"0\.h5: stage 1 must have its approach recorded"):
+        EpisodeDataset(tmp_path, 1, with_approach=True)
+
+
+def test_an_approach_as_long_as_the_stage_is_refused(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=14, approach_frames=14)
+    with pytest.raises(CorruptEpisodeError, match=r"approach_frames .* \[0, 14\); got 14"):
+        EpisodeDataset(tmp_path, 1)
+
+
 def test_each_frame_but_the_final_two_is_decided_on_once(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5", frames=20)
     last = [states_of(window)[-1] for window in EpisodeDataset(tmp_path, 1)]

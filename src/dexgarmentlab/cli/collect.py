@@ -45,6 +45,9 @@ class Options:
     matcher: Literal["exact", "gam"] = "exact"
     """What finds the demonstrated points: the generator's correspondence, which knows the simulated garment, or
     the Garment Affordance Model, which sees its cloud alone."""
+    record: Literal["stages", "approaches"] = "stages"
+    """What episodes hold: the stages, from the grasp points on; or these and the hands' approaches before them, which
+    policies that work without grasp points have to learn."""
     robot: str = "ur10e+shadow"
     """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
     robots: Path | None = None
@@ -61,6 +64,7 @@ class Options:
         words += ["--workers", self.workers, "--out", self.out]
         words += ["--look", self.look] if self.look != "studio" else []
         words += ["--matcher", self.matcher] if self.matcher != "exact" else []
+        words += ["--record", self.record] if self.record != "stages" else []
         words += ["--robot", self.robot] if self.robot != "ur10e+shadow" else []
         words += ["--robots", self.robots] if self.robots is not None else []
         return shlex.join(str(word) for word in words)
@@ -95,11 +99,14 @@ def run(options: Options) -> int:
         resume=options.resume,
         command=options.command + (" --resume" if options.resume else ""),
     )
-    for name, default in (("look", "studio"), ("matcher", "exact")):
-        if (value := getattr(options, name)) != default:
-            config = dataclasses.replace(config, options={**config.options, name: value})
-    if chosen := robot_options(options.robot, options.robots):
-        config = dataclasses.replace(config, options={**config.options, **chosen})
+    told = {
+        "look": options.look if options.look != "studio" else None,
+        "matcher": options.matcher if options.matcher != "exact" else None,
+        "recorded": options.record if options.record != "stages" else None,
+        **robot_options(options.robot, options.robots),
+    }
+    chosen = {name: value for name, value in told.items() if value is not None}
+    config = dataclasses.replace(config, options={**config.options, **chosen})
     summary, report = collect_with_progress(config)
     if options.json:
         console.out_json({**dataclasses.asdict(summary), "report": str(report)})

@@ -33,6 +33,9 @@ class TrainPolicyOptions:
     """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
     stage: int = 1
     """Stage of the task, from 1; each has a policy of its own."""
+    gam: bool = True
+    """Whether the hands are brought to matched grasp points before the policy acts. Without, it learns the way there, too,
+    from episodes collected with --record approaches, and sees no affordance."""
     preset: Literal["small", "paper"] = "small"
     """small: trains on a CPU; paper: the published sizes, for a large GPU."""
     epochs: int | None = None
@@ -122,7 +125,12 @@ def train_policy(options: TrainPolicyOptions) -> int:
         batch=config.batch if options.batch is None else options.batch,
         precision=options.precision,
         seed=options.seed,
+        with_approach=not options.gam,
     )
+    policy = dgl_sadp.get_policy_config(options.method, options.preset)
+    if policy.garment is not None:
+        garment = dataclasses.replace(policy.garment, use_affordance=options.gam)
+        policy = dataclasses.replace(policy, garment=garment)
     if options.threads is not None:
         torch.set_num_threads(options.threads)
     if options.memory < 0:
@@ -138,7 +146,7 @@ def train_policy(options: TrainPolicyOptions) -> int:
         result = dgl_sadp.train_policy(
             options.data,
             options.out,
-            dgl_sadp.get_policy_config(options.method, options.preset),
+            policy,
             config,
             stage=options.stage,
             is_resumed=options.resume,
@@ -169,6 +177,7 @@ def _as_json(options: TrainPolicyOptions, result: "TrainResult") -> dict[str, ob
         "method": options.method,
         "preset": options.preset,
         "stage": options.stage,
+        "gam": options.gam,
         "policy": str(result.policy),
         "steps": result.steps,
         "loss": None if math.isnan(result.loss) else result.loss,

@@ -38,7 +38,7 @@ class Learned:
     policies: tuple[str, ...]
     """Methods of `dgl train` whose policies it takes."""
     use_gam: bool
-    """Whether points are matched and the hands sent there; the hands stay parked otherwise."""
+    """Whether points are matched and the hands sent there; otherwise the policy finds its way from the parked arms."""
 
 
 LEARNED: Mapping[str, Learned] = {
@@ -137,7 +137,7 @@ class HaloMethod:
             CheckpointError: If a policy is missing or damaged.
         """
         task = setup.env.task
-        check_checkpoints(task, checkpoints)
+        check_checkpoints(task, checkpoints, use_gam=LEARNED[name].use_gam)
         stages = []
         for number, stage in enumerate(task.stages, start=1):
             path = _locate(checkpoints, number)
@@ -173,15 +173,17 @@ class HaloMethod:
             raise PerceptionError(str(err)) from err
 
 
-def check_checkpoints(task: Task, checkpoints: Path) -> None:
+def check_checkpoints(task: Task, checkpoints: Path, *, use_gam: bool) -> None:
     """Check, without loading weights, that there is a fitting policy for each stage.
 
     Args:
         task: What is to be done.
         checkpoints: Folder with `stage_<k>/policy.safetensors`.
+        use_gam: Whether the hands are sent to matched points first; a policy has learned the way there only where they
+            are not.
 
     Raises:
-        ValueError: If a policy is missing, or of another stage or task.
+        ValueError: If a policy is missing, of another stage or task, or begins elsewhere.
         CheckpointError: If a file is damaged.
     """
     for number in range(1, len(task.stages) + 1):
@@ -194,6 +196,9 @@ def check_checkpoints(task: Task, checkpoints: Path) -> None:
         tasks = card.get("tasks", [task.id])
         if task.id not in tasks:
             raise ValueError(f"{path}: it must be of task {task.id}; got {', '.join(tasks)}")
+        if card.get("training", {}).get("with_approach", False) is use_gam:
+            wanted, got = ("--gam", "--no-gam") if use_gam else ("--no-gam", "--gam")
+            raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")
 
 
 def count_chunks(config: PolicyConfig, card: Mapping[str, object], stage: Stage) -> int:

@@ -82,7 +82,7 @@ def check_method(name: str, task: "Task", options: MethodOptions) -> None:
     if name in LEARNED:
         if options.checkpoints is None:
             raise ValueError(f"--policy {name} needs --checkpoints, a folder of trained policies")
-        check_checkpoints(task, Path(options.checkpoints))
+        check_checkpoints(task, Path(options.checkpoints), use_gam=LEARNED[name].use_gam)
         return
     module, _, attribute = name.partition(":")
     if not module or not attribute:

@@ -12,7 +12,7 @@ from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import write_episode
-from dgl_collect.execution import Execution, Outcome, Setup
+from dgl_collect.execution import Execution, Outcome, Recorded, Setup
 from dgl_collect.matching import make_find_matcher
 from dgl_collect.results import AttemptResult, Criterion
 from dgl_collect.video import VideoWriter, save_png
@@ -25,7 +25,7 @@ from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots")
+OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots", "recorded")
 
 
 def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
@@ -38,7 +38,7 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
             "look": "studio", the default, or "random": floors and fabrics of all kinds;
             "matcher": "exact", the default, knows the simulated garment, "gam" sees its cloud alone;
             "robot": name of arm and hand, such as "ur10e+allegro"; "robots": folder of imported
-            robots, for names that are not built in.
+            robots, for names that are not built in; "recorded": "stages", the default, or "approaches".
     """
     unknown = set(options) - set(OPTIONS)
     if unknown:
@@ -46,6 +46,8 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
     for name, value in options.items():
         if not isinstance(value, str):
             raise ValueError(f"option {name} must be a string; got {value!r}")
+    if (recorded := options.get("recorded", "stages")) not in ("stages", "approaches"):
+        raise ValueError(f"option recorded must be 'stages' or 'approaches'; got {recorded!r}")
     return DemonstrationAttempts(task, **options)  # pyright: ignore[reportArgumentType]
 
 
@@ -62,9 +64,10 @@ class DemonstrationAttempts:
         matcher: str = "exact",
         robot: str = DEFAULT_ROBOT.name,
         robots: str | None = None,
+        recorded: Recorded = "stages",
     ) -> None:
         """Build the environment and load the demonstration."""
-        self._garment = garment
+        self._garment, self._recorded = garment, recorded
         self._setup = make_setup(
             task,
             render_backend=render_backend,
@@ -86,7 +89,7 @@ class DemonstrationAttempts:
         started = time.perf_counter()
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
         with VideoWriter(out_dir / files["video"]) as video:
-            execution = Execution(self._setup, seed, video=video)
+            execution = Execution(self._setup, seed, video=video, recorded=self._recorded)
             try:
                 outcome = execution.execute(self._garment)
             except (TaskError, PhysicsError) as err:

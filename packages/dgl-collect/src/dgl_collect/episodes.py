@@ -91,6 +91,8 @@ class StageRecord:
     """Control steps between the reset and the garment's cloud; None in files that do not tell."""
     first_step: int | None = None
     """Control steps between the reset and the first frame; None in files that do not tell."""
+    approach_frames: int = 0
+    """How many of the frames, the first ones, show the hands on their way to the grasp points."""
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -99,6 +101,11 @@ class StageRecord:
             step = getattr(self, key)
             if step is not None and step < 0:
                 raise ValueError(f"{key} must be at least 0; got {step}")
+        if not 0 <= self.approach_frames < max(1, len(self.joint_state)):
+            raise ValueError(
+                f"approach_frames must be at least 0 and fewer than the {len(self.joint_state)} frames; "
+                f"got {self.approach_frames}"
+            )
         arrays = {key: getattr(self, key) for key in _STAGE_KEYS}
         _check_stage({key: array for key, array in arrays.items() if array is not None})
         _check_points(self.points)
@@ -256,6 +263,8 @@ def _write_stage(group: h5py.Group, stage: StageRecord) -> None:
     for key in _STEP_KEYS:
         if getattr(stage, key) is not None:
             group.attrs[key] = getattr(stage, key)
+    if stage.approach_frames:
+        group.attrs["approach_frames"] = stage.approach_frames
     for key, declared in _STAGE_KEYS.items():
         array = getattr(stage, key)
         if array is None:
@@ -335,6 +344,7 @@ def _read_stage(group: h5py.Group) -> StageRecord:
             points=_json_attribute(group, "points", dict),
             cloud_step=_step(group, "cloud_step"),
             first_step=_step(group, "first_step"),
+            approach_frames=_step(group, "approach_frames") or 0,
             **arrays,
         )
     except ValueError as err:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from dgl_tasks.errors import PerceptionError
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
+Recorded = Literal["nothing", "stages", "approaches"]
+"""What of an attempt is recorded: nothing; its stages; or these and the approaches before them."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
@@ -86,7 +89,7 @@ class Execution:
         *,
         video: VideoWriter | None = None,
         driver: Driver | None = None,
-        is_recorded: bool = True,
+        recorded: Recorded = "stages",
     ) -> None:
         """Prepare the attempt of a seed.
 
@@ -95,7 +98,7 @@ class Execution:
             seed: Of the attempt.
             video: An open film for people.
             driver: An episode that is driven already; `seed` and `video` are its own then.
-            is_recorded: Whether stages are recorded; what the robot does is the same.
+            recorded: What is recorded; what the robot does is the same.
         """
         self.setup, self.seed = setup, seed
         self.env, self.motion = setup.env, setup.motion
@@ -106,7 +109,7 @@ class Execution:
         self.stage_seconds: dict[str, float] = {}
         self.points: dict[str, np.ndarray] = {}
         """The demonstration's points on the garment as it first lay [m], shape (3,), world frame."""
-        self._is_recorded = is_recorded
+        self._recorded = recorded
 
     # The course of an attempt ----------------------------------------------------------------
 
@@ -189,11 +192,8 @@ class Execution:
             points = self._find_points(cloud)
         grasp, similarity = self.find_grasps(stage, cloud)
         waypoints = retarget_waypoints(demonstrated, points)
-        orientations = self.driver.approach(
-            stage, grasp, lambda side, q: self._plan_hand(stage, side, q, grasp[side], waypoints)
-        )
         recorder = None
-        if self._is_recorded:
+        if self._recorded != "nothing":
             recorder = StageRecorder(
                 StageStart(
                     name=stage.name,
@@ -201,9 +201,16 @@ class Execution:
                     points_affordance_feature=compute_affordance(similarity),
                     points=self._describe(points),
                     cloud_step=cloud_step,
-                    first_step=self.driver.step_count,
                 )
             )
+        orientations = self.driver.approach(
+            stage,
+            grasp,
+            lambda side, q: self._plan_hand(stage, side, q, grasp[side], waypoints),
+            recorder if self._recorded == "approaches" else None,
+        )
+        if recorder is not None:
+            recorder.begin(self.driver.step_count)
         send, hands = self.driver.send, self.motion.set_hands
         send(hands(dict.fromkeys(grasp, demonstrated.grasp_pose)), recorder)
         for number in range(len(waypoints)):

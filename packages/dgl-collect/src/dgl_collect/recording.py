@@ -22,13 +22,13 @@ class StageStart:
     object_point_cloud: np.ndarray | None = None
     points: Points = field(default_factory=dict)
     cloud_step: int | None = None
-    first_step: int | None = None
 
 
 class StageRecorder:
     """Accumulate the frames of one stage.
 
-    Call `before_step` before every control step. At every fifth it observes; the target in force at the
+    Call `before_step` before every control step, of the approach too where it is to be recorded, and
+    `begin` between the approach and the stage. At every fifth step it observes; the target in force at the
     last of the five steps becomes that frame's action, so that a policy which holds one target for five
     steps, as ours do, learns the target that the expert was heading for.
 
@@ -41,6 +41,8 @@ class StageRecorder:
         self._start = start
         self._video = video
         self._step_count = 0
+        self._approach_frames = 0
+        self._first_step: int | None = None
         self._observations: list[Observation] = []
         self._actions: list[np.ndarray] = []
 
@@ -48,6 +50,19 @@ class StageRecorder:
     def frame_count(self) -> int:
         """Frames recorded so far."""
         return len(self._observations)
+
+    def begin(self, step: int) -> None:
+        """Begin the stage itself: what has been recorded before is the approach.
+
+        Args:
+            step: Control steps since the reset.
+        """
+        if self._step_count % STEPS_PER_FRAME:
+            raise ValueError(
+                f"an approach must have whole frames of {STEPS_PER_FRAME} steps; got {self._step_count}"
+            )
+        self._approach_frames = self.frame_count
+        self._first_step = step - self._step_count
 
     def before_step(self, target: np.ndarray, observe: Callable[[], Observation]) -> None:
         """Record what has to be recorded before the next control step.
@@ -94,7 +109,8 @@ class StageRecorder:
             object_point_cloud=self._start.object_point_cloud,
             points=self._start.points,
             cloud_step=self._start.cloud_step,
-            first_step=self._start.first_step,
+            first_step=self._first_step,
+            approach_frames=self._approach_frames,
         )
 
     def _stack(self, key: str) -> np.ndarray:

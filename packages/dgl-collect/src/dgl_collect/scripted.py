@@ -21,7 +21,7 @@ class Expert:
 
     def run(self, driver: Driver) -> None:
         """Run all stages, without recording them."""
-        execution = Execution(self.setup, driver.seed, driver=driver, is_recorded=False)
+        execution = Execution(self.setup, driver.seed, driver=driver, recorded="nothing")
         execution.look()
         execution.perform()
 
@@ -43,7 +43,7 @@ class LiftAndDrop:
             TaskError: If a hand cannot go there, or the camera sees no garment.
         """
         motion, stage = driver.motion, driver.env.task.stages[0]
-        execution = Execution(self.setup, driver.seed, driver=driver, is_recorded=False)
+        execution = Execution(self.setup, driver.seed, driver=driver, recorded="nothing")
         grasp, _ = execution.find_grasps(stage, driver.see_garment())
         up = np.array([0.0, 0.0, LIFT_HEIGHT])
         lifted: dict[Side, np.ndarray] = {side: point + up for side, point in grasp.items()}

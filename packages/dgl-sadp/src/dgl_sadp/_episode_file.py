@@ -56,7 +56,9 @@ class StageFile:
     stage: int
     """Number of the stage, from 1."""
     frames: int
-    """Number of recorded frames T, at least 1."""
+    """Number of frames T, at least 1, that are used of those recorded."""
+    first: int
+    """Where they begin: the frames before are the hands' approach."""
     static_keys: tuple[str, ...]
     """Which of the arrays that are stored once in a stage are there."""
     task: str
@@ -71,18 +73,20 @@ class FrameSlice:
     stop: int
 
 
-def scan_stage(path: Path, stage: int) -> StageFile | None:
+def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageFile | None:
     """Check one stage of a file without reading its arrays.
 
     Args:
         path: The file.
         stage: Number of the stage, from 1.
+        with_approach: Whether the hands' way to the grasp points is wanted, too.
 
     Returns:
         What is there, or None if the episode did not succeed.
 
     Raises:
         CorruptEpisodeError: If the file is not a whole episode of the known format, or lacks the stage.
+        ValueError: If the approach is wanted and was not recorded.
     """
     with _open(path) as file:
         version = file.attrs.get("format_version")
@@ -103,17 +107,30 @@ def scan_stage(path: Path, stage: int) -> StageFile | None:
         if not isinstance(group, h5py.Group):
             stages = sorted(str(key) for key in file if str(key).startswith("stage_"))
             raise CorruptEpisodeError(path, f"no stage_{stage}; it has {stages}")
+        frames = _check_frames(path, group)
+        approach = int(group.attrs.get("approach_frames", 0))
+        if not 0 <= approach < frames:
+            raise CorruptEpisodeError(
+                path, f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}"
+            )
+        if with_approach and approach == 0:
+            raise ValueError(
+                f"{path.name}: stage {stage} must have its approach recorded; it has not: "
+                "collect with --record approaches"
+            )
+        first = 0 if with_approach else approach
         return StageFile(
             path=path,
             stage=stage,
-            frames=_check_frames(path, group),
+            frames=frames - first,
+            first=first,
             static_keys=_check_static(path, group),
             task=str(file.attrs.get("task", "")),
         )
 
 
 def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.ndarray]:
-    """Read ranges of frames, repeating the first and the last frame outside of the stage.
+    """Read ranges of the used frames, repeating the first and the last one outside of them.
 
     Args:
         file: The stage.
@@ -131,8 +148,8 @@ def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.
             index = np.clip(np.arange(part.start, part.stop), 0, file.frames - 1)
             first, last = int(index[0]), int(index[-1])
             # One contiguous read; repeating happens in memory.
-            stored = _dataset(file.path, opened, f"stage_{file.stage}/{key}")[first : last + 1]
-            arrays[key] = stored[index - first]
+            dataset = _dataset(file.path, opened, f"stage_{file.stage}/{key}")
+            arrays[key] = dataset[file.first + first : file.first + last + 1][index - first]
     return arrays
 
 
@@ -148,9 +165,8 @@ def measure_frames(file: StageFile, keys: Sequence[str]) -> int:
         CorruptEpisodeError: If the file has been damaged since it was scanned.
     """
     with _open(file.path) as opened:
-        return sum(
-            int(_dataset(file.path, opened, f"stage_{file.stage}/{key}").nbytes) for key in keys
-        )
+        stored = [_dataset(file.path, opened, f"stage_{file.stage}/{key}") for key in keys]
+        return sum(array.nbytes // len(array) * file.frames for array in stored)
 
 
 def read_static(file: StageFile) -> dict[str, np.ndarray]:

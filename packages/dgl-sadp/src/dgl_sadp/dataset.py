@@ -58,6 +58,7 @@ class EpisodeDataset:
         observation_keys: Sequence[str] = _OBSERVATION_KEYS,
         keep_bytes: int = 0,
         skip_corrupt: bool = False,
+        with_approach: bool = False,
     ) -> None:
         """Find and check the episodes; none of their arrays is read yet.
 
@@ -72,10 +73,12 @@ class EpisodeDataset:
                 all others are read from disk each time.
             skip_corrupt: Whether damaged files and those of another format are left out, logged and listed in
                 `refused`, rather than raised.
+            with_approach: Whether a stage begins when the hands leave their parking place, rather than when they have
+                reached the grasp points.
 
         Raises:
             ValueError: If an argument is out of range, no episode succeeded, only some episodes have an object's
-                cloud, or no episode is long enough for a window.
+                cloud, no episode is long enough for a window, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             CorruptEpisodeError: If a file is damaged or of another format.
         """
@@ -91,7 +94,9 @@ class EpisodeDataset:
         self.action_steps = action_steps
         self.observation_keys = tuple(observation_keys)
         self.keep_bytes = keep_bytes
-        episodes, self.failed, self.refused = _scan(Path(directory), stage, skip_corrupt)
+        episodes, self.failed, self.refused = _scan(
+            Path(directory), stage, skip_corrupt=skip_corrupt, with_approach=with_approach
+        )
         self._use(episodes)
 
     def __len__(self) -> int:
@@ -245,7 +250,9 @@ def _check_steps(stage: int, horizon: int, observation_steps: int, action_steps:
 def _scan(
     directory: Path,
     stage: int,
-    skip_corrupt: bool,  # noqa: FBT001 - private
+    *,
+    skip_corrupt: bool,
+    with_approach: bool,
 ) -> tuple[tuple[StageFile, ...], tuple[Path, ...], tuple[CorruptEpisodeError, ...]]:
     # Hidden files are those that a writer has not finished.
     paths = sorted(path for path in directory.glob("*.h5") if not path.name.startswith("."))
@@ -257,7 +264,7 @@ def _scan(
     refused: list[CorruptEpisodeError] = []
     for path in paths:
         try:
-            episode = scan_stage(path, stage)
+            episode = scan_stage(path, stage, with_approach=with_approach)
         except CorruptEpisodeError as error:
             if not skip_corrupt:
                 raise

@@ -218,6 +218,7 @@ class _Data:
             observation_keys=policy.frame_keys,
             keep_bytes=keep_bytes,
             skip_corrupt=True,
+            with_approach=config.with_approach,
         )
         measured = measure_episodes(found, ("action", *policy.frame_keys, *policy.stage_keys))
         whole = measured.dataset

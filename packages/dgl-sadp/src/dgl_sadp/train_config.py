@@ -47,6 +47,8 @@ class TrainConfig:
     """Mixed precision; "no" is float32."""
     augmentation: Augmentation | None = field(default_factory=Augmentation)
     """How clouds are varied; None leaves them as they are."""
+    with_approach: bool = False
+    """Whether the policy also learns the hands' way from where they park to the grasp points."""
     seed: int = 42
     """Of the weights and of everything drawn."""
 

@@ -168,6 +168,7 @@ class Driver:
         stage: Stage,
         points: Mapping[Side, np.ndarray],
         rehearse: Callable[[Side, np.ndarray], object] | None = None,
+        listener: StepListener | None = None,
     ) -> dict[Side, np.ndarray]:
         """Bring hands to grasp points: above them, straight down, and a wait.
 
@@ -176,6 +177,7 @@ class Driver:
             points: Grasp point of each working hand [m], shape (3,), world frame.
             rehearse: Plans what one hand has to be able to do with an orientation, see
                 `BimanualMotion.choose_turns`; the approach alone when None.
+            listener: Is told before every step of whole frames, counted from the end.
 
         Returns:
             Orientation of each working hand, wxyz, shape (4,).
@@ -188,7 +190,10 @@ class Driver:
             plan_approach(self.motion, {side: points[side]}, {side: orientation})
 
         orientations = self.motion.choose_turns(stage.orientation, tuple(points), rehearse or come)
-        self._pass(plan_approach(self.motion, points, orientations))
+        rows = plan_approach(self.motion, points, orientations)
+        before = len(rows) % STEPS_PER_FRAME
+        self._pass(rows[:before])
+        self._pass(rows[before:], listener)
         return orientations
 
     def leave(
@@ -315,8 +320,8 @@ class Driver:
 
     # -----------------------------------------------------------------------------------------
 
-    def _pass(self, rows: np.ndarray) -> None:
-        self.send(rows, film_steps=PASSAGE_FILM_STEPS)
+    def _pass(self, rows: np.ndarray, listener: StepListener | None = None) -> None:
+        self.send(rows, listener, film_steps=PASSAGE_FILM_STEPS)
 
     def _get_poses(self) -> np.ndarray:
         poses = self.env.agent.get_ee_poses()[0]  # pyright: ignore[reportAttributeAccessIssue]
