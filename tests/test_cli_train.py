@@ -2,6 +2,7 @@
 
 import json
 
+import h5py
 import pytest
 
 from dexgarmentlab.cli import main
@@ -35,6 +36,25 @@ def test_each_policy_is_trained(method, episodes, tmp_path, capsys):
     assert "run holds a run already; resume it" in capsys.readouterr().err
     assert main([*command, "--resume"]) == 0
     assert "2 episodes, 1 steps, loss" in capsys.readouterr().out
+
+
+def test_a_policy_without_gam_learns_the_approach_and_sees_no_affordance(tmp_path, capsys):
+    data = tmp_path / "episodes"
+    paths = write_synthetic_episodes(data, 3, frames=9, points=300)
+    command = ["train", "sadp-g", "--data", str(data), "--epochs", "1", "--json", "--out"]
+    assert main([*command, str(tmp_path / "never"), "--no-gam"]) == 1
+    assert "stage 1 must have its approach recorded" in capsys.readouterr().err
+    for path in paths:
+        with h5py.File(path, "a") as file:
+            file["stage_1"].attrs["approach_frames"] = 3
+    windows = {}
+    for flag in ("--gam", "--no-gam"):
+        assert main([*command, str(tmp_path / flag), flag]) == 0
+        result = json.loads(capsys.readouterr().out)
+        windows[flag] = result["windows"]
+        assert read_card(result["policy"])["training"]["with_approach"] is (flag == "--no-gam")
+        assert load_policy(result["policy"]).config.garment.use_affordance is (flag == "--gam")
+    assert windows["--no-gam"] == windows["--gam"] + 2 * 3  # two episodes are trained on
 
 
 def test_what_cannot_be_trained_is_said_in_one_line(episodes, tmp_path, capsys):
