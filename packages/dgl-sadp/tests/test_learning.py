@@ -14,7 +14,7 @@ from dgl_sadp.config import (
     UNetConfig,
 )
 from dgl_sadp.synthetic import write_synthetic_episodes
-from dgl_sadp.train import compute_validation
+from dgl_sadp.validation import compute_validation
 
 COUNT = 32
 

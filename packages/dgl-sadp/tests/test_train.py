@@ -20,7 +20,7 @@ from dgl_sadp import (
     train_policy,
 )
 from dgl_sadp.synthetic import write_synthetic_episodes
-from dgl_sadp.train import compute_validation
+from dgl_sadp.validation import compute_validation
 
 FRAMES = 8
 CONFIG = TrainConfig(

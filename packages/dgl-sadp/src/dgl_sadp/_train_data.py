@@ -1,0 +1,99 @@
+"""The episodes of a training, divided, and the order of their windows."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dgl_sadp._random import ORDER
+from dgl_sadp.config import PolicyConfig
+from dgl_sadp.dataset import EpisodeDataset, split_episodes
+from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.ranges import join_ranges, measure_episodes
+from dgl_sadp.train_config import TrainConfig
+
+__all__ = ["Batches", "TrainData"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainData:
+    """Episodes for a run, divided."""
+
+    train: EpisodeDataset
+    validation: EpisodeDataset | None
+    ranges: Mapping[str, Any]
+    refused: tuple[CorruptEpisodeError, ...]
+    tasks: tuple[str, ...]
+
+    @classmethod
+    def open(
+        cls,
+        directory: str | Path,
+        policy: PolicyConfig,
+        config: TrainConfig,
+        stage: int,
+        *,
+        keep_bytes: int,
+    ) -> "TrainData":
+        found = EpisodeDataset(
+            directory,
+            stage,
+            policy.horizon,
+            policy.observation_steps,
+            policy.action_steps,
+            observation_keys=policy.frame_keys,
+            keep_bytes=keep_bytes,
+            skip_corrupt=True,
+            with_approach=config.with_approach,
+        )
+        measured = measure_episodes(found, ("action", *policy.frame_keys, *policy.stage_keys))
+        whole = measured.dataset
+        count = len(whole.episodes)
+        train, validation = np.arange(count), np.arange(0)
+        if config.validation_share > 0:
+            train, validation = split_episodes(count, config.validation_share, config.split_seed)
+        held_out = whole.select(validation) if len(validation) else None
+        if held_out is not None:
+            held_out.keep_bytes = 0  # A few windows now and then: the memory is for training.
+        return cls(
+            train=whole.select(train),
+            validation=held_out,
+            ranges=join_ranges([measured.ranges[number] for number in train]),
+            refused=(*found.refused, *measured.refused),
+            tasks=tuple(sorted({episode.task for episode in whole.episodes})),
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Name what a run learns from."""
+        parts = {"episodes": self.train, "validation_episodes": self.validation}
+        names = {
+            key: [] if part is None else [episode.path.name for episode in part.episodes]
+            for key, part in parts.items()
+        }
+        return {
+            "stage": self.train.stage,
+            "tasks": list(self.tasks),
+            "windows": len(self.train),
+            **names,
+        }
+
+
+class Batches:
+    """The batches of a whole run from some step on, as lists of windows; each epoch has its own order."""
+
+    def __init__(self, windows: int, config: TrainConfig, start: int) -> None:
+        self.windows, self.config, self.start = windows, config, start
+        self.in_epoch = -(-windows // config.batch)
+
+    def __len__(self) -> int:
+        return self.in_epoch * self.config.epochs - self.start
+
+    def __iter__(self) -> Iterator[list[int]]:
+        for epoch in range(self.start // self.in_epoch, self.config.epochs):
+            rng = np.random.default_rng([self.config.seed, ORDER, epoch])
+            order = rng.permutation(self.windows).tolist()
+            first = max(0, self.start - epoch * self.in_epoch)
+            for number in range(first, self.in_epoch):
+                yield order[number * self.config.batch : (number + 1) * self.config.batch]
