@@ -52,6 +52,7 @@ def test_a_policy_without_gam_learns_the_approach_and_sees_no_affordance(tmp_pat
         assert main([*command, str(tmp_path / flag), flag]) == 0
         result = json.loads(capsys.readouterr().out)
         windows[flag] = result["windows"]
+        assert read_card(result["policy"])["longest"] == (6 if flag == "--gam" else 9)
         assert read_card(result["policy"])["training"]["with_approach"] is (flag == "--no-gam")
         assert load_policy(result["policy"]).config.garment.use_affordance is (flag == "--gam")
     assert windows["--no-gam"] == windows["--gam"] + 2 * 3  # two episodes are trained on

@@ -44,7 +44,7 @@ def test_the_reader_finds_every_window_of_the_successful_episodes(tmp_path, epis
     )
     assert [episode.path.name for episode in dataset.episodes] == ["0.h5", "2.h5"]
     assert [path.name for path in dataset.failed] == ["1.h5"]
-    windows_each = FRAMES + 2 + 3 - 8 + 1
+    windows_each = FRAMES + 2
     assert len(dataset) == 2 * windows_each
     stage = episodes[2].stages[1]
     window = dataset[windows_each + 2]  # two windows begin before the stage: this one is at frame 0

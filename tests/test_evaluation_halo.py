@@ -1,6 +1,5 @@
 """HALO in the laboratory: what it asks of an environment, and which policies it takes."""
 
-import dataclasses
 import functools
 from types import SimpleNamespace
 
@@ -102,13 +101,12 @@ def test_the_driver_has_what_halo_asks_for():
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 
 
-def test_a_stage_gets_as_many_chunks_as_its_recordings_were_long():
-    """26 frames give 24 windows of 8: 2 begin before the stage and 3 end after it."""
+def test_a_stage_gets_enough_chunks_for_the_longest_recording():
     config = get_policy_config("sadp-g", "small")
-    stage = dataclasses.replace(TASK.stages[0], policy_loops=8)
-    card = {"windows": 3 * 24, "episodes": ["a.h5", "b.h5", "c.h5"]}
-    assert count_chunks(config, card, stage) == 7  # of 4 actions: 26 frames are 6.5
-    assert count_chunks(config, {}, stage) == 8
+    assert count_chunks(config, {"longest": 26}) == 7  # of 4 actions: 26 frames are 6.5
+    assert count_chunks(config, {"longest": 28}) == 7
+    with pytest.raises(ValueError, match="must tell the longest recording; got None"):
+        count_chunks(config, {})
 
 
 def test_policies_must_be_there_and_of_the_task(tmp_path):

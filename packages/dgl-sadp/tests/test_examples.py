@@ -21,8 +21,8 @@ def test_read_windows(tmp_path, make_episode):
     assert result == {
         "episodes": 3,
         "failed": 1,
-        "training_windows": 20,
-        "validation_windows": 10,
+        "training_windows": 28,
+        "validation_windows": 14,
         "action": (8, 60),
     }
 

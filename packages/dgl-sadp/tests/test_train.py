@@ -65,7 +65,7 @@ def assert_equal(first, second):
 def test_a_run_leaves_the_averaged_policy_its_card_and_its_logs(train, tmp_path):
     told = []
     result = train(on_progress=told.append)
-    windows = 3 * (FRAMES + 5 - 7)
+    windows = 3 * (FRAMES + 2)
     steps = 4 * math.ceil(windows / 8)
     assert (result.episodes, result.validation_episodes, result.windows) == (3, 2, windows)
     assert [progress.step for progress in told] == list(range(1, steps + 1))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from dgl_sadp import (
     read_card,
 )
 from dgl_tasks import perception as see
-from dgl_tasks.declaration import Stage, Task
+from dgl_tasks.declaration import Task
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError
 
@@ -85,7 +85,7 @@ class HaloDriver:
         return self._driver.observe().as_arrays()
 
     def execute(self, target: np.ndarray) -> dict[str, np.ndarray]:
-        """Hold joint targets for five control steps."""
+        """Go to joint targets within five control steps."""
         self._driver.execute(np.asarray(target)[None])
         return self.observe()
 
@@ -129,7 +129,7 @@ class HaloMethod:
             name: One of `LEARNED`.
             setup: Environment, demonstration and matcher.
             checkpoints: Folder with `stage_<k>/policy.safetensors` for each stage.
-            chunks: Predictions that each stage gets; as long as the recorded stages were when None.
+            chunks: Predictions that each stage gets; as long as the longest recorded stage when None.
             device: "cpu" or "cuda".
 
         Raises:
@@ -147,7 +147,7 @@ class HaloMethod:
                     f"{path}: {name} takes a policy of {' or '.join(LEARNED[name].policies)}; "
                     f"got {policy.config.method}"
                 )
-            count = chunks or count_chunks(policy.config, read_card(path), stage)
+            count = chunks or count_chunks(policy.config, read_card(path))
             points = {side: _find_source(setup, names) for side, names in stage.grasp.items()}
             stages.append(
                 HaloStage(
@@ -201,21 +201,20 @@ def check_checkpoints(task: Task, checkpoints: Path, *, use_gam: bool) -> None:
             raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")
 
 
-def count_chunks(config: PolicyConfig, card: Mapping[str, object], stage: Stage) -> int:
-    """Say how many predictions a stage gets: as many as its recordings were long in the mean.
+def count_chunks(config: PolicyConfig, card: Mapping[str, Any]) -> int:
+    """Say how many predictions a stage gets: enough for the longest recording; a policy stays where it has ended.
 
     Args:
         config: The policy's.
-        card: How it was trained; the windows and episodes in it tell the mean number of frames.
-        stage: Has the original's number, which is taken where the card does not tell.
+        card: How it was trained.
+
+    Raises:
+        ValueError: If the card does not tell how long recordings were.
     """
-    windows, episodes = card.get("windows"), card.get("episodes")
-    if not isinstance(windows, int) or not isinstance(episodes, list) or not episodes:
-        return stage.policy_loops
-    # a stage of T frames, with the edge frames repeated, has this many more windows than frames
-    beyond = config.observation_steps - 1 + config.action_steps - 1 - (config.horizon - 1)
-    frames = windows / len(episodes) - beyond
-    return max(1, math.ceil(frames / config.action_steps))
+    frames = card.get("longest")
+    if not isinstance(frames, int):
+        raise ValueError(f"the policy's card must tell the longest recording; got {frames}")
+    return math.ceil(frames / config.action_steps)
 
 
 def _find_source(setup: "Setup", names: str | tuple[str, ...]) -> np.ndarray:

@@ -28,7 +28,7 @@ class MethodOptions:
     checkpoints: str | None = None
     """Folder with a trained policy for each stage, for the learned methods."""
     chunks: int | None = None
-    """Predictions that each stage gets; as long as the recorded stages were when None."""
+    """Predictions that each stage gets; as long as the longest recorded stage when None."""
     device: str = "cpu"
     """Where policies compute, "cpu" or "cuda"."""
 

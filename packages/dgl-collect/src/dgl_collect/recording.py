@@ -29,8 +29,8 @@ class StageRecorder:
 
     Call `before_step` before every control step, of the approach too where it is to be recorded, and
     `begin` between the approach and the stage. At every fifth step it observes; the target in force at the
-    last of the five steps becomes that frame's action, so that a policy which holds one target for five
-    steps, as ours do, learns the target that the expert was heading for.
+    last of the five steps becomes that frame's action: the target that the expert was heading for, and that
+    a policy reaches within five steps.
 
     Args:
         start: What does not change within the stage.

@@ -76,6 +76,7 @@ class TrainData:
             "stage": self.train.stage,
             "tasks": list(self.tasks),
             "windows": len(self.train),
+            "longest": max(episode.frames for episode in self.train.episodes),
             **names,
         }
 

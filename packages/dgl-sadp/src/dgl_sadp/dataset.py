@@ -31,8 +31,8 @@ class EpisodeDataset:
 
     A window is `horizon` consecutive frames of one episode. Its first `observation_steps` frames are observed; of its
     actions, the `action_steps` from the last observed frame on are executed. Windows begin up to
-    `observation_steps - 1` frames before a stage and end up to `action_steps - 1` after it, where the edge frame is
-    repeated, so that a policy also learns the first and the last steps.
+    `observation_steps - 1` frames before a stage and at most with its last frame; beyond it the edge frame is repeated,
+    so that a policy also learns the first steps, and to stay where it has come to an end.
 
     Frames are read from disk when they are asked for; `keep_bytes` says how much of them may stay in memory. What does
     not change within a stage is read once and kept (about 65 kB an episode). It has the methods of a map-style PyTorch
@@ -44,7 +44,7 @@ class EpisodeDataset:
         refused: What is wrong with the files that were left out because of `skip_corrupt`.
 
     Source:
-        Horizons and padding: DexGarmentLab's code.
+        Horizons: DexGarmentLab's code, which repeats `action_steps - 1` frames after a stage.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class EpisodeDataset:
 
         Raises:
             ValueError: If an argument is out of range, no episode succeeded, only some episodes have an object's
-                cloud, no episode is long enough for a window, or an approach is wanted and was not recorded.
+                cloud, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             CorruptEpisodeError: If a file is damaged or of another format.
         """
@@ -174,15 +174,8 @@ class EpisodeDataset:
         self._static: dict[Path, dict[str, np.ndarray]] = {}
         self._kept: dict[Path, dict[str, np.ndarray]] = {}
         self._kept_bytes = 0
-        padded = self.observation_steps - 1 + self.action_steps - 1
-        counts = [max(0, episode.frames + padded - self.horizon + 1) for episode in episodes]
+        counts = [episode.frames + self.observation_steps - 1 for episode in episodes]
         self._ends = np.cumsum(counts, dtype=np.int64)  # Windows up to and with each episode.
-        if len(self) == 0:
-            longest = max(episode.frames for episode in episodes)
-            raise ValueError(
-                f"no episode is long enough for a window of {self.horizon} frames; "
-                f"the longest has {longest}"
-            )
 
     def _keep(self, episode: StageFile) -> dict[str, np.ndarray] | None:
         """Return all frames of an episode if they are in memory or fit into it."""

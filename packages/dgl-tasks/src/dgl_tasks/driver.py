@@ -148,7 +148,9 @@ class Driver:
             self.commands.append(target)
 
     def execute(self, actions: np.ndarray, listener: StepListener | None = None) -> None:
-        """Send a policy's actions, each held for five control steps [rad], shape (N, D).
+        """Send a policy's actions [rad], shape (N, D), each reached in a straight line within five control steps.
+
+        That is how demonstrations move: their targets are given at every control step, and recorded at every fifth.
 
         Raises:
             ValueError: If the shape is another one, or a number is not finite.
@@ -160,7 +162,10 @@ class Driver:
         if not np.isfinite(actions).all():
             raise ValueError("actions must be finite; got some that are not")
         if len(actions):
-            self.send(np.repeat(actions, STEPS_PER_FRAME, axis=0), listener)
+            knots = np.concatenate([self.motion.target[None], actions])
+            share = np.arange(1, STEPS_PER_FRAME + 1)[:, None] / STEPS_PER_FRAME
+            rows = (1 - share) * knots[:-1, None] + share * knots[1:, None]
+            self.send(rows.reshape(-1, wanted), listener)
             self.motion.reset(actions[-1])
 
     def approach(

@@ -24,7 +24,7 @@ class Policy(Protocol):
         ...
 
     def act(self, observation: Arrays) -> np.ndarray:
-        """Give the next joint targets [rad], shape (n, D), each held for five control steps.
+        """Give the next joint targets [rad], shape (n, D), each reached within five control steps.
 
         None at all, n = 0, ends the episode.
         """
