@@ -132,6 +132,61 @@ def test_hands_move_apart_until_the_garment_is_taut(dry, taut, each):
     np.testing.assert_allclose(right, targets["right"] + [each, 0, 0], atol=2e-3)
 
 
+class SlidingDriver(SaggingDriver):
+    """Sees a garment that slides out of a hand when the hands are farther apart than this [m]."""
+
+    held = 0.43
+
+    def see_hanging(self):
+        seen = super().see_hanging()
+        span = np.linalg.norm(self.get_grasp_point("right") - self.get_grasp_point("left"))
+        return dataclasses.replace(seen, sag=seen.sag + 2 * max(span - self.held, 0.0))
+
+
+def test_hands_stop_moving_apart_when_the_garment_slides(dry):
+    setup, _ = dry
+    driver = SlidingDriver(setup.env, setup.motion, seed=0)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    targets = {"left": np.array([-0.2, 0.7, 0.5]), "right": np.array([0.2, 0.7, 0.5])}
+    driver.send(setup.motion.reach(targets, GRASP_ORIENTATIONS["heap"]))
+    stretch = Stretch(sag=0.01, step=0.01, at_most=0.15, spacing=0.005)
+    waypoint = RetargetedWaypoint(targets=targets, spacing=0.01, stretch=stretch)
+    seen = execution.stretch(waypoint, stretch, GRASP_ORIENTATIONS["heap"], None)
+    assert seen["half_span"] == pytest.approx(0.22, abs=1e-6)  # the second step gains nothing
+
+
+def make_stage_driver(setup, heights):
+    """A driver that sees, each time, a raised point this far below the left hand [m]."""
+
+    class LiftingDriver(SaggingDriver):
+        looks = iter(heights)
+
+        def see_points(self):
+            return self.get_grasp_point("left")[None] - [0, 0, next(self.looks)]
+
+        def settle(self):
+            pass
+
+    driver = LiftingDriver(setup.env, setup.motion, seed=0)
+    setup.env.get_particles = lambda: driver.get_grasp_point("left")[None]
+    return driver
+
+
+@pytest.mark.parametrize(("heights", "tries"), [([0.05], 0.0), ([0.2], 1.0)])
+def test_a_hand_that_came_up_empty_goes_back_once(dry, heights, tries):
+    setup, _ = dry
+    driver = make_stage_driver(setup, heights)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    points = setup.demonstration.points.items()
+    execution.points = {name: point + [0, 0.8, 0] for name, point in points}
+    looks = []
+    execution.look = lambda: looks.append(driver.is_parked)
+    execution._run_stage(TASK.stages[0])
+    assert driver.measurements.get("second_tries", 0.0) == tries
+    assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
+    assert driver.events == []
+
+
 def test_both_are_methods_of_evaluations():
     assert isinstance(LiftAndDrop(setup=None), EpisodePolicy)
     assert isinstance(Expert(setup=None), EpisodePolicy)

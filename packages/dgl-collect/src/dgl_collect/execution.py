@@ -35,6 +35,10 @@ HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
+TRIES = 2
+"""How often a stage is begun at most: hands that are seen to have come up empty go back."""
+LEAST_RISE = 0.004
+"""By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
 SWING_FRAMES = 20
 """Frames for a lifted garment to swing to rest before it is stretched."""
 
@@ -183,6 +187,14 @@ class Execution:
         return grasp, np.stack(similarities)
 
     def _run_stage(self, stage: Stage) -> None:
+        for number in range(1, TRIES + 1):
+            if self._try_stage(stage, is_last=number == TRIES):
+                return
+            if stage is self.env.task.stages[0]:
+                self.look()  # what has been let go lies in another way
+
+    def _try_stage(self, stage: Stage, *, is_last: bool) -> bool:
+        """Carry out a stage; false if a hand came up empty, and the hands have let go and parked."""
         demonstrated = self.demonstration.get_stage(stage.name)
         points = self.points
         cloud_step = self.driver.step_count
@@ -217,6 +229,13 @@ class Execution:
             waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
+            if number == 0 and not is_last and self._find_empty(stage, self.driver.see_points()):
+                send(hands(dict.fromkeys(grasp, demonstrated.release_pose)))
+                self.driver.leave(waypoint.targets, orientations, stage.leave)
+                self.driver.settle()
+                tries = self.driver.measurements.get("second_tries", 0.0)
+                self.driver.measurements["second_tries"] = tries + 1.0
+                return False
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
             # what has been lost cannot be stretched
             if waypoint.stretch is not None and not self.driver.events:
@@ -227,6 +246,7 @@ class Execution:
         if recorder is not None:
             self.records.append(recorder.finish())
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
+        return True
 
     def stretch(
         self,
@@ -249,7 +269,9 @@ class Execution:
             targets["left"] = targets["left"] - stretch.step * outwards
             targets["right"] = targets["right"] + stretch.step * outwards
             send(self.motion.move(targets, orientations, spacing=stretch.spacing), recorder)
-            hanging = self.driver.see_hanging()
+            before, hanging = hanging, self.driver.see_hanging()
+            if hanging.sag > before.sag - LEAST_RISE:
+                break  # it slides out of a hand instead
         span = float(np.linalg.norm(targets["right"] - targets["left"]))
         return {"half_span": span / 2, "hanging": hanging.length}
 
@@ -305,18 +327,28 @@ class Execution:
         return Outcome(verdict=verdict, picture=judgement.picture, reason=reason, detail=detail)
 
     def _note_grasp(self, stage: Stage, reason: str, number: int) -> None:
-        particles = self.env.get_particles()
-        raised = particles[particles[:, 2] > HELD_HEIGHT]
+        for side, nearest in self._find_empty(stage, self.env.get_particles()).items():
+            where = f"{stage.name}, waypoint {number}, {side} hand"
+            far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
+            self.driver.events.append((reason, f"{where}: nearest raised cloth {far}"))
+
+    def _find_empty(self, stage: Stage, points: np.ndarray) -> dict[Side, float]:
+        """Find the working hands that hold nothing of a garment with points [m], shape (N, 3).
+
+        Returns:
+            How far the nearest raised point is from each of them [m].
+        """
+        raised = points[points[:, 2] > HELD_HEIGHT]
+        empty: dict[Side, float] = {}
         for side in stage.grasp:
-            point = self.driver.get_grasp_point(side)
-            if point[2] < HELD_HEIGHT + HELD_DISTANCE / 2:
+            grasp = self.driver.get_grasp_point(side)
+            if grasp[2] < HELD_HEIGHT + HELD_DISTANCE / 2:
                 continue  # so low that what it holds need not be raised
-            offset = raised - point
-            nearest = float(np.linalg.norm(offset, axis=1).min()) if len(raised) else np.inf
+            distances = np.linalg.norm(raised - grasp, axis=1)
+            nearest = float(distances.min(initial=np.inf))
             if nearest > HELD_DISTANCE:
-                where = f"{stage.name}, waypoint {number}, {side} hand"
-                far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
-                self.driver.events.append((reason, f"{where}: nearest raised cloth {far}"))
+                empty[side] = nearest
+        return empty
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()

@@ -89,7 +89,7 @@ class Driver:
         self.commands: list[np.ndarray] = []
         """Joint targets of every control step so far [rad], each of shape (D,), float32."""
         self.measurements: dict[str, float] = {}
-        """Largest strain and penetration so far."""
+        """Largest strain and penetration so far, and what a method adds."""
         self.events: list[tuple[str, str]] = []
         """What a method saw going wrong on the way, in order: a reason that can be counted, and where."""
         self._film = film
@@ -272,15 +272,23 @@ class Driver:
         picture = see.take_picture(self.env, "garment_camera")
         return see.get_garment_cloud(self.env, picture, seed=self.cloud_seed)
 
+    def see_points(self) -> np.ndarray:
+        """Look at the garment from the front: all points that are seen of it [m], shape (N, 3).
+
+        Raises:
+            PerceptionError: If the camera sees nothing of it.
+        """
+        picture = see.take_picture(self.env, "environment_camera")
+        return see.get_garment_points(self.env, picture)
+
     def see_hanging(self) -> Hanging:
         """Look at the garment that hangs between both hands, from the front.
 
         Raises:
             PerceptionError: If the camera sees nothing of it.
         """
-        picture = see.take_picture(self.env, "environment_camera")
-        points = see.get_garment_points(self.env, picture)
-        return measure_hanging(points, self.get_grasp_point("left"), self.get_grasp_point("right"))
+        left, right = self.get_grasp_point("left"), self.get_grasp_point("right")
+        return measure_hanging(self.see_points(), left, right)
 
     def get_joint_state(self) -> np.ndarray:
         """Measured joint positions [rad], shape (D,), float32."""

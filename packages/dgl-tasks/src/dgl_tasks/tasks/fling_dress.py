@@ -8,7 +8,7 @@ TASK = Task(
     id="FlingDress-v1",
     title="Fling Dress",
     category="Dress_LongSleeve",
-    description="Lift a crumpled dress by its shoulders, fling it flat, and pull its sleeves apart.",
+    description="Lift a crumpled dress where its sleeves begin, fling it flat, and pull its sleeves apart.",
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     x_range=(-0.1, 0.1),
     y_range=(0.5, 0.7),
@@ -19,7 +19,7 @@ TASK = Task(
     stages=(
         Stage(
             name="fling",
-            grasp={"left": "left_shoulder", "right": "right_shoulder"},
+            grasp={"left": "left_sleeve_joint", "right": "right_sleeve_joint"},
             orientation="heap",
             grasp_height=FLING_GRASP_HEIGHT,
             policy_loops=12,
