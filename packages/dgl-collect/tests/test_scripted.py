@@ -177,8 +177,8 @@ def test_a_hand_that_came_up_empty_goes_back_once(dry, heights, tries):
     setup, _ = dry
     driver = make_stage_driver(setup, heights)
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
-    points = setup.demonstration.points.items()
-    execution.points = {name: point + [0, 0.8, 0] for name, point in points}
+    ahead = np.array([0, 0.8, 0])
+    execution.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     looks = []
     execution.look = lambda: looks.append(driver.is_parked)
     execution._run_stage(TASK.stages[0])
