@@ -18,6 +18,8 @@ RELEASE_FRAMES = 15
 """Frames for the cloth to fall from an opened hand before it leaves."""
 CLEARANCE = 0.15
 """How far it then rises [m]."""
+FREE_DRAW_BACKS = (0.12, 0.08, 0.04, 0.0)
+"""How far a hand draws back from cloth that came along [m]: the first of these that the arm can reach."""
 LEAVE_SPACING = 0.005
 """Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
 
@@ -94,3 +96,45 @@ def plan_leave(
         if k == 0:
             parts.append(motion.hold(leave.frames))
     return parts
+
+
+def plan_free(
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+) -> list[np.ndarray]:
+    """Plan how risen hands get free of cloth that has come along: down again, a wait, back along their fingers, up.
+
+    Args:
+        motion: Plans the arms.
+        points: Where the grasp point of each of these hands is [m], shape (3,), world frame.
+        orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+
+    Returns:
+        Joint targets of each part, shape (N, D) [rad].
+
+    Raises:
+        UnreachableError: If a hand cannot go down and up again.
+    """
+    rise = np.array([0, 0, CLEARANCE])
+    low: dict[Side, np.ndarray] = {side: point - rise for side, point in points.items()}
+    back: dict[Side, np.ndarray] = {}
+    for side, q in orientations.items():
+        for length in FREE_DRAW_BACKS:
+            back[side] = low[side] - length * point_along_fingers(q)
+            with motion.rehearsal():
+                try:
+                    for target in (low[side], back[side], back[side] + rise):
+                        motion.move({side: target}, {side: q}, spacing=LEAVE_SPACING)
+                except UnreachableError:
+                    if length == FREE_DRAW_BACKS[-1]:
+                        raise
+                else:
+                    break
+    up: dict[Side, np.ndarray] = {side: point + rise for side, point in back.items()}
+    return [
+        motion.move(low, orientations, spacing=LEAVE_SPACING),
+        motion.hold(RELEASE_FRAMES),
+        motion.move(back, orientations, spacing=LEAVE_SPACING),
+        motion.move(up, orientations, spacing=LEAVE_SPACING),
+    ]

@@ -9,10 +9,10 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_tasks import perception as see
-from dgl_tasks.approach import RELEASE_FRAMES, plan_approach, plan_leave
+from dgl_tasks.approach import RELEASE_FRAMES, plan_approach, plan_free, plan_leave
 from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.errors import UnreachableError
+from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.leaving import LeaveName
@@ -24,6 +24,10 @@ logger = logging.getLogger(__name__)
 
 FINAL_FRAMES = 50
 """Control steps between the hands being out of the way and the verdict."""
+CAUGHT_DISTANCE = 0.12
+"""A risen hand is taken to carry cloth that is seen so near to its grasp point [m]; what lies is 0.15 m below."""
+FREE_TRIES = 2
+"""How often a hand tries to get rid of cloth that has come along before it goes away with it."""
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
 """Control steps between pictures for people while the arms come and go: the film runs three times as fast
 there, since a picture costs as much as two or three steps of the simulation."""
@@ -220,7 +224,35 @@ class Driver:
         self._pass(self.motion.hold(RELEASE_FRAMES))
         for rows in plan_leave(self.motion, points, orientations, name):
             self._pass(rows)
+        self._free_hands(tuple(orientations))
         self._pass(self.motion.park())
+
+    def _free_hands(self, sides: tuple[Side, ...]) -> None:
+        """Put cloth that is seen to hang on risen hands down again."""
+        for _ in range(FREE_TRIES):
+            caught = self._see_caught(sides)
+            if not caught:
+                return
+            poses = self.motion.compute_poses()
+            points = {side: self._to_grasp(poses[side], side) for side in caught}
+            try:
+                parts = plan_free(self.motion, points, {side: poses[side][3:] for side in caught})
+            except UnreachableError as err:
+                logger.info("cloth hangs on a hand that cannot go down again: %s", err)
+                return
+            for rows in parts:
+                self._pass(rows)
+            self.measurements["freed_hands"] = self.measurements.get("freed_hands", 0.0) + len(caught)
+
+    def _see_caught(self, sides: tuple[Side, ...]) -> list[Side]:
+        try:
+            points = self.see_points()
+        except PerceptionError:
+            return []  # hangs out of sight, if at all
+        near = {
+            side: np.linalg.norm(points - self.get_grasp_point(side), axis=1).min() for side in sides
+        }
+        return [side for side in sides if near[side] < CAUGHT_DISTANCE]
 
     def retreat(self, sides: tuple[Side, ...] = SIDES, name: LeaveName = "slide") -> None:
         """Open hands, wherever a policy has left them, and let them leave the cloth and park.
