@@ -6,8 +6,9 @@ import pytest
 
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
-from dgl_tasks.approach import CLEARANCE, plan_approach, plan_leave
-from dgl_tasks.driver import Driver
+from dgl_tasks.approach import CLEARANCE, FREE_DRAW_BACKS, plan_approach, plan_free, plan_leave
+from dgl_tasks.driver import CAUGHT_DISTANCE, FREE_TRIES, Driver
+from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.leaving import LEAVES
 from dgl_tasks.motion import PARKED, BimanualMotion
@@ -41,9 +42,10 @@ def motion(planner):
 
 
 @pytest.fixture
-def driver(env, motion):
-    """An episode in its midst: the arms are where the last test has left them."""
+def driver(env, motion, monkeypatch):
+    """An episode in its midst, without cameras: the arms are where the last test has left them."""
     made = Driver(env, motion, seed=0)
+    monkeypatch.setattr(made, "see_points", env.get_particles)
     motion.reset(made.get_joint_state())
     return made
 
@@ -77,6 +79,55 @@ def test_a_hand_rolls_draws_back_and_rises(motion, name):
     assert back == pytest.approx(leave.draw_backs[0], abs=2e-3)
     angle = 2 * np.arccos(min(1.0, abs(float(np.dot(rolled, STANDARD["left"])))))
     assert angle == pytest.approx(leave.roll, abs=1e-2)
+
+
+def test_a_hand_with_cloth_on_it_goes_down_again_back_and_up(motion):
+    plan_approach(motion, POINT, STANDARD)
+    down, wait, back, up = plan_free(motion, POINT, STANDARD)
+    ends = [grasp_point(motion, rows[-1]) - POINT["left"] for rows in (down, wait, back, up)]
+    np.testing.assert_allclose([end[2] for end in ends], [-CLEARANCE] * 3 + [0.0], atol=2e-3)
+    level = [float(np.linalg.norm(end[:2])) for end in ends]
+    np.testing.assert_allclose(level, [0.0, 0.0, FREE_DRAW_BACKS[0], FREE_DRAW_BACKS[0]], atol=2e-3)
+
+
+def leave_and_count(driver, monkeypatch, distances):
+    """Let the left hand leave where cloth is seen so far below it, look after look [m]; the steps taken."""
+    looks = iter(distances)
+
+    def see():
+        distance = next(looks)
+        if distance is None:
+            raise PerceptionError("no pixel of the garment")
+        return driver.get_grasp_point("left")[None] - [0, 0, distance]
+
+    monkeypatch.setattr(driver, "see_points", see)
+    plan_approach(driver.motion, POINT, STANDARD)
+    before = driver.step_count
+    driver.leave(POINT, STANDARD)
+    check_parked(driver)
+    assert next(looks, "all") == "all"
+    return driver.step_count - before
+
+
+def test_what_hangs_on_a_risen_hand_is_put_down_again(driver, monkeypatch):
+    near, far = CAUGHT_DISTANCE - 0.01, CAUGHT_DISTANCE + 0.01
+    plain = leave_and_count(driver, monkeypatch, [far])
+    assert leave_and_count(driver, monkeypatch, [None]) == plain  # nothing is seen of the garment
+    assert "freed_hands" not in driver.measurements
+    once = leave_and_count(driver, monkeypatch, [near, far])
+    assert driver.measurements["freed_hands"] == 1
+    assert once > plain + 60  # down, a wait, back and up again
+    leave_and_count(driver, monkeypatch, [near] * FREE_TRIES)
+    assert driver.measurements["freed_hands"] == 1 + FREE_TRIES
+
+
+def test_a_hand_that_cannot_go_down_again_parks_with_what_it_has(driver, monkeypatch):
+    def refuse(*_):
+        raise UnreachableError("no way down", distance=0.1)
+
+    monkeypatch.setattr("dgl_tasks.driver.plan_free", refuse)
+    leave_and_count(driver, monkeypatch, [0.0])
+    assert "freed_hands" not in driver.measurements
 
 
 def test_an_action_is_reached_within_five_steps_and_planning_goes_on_from_the_last(driver):

@@ -242,7 +242,9 @@ class Driver:
                 return
             for rows in parts:
                 self._pass(rows)
-            self.measurements["freed_hands"] = self.measurements.get("freed_hands", 0.0) + len(caught)
+            self.measurements["freed_hands"] = self.measurements.get("freed_hands", 0.0) + len(
+                caught
+            )
 
     def _see_caught(self, sides: tuple[Side, ...]) -> list[Side]:
         try:
@@ -250,7 +252,8 @@ class Driver:
         except PerceptionError:
             return []  # hangs out of sight, if at all
         near = {
-            side: np.linalg.norm(points - self.get_grasp_point(side), axis=1).min() for side in sides
+            side: np.linalg.norm(points - self.get_grasp_point(side), axis=1).min()
+            for side in sides
         }
         return [side for side in sides if near[side] < CAUGHT_DISTANCE]
 
