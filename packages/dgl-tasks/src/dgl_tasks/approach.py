@@ -74,28 +74,8 @@ def plan_leave(
     rolled: dict[Side, np.ndarray] = {
         side: roll_thumb_down(q, leave.roll, side) for side, q in orientations.items()
     }
-    ways: dict[Side, tuple[np.ndarray, ...]] = {}
-    for side in orientations:
-        for length in leave.draw_backs:
-            out = points[side] + np.array([0, 0, leave.rise])
-            back = out - length * point_along_fingers(rolled[side])
-            ways[side] = (out, back, back + np.array([0, 0, CLEARANCE]))
-            with motion.rehearsal():
-                try:
-                    for target in ways[side]:
-                        motion.move({side: target}, {side: rolled[side]}, spacing=LEAVE_SPACING)
-                except UnreachableError:
-                    if length == leave.draw_backs[-1]:
-                        raise
-                else:
-                    break
-    parts = []
-    for k in range(3):
-        targets: dict[Side, np.ndarray] = {side: way[k] for side, way in ways.items()}
-        parts.append(motion.move(targets, rolled, spacing=LEAVE_SPACING))
-        if k == 0:
-            parts.append(motion.hold(leave.frames))
-    return parts
+    starts = {side: points[side] + np.array([0, 0, leave.rise]) for side in orientations}
+    return _plan_way_out(motion, starts, rolled, leave.draw_backs, frames=leave.frames)
 
 
 def plan_free(
@@ -116,25 +96,37 @@ def plan_free(
     Raises:
         UnreachableError: If a hand cannot go down and up again.
     """
-    rise = np.array([0, 0, CLEARANCE])
-    low: dict[Side, np.ndarray] = {side: point - rise for side, point in points.items()}
-    back: dict[Side, np.ndarray] = {}
+    starts = {side: points[side] - np.array([0, 0, CLEARANCE]) for side in orientations}
+    return _plan_way_out(motion, starts, orientations, FREE_DRAW_BACKS, frames=RELEASE_FRAMES)
+
+
+def _plan_way_out(
+    motion: BimanualMotion,
+    starts: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+    lengths: tuple[float, ...],
+    *,
+    frames: int,
+) -> list[np.ndarray]:
+    """Plan a way to `starts`, a wait, a way back along the fingers, of the first of `lengths` in reach, and one up."""
+    ways: dict[Side, tuple[np.ndarray, ...]] = {}
     for side, q in orientations.items():
-        for length in FREE_DRAW_BACKS:
-            back[side] = low[side] - length * point_along_fingers(q)
+        for length in lengths:
+            back = starts[side] - length * point_along_fingers(q)
+            ways[side] = (starts[side], back, back + np.array([0, 0, CLEARANCE]))
             with motion.rehearsal():
                 try:
-                    for target in (low[side], back[side], back[side] + rise):
+                    for target in ways[side]:
                         motion.move({side: target}, {side: q}, spacing=LEAVE_SPACING)
                 except UnreachableError:
-                    if length == FREE_DRAW_BACKS[-1]:
+                    if length == lengths[-1]:
                         raise
                 else:
                     break
-    up: dict[Side, np.ndarray] = {side: point + rise for side, point in back.items()}
-    return [
-        motion.move(low, orientations, spacing=LEAVE_SPACING),
-        motion.hold(RELEASE_FRAMES),
-        motion.move(back, orientations, spacing=LEAVE_SPACING),
-        motion.move(up, orientations, spacing=LEAVE_SPACING),
-    ]
+    parts = []
+    for k in range(3):
+        targets: dict[Side, np.ndarray] = {side: way[k] for side, way in ways.items()}
+        parts.append(motion.move(targets, orientations, spacing=LEAVE_SPACING))
+        if k == 0:
+            parts.append(motion.hold(frames))
+    return parts
