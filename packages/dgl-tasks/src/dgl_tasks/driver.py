@@ -211,7 +211,7 @@ class Driver:
         orientations: Mapping[Side, np.ndarray],
         name: LeaveName = "slide",
     ) -> None:
-        """Let opened hands leave the cloth and park, from where `motion` is.
+        """Let opened hands leave the cloth and park, from where `motion` is; what is seen to come along is put down again.
 
         Args:
             points: Grasp point of each of these hands [m], shape (3,), world frame.
