@@ -183,7 +183,7 @@ def test_a_hand_that_came_up_empty_goes_back_once(dry, heights, tries):
     looks = []
     execution.look = lambda: looks.append(driver.is_parked)
     execution._run_stage(TASK.stages[0])
-    assert driver.measurements.get("second_tries", 0.0) == tries
+    assert driver.measurements.get("further_tries", 0.0) == tries
     assert next(driver.looks, None) is None
     assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
     assert driver.events == []

@@ -35,8 +35,9 @@ HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
-TRIES = 2
-"""How often a stage is begun at most: hands that are seen to have come up empty go back."""
+TRIES = 3
+"""How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
+back."""
 LEAST_RISE = 0.004
 """By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
 SWING_FRAMES = 20
@@ -229,23 +230,37 @@ class Execution:
             waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
-            if number == 0 and not is_last and self._find_empty(stage, self.driver.see_points()):
-                send(hands(dict.fromkeys(grasp, demonstrated.release_pose)))
-                self.driver.leave(waypoint.targets, orientations, stage.leave)
-                self.driver.settle()
-                tries = self.driver.measurements.get("second_tries", 0.0)
-                self.driver.measurements["second_tries"] = tries + 1.0
+            if self._is_lost(stage, number, is_last=is_last):
                 return False
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
             # what has been lost cannot be stretched
             if waypoint.stretch is not None and not self.driver.events:
                 seen = self.stretch(waypoint, waypoint.stretch, orientations, recorder)
+                if self._is_lost(stage, number, is_last=is_last):
+                    return False
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         if recorder is not None:
             self.records.append(recorder.finish())
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
+        return True
+
+    def _is_lost(self, stage: Stage, number: int, *, is_last: bool) -> bool:
+        """Whether a hand is seen to hold nothing at a waypoint; then the hands have let go and parked.
+
+        It is looked at after the first waypoint, and after each one of a garment that hangs from both hands; never in
+        the last try.
+        """
+        hangs = self.demonstration.get_stage(stage.name).waypoints[0].stretch is not None
+        if is_last or not (number == 0 or hangs):
+            return False
+        if not self._find_empty(stage, self.driver.see_points()):
+            return False
+        self.driver.retreat(tuple(stage.grasp), stage.leave)
+        self.driver.settle()
+        tries = self.driver.measurements.get("further_tries", 0.0)
+        self.driver.measurements["further_tries"] = tries + 1.0
         return True
 
     def stretch(

@@ -18,6 +18,8 @@ from dgl_tasks.rotations import (
 GraspName = Literal[
     "standard",
     "heap",
+    "sides",
+    "heap_sides",
     "trousers_2",
     "hems",
     "store_lift",
@@ -31,6 +33,9 @@ GraspName = Literal[
 HEAP_PITCH = np.radians(30)
 """How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
 stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
+SIDE_TURN = np.radians(45)
+"""How far the hands of "sides" and "heap_sides" are turned inwards: they take the cloth from its sides, and spread it as
+they draw back along their fingers [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
@@ -61,6 +66,22 @@ def pitch_fingers(quaternion: np.ndarray, angle: float) -> np.ndarray:
     return multiply_quaternions(normalize_quaternion(quaternion), turn)
 
 
+def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
+    """Turn an orientation about the vertical so that the hand points more to the other side.
+
+    Args:
+        quaternion: Orientation of `ee`, wxyz, shape (4,).
+        angle: Turn [rad]; clockwise from above for the left hand, the reverse for the right.
+        side: "left" or "right".
+
+    Returns:
+        The turned orientation, wxyz, shape (4,).
+    """
+    half = (-angle if side == "left" else angle) / 2
+    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    return multiply_quaternions(turn, normalize_quaternion(quaternion))
+
+
 def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     found: dict[GraspName, dict[Side, np.ndarray]] = {
         name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
@@ -69,6 +90,9 @@ def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     pitched: dict[GraspName, GraspName] = {"heap": "standard", "hems": "trousers_2"}
     for name, level in pitched.items():
         found[name] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found[level].items()}
+    turned: dict[GraspName, GraspName] = {"sides": "standard", "heap_sides": "heap"}
+    for name, ahead in turned.items():
+        found[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in found[ahead].items()}
     return found
 
 
@@ -100,22 +124,6 @@ def wrist_to_grasp(
     """Compute the grasp point [m], shape (3,), of a wrist pose; inverse of `grasp_to_wrist`."""
     offset = matrix_from_quaternion(quaternion) @ robot.get_grasp_offset(side)
     return np.asarray(position, dtype=float) + offset
-
-
-def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
-    """Turn an orientation about the vertical so that the hand points more to the other side.
-
-    Args:
-        quaternion: Orientation of `ee`, wxyz, shape (4,).
-        angle: Turn [rad]; clockwise from above for the left hand, the reverse for the right.
-        side: "left" or "right".
-
-    Returns:
-        The turned orientation, wxyz, shape (4,).
-    """
-    half = (-angle if side == "left" else angle) / 2
-    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-    return multiply_quaternions(turn, normalize_quaternion(quaternion))
 
 
 def roll_thumb_down(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:

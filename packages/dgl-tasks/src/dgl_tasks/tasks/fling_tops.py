@@ -20,13 +20,14 @@ TASK = Task(
         Stage(
             name="fling",
             grasp={"left": "left_sleeve_joint", "right": "right_sleeve_joint"},
-            orientation="heap",
+            orientation="heap_sides",
             grasp_height=FLING_GRASP_HEIGHT,
             policy_loops=12,
         ),
         Stage(
             name="spread_sleeves",
             grasp={"left": "left_cuff", "right": "right_cuff"},
+            orientation="sides",
             grasp_height=0.02,
             looks_again=True,
             moved_at_most=None,

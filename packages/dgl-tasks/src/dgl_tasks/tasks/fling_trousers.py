@@ -20,7 +20,7 @@ TASK = Task(
         Stage(
             name="fling",
             grasp={"left": "left_waistband", "right": "right_waistband"},
-            orientation="heap",
+            orientation="heap_sides",
             grasp_height=FLING_GRASP_HEIGHT,
             leave="shed",
             policy_loops=12,
