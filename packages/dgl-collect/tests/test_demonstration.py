@@ -246,5 +246,28 @@ def test_what_is_seen_takes_the_place_of_what_was_expected():
     seen = retarget_waypoints(stage, points, seen={"half_span": 0.25, "hanging": 0.6})
     assert expected[0].stretch is not None
     np.testing.assert_array_equal(seen[0].targets["left"], expected[0].targets["left"])
-    np.testing.assert_allclose(seen[1].targets["right"], (0.25, 1.24 - 1.05 * 0.6, 0.85 * 0.6))
-    np.testing.assert_allclose(expected[1].targets["right"], (0.18, 1.24 - 1.05 * 0.8, 0.85 * 0.8))
+    np.testing.assert_allclose(seen[1].targets["right"], (0.25, 1.1 - 1.2 * 0.6, 0.85 * 0.6))
+    np.testing.assert_allclose(expected[1].targets["right"], (0.18, 0.3, 0.85 * 0.8))
+    # what is long is laid farther away, as far as the arms reach: what is seen counts there too
+    assert [way[2].targets["left"][1] for way in (seen, expected)] == pytest.approx([1.12, 1.18])
+
+
+@pytest.mark.parametrize("task", ["FlingTops-v1", "FlingDress-v1"])
+def test_sleeves_turn_outwards_about_their_shoulders(task):
+    """By 25 degrees, whichever way they lie, and as long as they are seen to be."""
+    stage = load_demonstration(task).get_stage("spread_sleeves")
+    points = {
+        "left_shoulder": np.array([-0.15, 1.1, 0]),
+        "right_shoulder": np.array([0.2, 1.15, 0]),
+        "left_cuff": np.array([-0.2, 0.7, 0]),
+        "right_cuff": np.array([0.2, 0.75, 0]),
+    }
+    last = retarget_waypoints(stage, points)[-1].targets
+    for side, outwards in (("left", -1), ("right", 1)):
+        before = (points[f"{side}_cuff"] - points[f"{side}_shoulder"])[:2]
+        after = (last[side] - points[f"{side}_shoulder"])[:2]
+        turn = np.arctan2(after[1], outwards * after[0]) - np.arctan2(
+            before[1], outwards * before[0]
+        )
+        assert np.degrees(turn) == pytest.approx(25, abs=0.1)
+        assert np.linalg.norm(after) == pytest.approx(1.02 * np.linalg.norm(before), rel=1e-3)

@@ -9,7 +9,7 @@ import pytest
 from dgl_assets.robots import HAND_POSES, joint_slice
 from dgl_collect.attempt import make_setup
 from dgl_collect.demonstration import RetargetedWaypoint, Stretch, load_demonstration
-from dgl_collect.execution import Execution
+from dgl_collect.execution import TRIES, Execution
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
@@ -173,8 +173,11 @@ def make_stage_driver(setup, heights):
 
 
 # the last look of each try is for cloth that hangs on the hand as it leaves
-@pytest.mark.parametrize(("heights", "tries"), [([0.05, 0.2], 0.0), ([0.2, 0.2, 0.2], 1.0)])
-def test_a_hand_that_came_up_empty_goes_back_once(dry, heights, tries):
+@pytest.mark.parametrize(
+    ("heights", "tries"),
+    [([0.05, 0.2], 0.0), ([0.2, 0.2, 0.05, 0.2], 1.0), ([0.2] * (2 * TRIES - 1), TRIES - 1.0)],
+)
+def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
     setup, _ = dry
     driver = make_stage_driver(setup, heights)
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
@@ -187,6 +190,35 @@ def test_a_hand_that_came_up_empty_goes_back_once(dry, heights, tries):
     assert next(driver.looks, None) is None
     assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
     assert driver.events == []
+
+
+@pytest.mark.parametrize(
+    ("task", "number", "is_last", "far", "lost"),
+    [
+        ("FlingTrousers-v1", 0, False, 0.2, True),
+        ("FlingTrousers-v1", 1, False, 0.2, True),
+        ("FlingTrousers-v1", 1, False, 0.05, False),
+        ("FlingTrousers-v1", 1, True, 0.2, False),
+        ("FoldTops-v1", 1, False, 0.2, False),
+    ],
+)
+def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last, far, lost):
+    setup, _ = dry
+    setup.env.task, setup.demonstration = get_task(task), load_demonstration(task)
+    driver = make_stage_driver(setup, [])
+    driver.see_points = lambda: np.stack(
+        [driver.get_grasp_point(side) - [0, 0, far] for side in ("left", "right")]
+    )
+    driver.send(
+        setup.motion.reach(
+            {"left": np.array([-0.2, 0.5, 0.6]), "right": np.array([0.2, 0.5, 0.6])},
+            GRASP_ORIENTATIONS["heap_sides"],
+        )
+    )
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    assert execution._is_lost(get_task(task).stages[0], number, is_last=is_last) == lost
+    assert driver.is_parked == lost
+    assert driver.measurements.get("further_tries", 0.0) == float(lost)
 
 
 def test_both_are_methods_of_evaluations():

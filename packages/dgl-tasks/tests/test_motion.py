@@ -221,6 +221,16 @@ def test_when_no_turn_helps_the_message_is_that_of_the_wanted_orientation(motion
     np.testing.assert_array_equal(motion.target, before)
 
 
+@pytest.mark.parametrize(("name", "ahead"), [("sides", "standard"), ("heap_sides", "heap")])
+def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name, ahead):
+    for side, inwards in (("left", 1), ("right", -1)):
+        x, y, z = matrix_from_quaternion(GRASP_ORIENTATIONS[name][side])[:, 0]
+        before = matrix_from_quaternion(GRASP_ORIENTATIONS[ahead][side])[:, 0]
+        turn = np.arctan2(inwards * x, y) - np.arctan2(inwards * before[0], before[1])
+        assert np.degrees(turn) == pytest.approx(45, abs=1e-3)
+        assert z == pytest.approx(before[2], abs=1e-6)
+
+
 def test_the_fingers_of_a_heap_grasp_point_down_by_30_degrees():
     for side in SIDES:
         along = matrix_from_quaternion(GRASP_ORIENTATIONS["heap"][side])[:, 0]
