@@ -216,7 +216,7 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last,
         )
     )
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
-    assert execution._is_lost(get_task(task).stages[0], number, is_last=is_last) == lost
+    assert execution._give_up_if_lost(get_task(task).stages[0], number, is_last=is_last) == lost
     assert driver.is_parked == lost
     assert driver.measurements.get("further_tries", 0.0) == float(lost)
 

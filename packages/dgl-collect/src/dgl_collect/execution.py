@@ -195,7 +195,7 @@ class Execution:
                 self.look()  # what has been let go lies in another way
 
     def _try_stage(self, stage: Stage, *, is_last: bool) -> bool:
-        """Carry out a stage; false if a hand came up empty, and the hands have let go and parked."""
+        """Carry out a stage; false if a hand lost its hold, and the hands have let go and parked."""
         demonstrated = self.demonstration.get_stage(stage.name)
         points = self.points
         cloud_step = self.driver.step_count
@@ -230,13 +230,13 @@ class Execution:
             waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
-            if self._is_lost(stage, number, is_last=is_last):
+            if self._give_up_if_lost(stage, number, is_last=is_last):
                 return False
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
             # what has been lost cannot be stretched
             if waypoint.stretch is not None and not self.driver.events:
                 seen = self.stretch(waypoint, waypoint.stretch, orientations, recorder)
-                if self._is_lost(stage, number, is_last=is_last):
+                if self._give_up_if_lost(stage, number, is_last=is_last):
                     return False
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
@@ -246,8 +246,8 @@ class Execution:
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
         return True
 
-    def _is_lost(self, stage: Stage, number: int, *, is_last: bool) -> bool:
-        """Whether a hand is seen to hold nothing at a waypoint; then the hands have let go and parked.
+    def _give_up_if_lost(self, stage: Stage, number: int, *, is_last: bool) -> bool:
+        """Let go and park if a hand is seen to hold nothing at a waypoint; returns whether that is so.
 
         It is looked at after the first waypoint, and after each one of a garment that hangs from both hands; never in
         the last try.
