@@ -93,7 +93,7 @@ PLACES = {
     "FoldTrousers-v1": ("Trousers", (0.7, 0.9), [12, 8]),
     "FlingTops-v1": ("Tops_LongSleeve", (0.5, 0.7), [12, 4]),
     "FlingDress-v1": ("Dress_LongSleeve", (0.5, 0.7), [12, 4]),
-    "FlingTrousers-v1": ("Trousers", (0.5, 0.7), [12]),
+    "FlingTrousers-v1": ("Trousers", (0.5, 0.7), [12, 4]),  # the second stage is ours
 }
 
 

@@ -22,7 +22,7 @@ Vector3 = tuple[float, float, float]
 
 FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
-FLING_START_BELOW = 0.75
+FLING_START_BELOW = 0.6
 """A garment whose value of the fling rule is not below this after its fall is dropped again, steeper: what
 nearly lies flat need not be flung. The rule asks for more than 0.8."""
 FLING_GRASP_HEIGHT = 0.0

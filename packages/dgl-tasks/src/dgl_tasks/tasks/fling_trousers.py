@@ -1,4 +1,4 @@
-"""Fling Trousers: fling crumpled trousers flat by their waistband."""
+"""Fling Trousers: fling crumpled trousers flat by their waistband, then pull their legs straight."""
 
 from dgl_tasks.cameras import FLING_CAMERAS
 from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, FLING_START_BELOW, Stage, Task
@@ -8,7 +8,7 @@ TASK = Task(
     id="FlingTrousers-v1",
     title="Fling Trousers",
     category="Trousers",
-    description="Lift crumpled trousers by their waistband and fling them flat.",
+    description="Lift crumpled trousers by their waistband, fling them flat, and pull their legs straight by the hems.",
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     x_range=(-0.1, 0.1),
     y_range=(0.5, 0.7),
@@ -24,6 +24,14 @@ TASK = Task(
             grasp_height=FLING_GRASP_HEIGHT,
             leave="shed",
             policy_loops=12,
+        ),
+        Stage(
+            name="pull_legs",
+            grasp={"left": "left_hem_middle", "right": "right_hem_middle"},
+            grasp_height=0.02,
+            looks_again=True,
+            moved_at_most=None,
+            policy_loops=4,
         ),
     ),
     success=FlingRule(),
