@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import pytest
@@ -9,7 +10,7 @@ from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
 from dgl_gam.data import GarmentFolder
 from dgl_gam.data.batches import BatchConfig
 from dgl_gam.schedule import SCHEDULES, Schedule, Stage, get_schedule, train_schedule
-from dgl_gam.train import TrainConfig
+from dgl_gam.train import TrainConfig, get_train_config
 
 TINY = NetworkConfig(
     levels=(LevelConfig(centres=32, radius=0.4, neighbours=8, widths=(16,)),),
@@ -122,3 +123,12 @@ def test_the_stages_of_the_shipped_weights_narrow_their_margins():
     assert [c.batch.margin for c in configs][:4] == [0.04, 0.04, 0.03, 0.03]
     assert [c.batch.max_distance for c in configs][:4] == [0.02, 0.02, 0.015, 0.015]
     assert all((c.batch.points, c.batch.positives) == (1024, 48) for c in configs)
+
+
+def test_the_shipped_yaw_is_trained_by_itself_as_its_preset_says():
+    *features, last = get_schedule("shipped").configure(seed=0)
+    assert [c.parts for c in features] == ["all"] * 4 + ["features"] * 4
+    preset = get_train_config("yaw")
+    assert (last.parts, last.lr) == ("yaw", preset.lr)
+    batch = dataclasses.replace(preset.batch, positives=last.batch.positives)
+    assert last.batch == batch  # which has no pairs, and so no positives

@@ -115,10 +115,9 @@ class Schedule:
         return dataclasses.replace(self, stages=tuple(stages))
 
 
-def _narrow(name: str, *, steps: int, lr: float) -> Stage:
-    """A stage of narrow margins and nearer negatives."""
-    return Stage(name=name, steps=steps, lr=lr, margin=0.03, max_distance=0.015, near_share=0.5)
-
+_MARGINS = {"margin": 0.03, "max_distance": 0.015, "near_share": 0.5}
+"""Of the stages that refine: narrower ones, and nearer negatives."""
+_YAW = TRAIN_PRESETS["yaw"]
 
 SCHEDULES: Mapping[str, Schedule] = {
     "shipped": Schedule(
@@ -127,8 +126,24 @@ SCHEDULES: Mapping[str, Schedule] = {
             # The first run was to go on for 12,000 steps; more garments had been made by step 1,900.
             Stage(name="1_begin", steps=1900, lr=1.5e-3, decay=12_000),
             Stage(name="2_long", steps=3600, lr=1.5e-3),
-            _narrow("3_narrow", steps=1500, lr=1e-3),
-            _narrow("4_fine", steps=750, lr=6e-4),
+            Stage(name="3_narrow", steps=1500, lr=1e-3, **_MARGINS),
+            Stage(name="4_fine", steps=750, lr=6e-4, **_MARGINS),
+            # Once more, with more garments; the yaw, which shares nothing with the features, by itself at the end.
+            Stage(name="5_more", steps=3300, lr=1.2e-3, parts="features"),
+            Stage(name="6_narrow", steps=1400, lr=9e-4, parts="features", **_MARGINS),
+            Stage(name="7_fine", steps=700, lr=5e-4, parts="features", **_MARGINS),
+            Stage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5, **_MARGINS),
+            Stage(
+                name="9_yaw",
+                steps=9000,
+                lr=_YAW.lr,
+                parts="yaw",
+                groups=_YAW.batch.groups,
+                flat_share=_YAW.batch.flat_share,
+                state_weights=_YAW.batch.state_weights,
+                mirrored_share=_YAW.batch.mirrored_share,
+                least_yaw_weight=_YAW.batch.least_yaw_weight,
+            ),
         ),
     ),
 }

@@ -22,9 +22,6 @@ Vector3 = tuple[float, float, float]
 
 FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
-FLING_START_BELOW = 0.6
-"""A garment whose value of the fling rule is not below this after its fall is dropped again, steeper: what
-nearly lies flat need not be flung. The rule asks for more than 0.8."""
 FLING_GRASP_HEIGHT = 0.0
 """Height of the grasp point in a heap [m]: the fingers reach down to the ground, and take hold of all layers."""
 
@@ -114,7 +111,8 @@ class Task:
     """Range of the garment's rotation about x [rad], before the yaw: how steeply it stands when dropped."""
     start_below: float | None = None
     """The rule's value that the start has to be below: a garment that has fallen flatter than this is dropped again,
-    5 degrees steeper each time. None takes it as it falls."""
+    5 degrees steeper each time, since what nearly lies flat need not be flung, and what only lifts it and lets it fall
+    must not succeed. None takes it as it falls."""
     drop_height: float = 0.2
     """Height of its lowest point when it is dropped [m]."""
     settle_frames: int = 60

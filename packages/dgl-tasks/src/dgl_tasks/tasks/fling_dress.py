@@ -1,7 +1,7 @@
 """Fling Dress: fling a crumpled dress flat, then pull its sleeves apart."""
 
 from dgl_tasks.cameras import FLING_CAMERAS
-from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, FLING_START_BELOW, Stage, Task
+from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, Stage, Task
 from dgl_tasks.success import FlingRule
 
 TASK = Task(
@@ -13,7 +13,7 @@ TASK = Task(
     x_range=(-0.1, 0.1),
     y_range=(0.5, 0.7),
     roll_range=FLING_ROLL,
-    start_below=FLING_START_BELOW,
+    start_below=0.6,
     settle_frames=120,
     cameras=FLING_CAMERAS,
     stages=(
