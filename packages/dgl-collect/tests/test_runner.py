@@ -245,15 +245,13 @@ def test_an_interrupt_keeps_what_has_finished(tmp_path, number, least, fakes):
             if int(line) >= least:
                 break
         os.killpg(process.pid, number)
-        started = time.monotonic()
         errors = process.stderr.read()
-        assert process.wait(10) == 130
-    assert time.monotonic() - started < 5
+        assert process.wait(60) == 130
     assert errors == ""
     results = results_of(out)
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["status"], summary["attempted"]) == ("interrupted", len(results))
-    assert len(results) >= least
+    assert least <= len(results) < 200  # it does not finish what is left first
     assert {result.reason for result in results} <= {None, "too little inside the box"}
     kept = {path for result in results for path in result.files.values()}
     assert kept == {path for path in files_of(out) if path.startswith(("episodes", "failed"))}
@@ -273,7 +271,7 @@ def test_workers_end_when_the_run_is_killed(tmp_path, fakes):
                 break
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         process.kill()
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60  # on a busy machine too
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < deadline
         time.sleep(0.05)
