@@ -252,19 +252,21 @@ def test_what_is_seen_takes_the_place_of_what_was_expected():
     assert [way[2].targets["left"][1] for way in (seen, expected)] == pytest.approx([1.12, 1.18])
 
 
-def test_legs_are_pulled_away_from_the_waist_and_apart():
+@pytest.mark.parametrize(("length", "pulled"), [(0.8, 0.09), (0.3, 0.036)])
+def test_legs_are_pulled_away_from_the_waist_and_apart(length, pulled):
     stage = load_demonstration("FlingTrousers-v1").get_stage("pull_legs")
     hems = {"left": np.array([-0.2, 0.35, 0]), "right": np.array([0.1, 0.4, 0])}
     points = {f"{side}_hem_middle": point for side, point in hems.items()}
+    points |= {f"{side}_waistband": point + [0, length, 0] for side, point in hems.items()}
     before = hems
     for waypoint in retarget_waypoints(stage, points):
         for side, outwards in (("left", -1), ("right", 1)):
             way = waypoint.targets[side] - before[side]
-            assert way[1] < -0.015
+            assert way[1] < -pulled / 6
             assert outwards * way[0] > 0.005
         before = waypoint.targets
     drawn = {side: before[side][1] - hems[side][1] for side in hems}
-    assert drawn == pytest.approx({"left": -0.09, "right": -0.09})
+    assert drawn == pytest.approx({"left": -pulled, "right": -pulled})
 
 
 @pytest.mark.parametrize("task", ["FlingTops-v1", "FlingDress-v1"])

@@ -221,6 +221,41 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last,
     assert driver.measurements.get("further_tries", 0.0) == float(lost)
 
 
+@pytest.mark.parametrize(
+    ("rounds", "reasons", "gone_through"),
+    [
+        (1, [], 1),  # not even judged
+        (3, [None], 1),
+        (3, ["below the threshold", None], 2),
+        (3, ["below the threshold", "still moving"], 3),  # what the last one has done is judged by whoever asked
+    ],
+)
+def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_through):
+    setup, driver = dry
+    setup.env.task = dataclasses.replace(TASK, rounds=rounds)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    driver.settle = lambda: None
+    judged = iter(reasons)
+    driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    course = []
+    execution.look = lambda: course.append("look")
+
+    def run_stage(stage):
+        course.append(stage.name)
+        execution.records.append(stage.name)
+        driver.events.append(("slipped", f"in round {course.count(stage.name)}"))
+
+    execution._run_stage = run_stage
+    execution.perform()
+    names = [stage.name for stage in TASK.stages]
+    assert course == [*names, *["look", *names] * (gone_through - 1)]
+    assert next(judged, None) is None
+    # what came before the last round is neither recorded nor held against it
+    assert execution.records == names
+    assert {where for _, where in driver.events} == {f"in round {gone_through}"}
+    assert driver.measurements.get("further_rounds", 0.0) == gone_through - 1
+
+
 def test_both_are_methods_of_evaluations():
     assert isinstance(LiftAndDrop(setup=None), EpisodePolicy)
     assert isinstance(Expert(setup=None), EpisodePolicy)

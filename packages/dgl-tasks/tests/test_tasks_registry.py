@@ -116,3 +116,5 @@ def test_contradictory_declarations_are_refused():
         dataclasses.replace(task, y_range=(0.9, 0.7))
     with pytest.raises(ValueError, match="at least one stage"):
         dataclasses.replace(task, stages=())
+    with pytest.raises(ValueError, match="rounds must be at least 1; got 0"):
+        dataclasses.replace(task, rounds=0)

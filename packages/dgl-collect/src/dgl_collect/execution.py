@@ -143,11 +143,32 @@ class Execution:
         self.points = self._find_points(self.driver.see_garment())
 
     def perform(self) -> None:
-        """Run all stages."""
+        """Run all stages; all of them again while the task is seen not to be done, see `Task.rounds`."""
+        rounds = self.env.task.rounds
+        for number in range(1, rounds + 1):
+            clock = time.perf_counter()
+            for stage in self.env.task.stages:
+                self._run_stage(stage)
+                clock = self._note_time(stage.name, clock)
+            if number == rounds or self._is_done():
+                return
+            self._begin_again()
+
+    def _is_done(self) -> bool:
+        self.driver.settle()
+        return self.driver.judge(self.points).reason is None
+
+    def _begin_again(self) -> None:
+        """Forget what has been done, which does not count any more, and look how the garment lies now."""
+        self.records.clear()
+        self.driver.events.clear()
+        self._count("further_rounds")
         clock = time.perf_counter()
-        for stage in self.env.task.stages:
-            self._run_stage(stage)
-            clock = self._note_time(stage.name, clock)
+        self.look()
+        self._note_time("observe", clock)
+
+    def _count(self, what: str) -> None:
+        self.driver.measurements[what] = self.driver.measurements.get(what, 0.0) + 1.0
 
     def find_grasps(
         self, stage: Stage, cloud: np.ndarray
@@ -259,8 +280,7 @@ class Execution:
             return False
         self.driver.retreat(tuple(stage.grasp), stage.leave)
         self.driver.settle()
-        tries = self.driver.measurements.get("further_tries", 0.0)
-        self.driver.measurements["further_tries"] = tries + 1.0
+        self._count("further_tries")
         return True
 
     def stretch(
@@ -367,7 +387,7 @@ class Execution:
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()
-        self.stage_seconds[name] = now - since
+        self.stage_seconds[name] = self.stage_seconds.get(name, 0.0) + now - since
         return now
 
     def make_episode(self, outcome: Outcome) -> Episode:

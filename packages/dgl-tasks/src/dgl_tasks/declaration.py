@@ -24,6 +24,8 @@ FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
 FLING_GRASP_HEIGHT = 0.0
 """Height of the grasp point in a heap [m]: the fingers reach down to the ground, and take hold of all layers."""
+FLING_ROUNDS = 3
+"""How often a garment is flung at most: what has stayed folded is flung again, from flatter than it first lay."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +103,9 @@ class Task:
     stages: tuple[Stage, ...]
     success: SuccessRule
     """Its points are found on the initial cloud."""
+    rounds: int = 1
+    """How often the stages are gone through at most: an expert that sees the task not done after the last one begins
+    again with the first, from where the garment lies then."""
     x_range: Range
     """Range of the garment's centre in x [m]."""
     y_range: Range
@@ -139,3 +144,5 @@ class Task:
             raise ValueError(f"props must have different names; got {names}")
         if not self.stages:
             raise ValueError(f"task {self.id} must have at least one stage")
+        if self.rounds < 1:
+            raise ValueError(f"rounds must be at least 1; got {self.rounds}")

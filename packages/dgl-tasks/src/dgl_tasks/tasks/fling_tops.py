@@ -1,7 +1,7 @@
 """Fling Tops: fling a crumpled top flat, then pull its sleeves apart."""
 
 from dgl_tasks.cameras import FLING_CAMERAS
-from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, Stage, Task
+from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, FLING_ROUNDS, Stage, Task
 from dgl_tasks.success import FlingRule
 
 TASK = Task(
@@ -15,6 +15,7 @@ TASK = Task(
     roll_range=FLING_ROLL,
     start_below=0.7,
     settle_frames=120,
+    rounds=FLING_ROUNDS,
     cameras=FLING_CAMERAS,
     stages=(
         Stage(
