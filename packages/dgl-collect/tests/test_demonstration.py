@@ -257,7 +257,8 @@ def test_legs_are_pulled_away_from_the_waist_and_apart(length, pulled):
     stage = load_demonstration("FlingTrousers-v1").get_stage("pull_legs")
     hems = {"left": np.array([-0.2, 0.35, 0]), "right": np.array([0.1, 0.4, 0])}
     points = {f"{side}_hem_middle": point for side, point in hems.items()}
-    points |= {f"{side}_waistband": point + [0, length, 0] for side, point in hems.items()}
+    up = np.array([0, length, 0])
+    points |= {f"{side}_waistband": point + up for side, point in hems.items()}
     before = hems
     for waypoint in retarget_waypoints(stage, points):
         for side, outwards in (("left", -1), ("right", 1)):

@@ -227,7 +227,11 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last,
         (1, [], 1),  # not even judged
         (3, [None], 1),
         (3, ["below the threshold", None], 2),
-        (3, ["below the threshold", "still moving"], 3),  # what the last one has done is judged by whoever asked
+        (
+            3,
+            ["below the threshold", "still moving"],
+            3,
+        ),  # what the last one has done is judged by whoever asked
     ],
 )
 def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_through):
