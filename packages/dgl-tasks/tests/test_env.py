@@ -281,6 +281,24 @@ def test_equal_seeds_give_equal_particles_to_the_last_bit(env):
         np.testing.assert_array_equal(a, b)
 
 
+def collide_arms(env):
+    """Swing both arms inwards until their hands have met; returns the joint positions then."""
+    env.reset(seed=7, options={"garment": GARMENT})
+    start = env.agent.get_joint_state()[0].numpy().copy()
+    for share in np.minimum(np.arange(90) / 60, 1.0):
+        action = start.copy()
+        for side, turn in (("left", -share), ("right", share)):
+            action[joint_slice(side, "arm").start] += turn
+        env.advance(action)
+    return env.agent.get_joint_state()[0].numpy().copy()
+
+
+def test_arms_that_collide_do_so_alike_after_any_episode(env):
+    first = collide_arms(env)
+
+    np.testing.assert_array_equal(collide_arms(env), first)
+
+
 def test_draws_follow_from_the_seed_alone_and_lie_in_their_ranges(env):
     draws = []
     for seed in (5, 4, 5):

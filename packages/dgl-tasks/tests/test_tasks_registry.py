@@ -10,6 +10,7 @@ import dgl_tasks
 from dgl_assets import garment_ids, list_categories, load_garment
 from dgl_assets.robots import SIDES
 from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.declaration import Stage
 from dgl_tasks.errors import UnknownTaskError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
 from dgl_tasks.success import Before, Verdict, compute_covered_area
@@ -106,6 +107,27 @@ def test_category_place_and_policy_loops_are_as_specified(task_id):
     tilt = (65, 80) if "Fling" in task_id else (0, 0)
     np.testing.assert_allclose(np.degrees(task.roll_range), tilt)
     assert task.yaw == pytest.approx(np.pi / 2 if task_id == "FoldTrousers-v1" else 0.0)
+
+
+def test_a_hand_stops_short_of_its_point_along_its_fingers():
+    stage = Stage(
+        name="pull",
+        grasp={"left": "left_cuff", "right": "right_cuff"},
+        orientation="sides",
+        grasp_height=0.02,
+        short_by=0.1,
+    )
+    point = np.array([0.3, 0.7, 0.05])
+
+    left, right = (stage.place_grasp(side, point) - [0.3, 0.7, 0.02] for side in SIDES)
+
+    # hands that are turned inwards come from their own side and from the robots
+    assert np.linalg.norm(left) == pytest.approx(0.1)
+    assert left[0] < -0.05
+    assert left[1] < -0.02
+    np.testing.assert_allclose(right, left * [-1.0, 1.0, 1.0], atol=1e-3)
+    exact = dataclasses.replace(stage, short_by=0.0)
+    assert exact.place_grasp("left", point).tolist() == [0.3, 0.7, 0.02]
 
 
 def test_contradictory_declarations_are_refused():

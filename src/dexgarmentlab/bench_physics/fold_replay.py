@@ -182,12 +182,7 @@ class _Player:
         shown = self.demonstration.get_stage(stage.name)
         seen = self.find_points()  # the stages before may have dragged the garment along
         grasp = {
-            s: np.array(
-                [
-                    *np.mean([seen[n][:2] for n in stage.get_grasp_names(s)], axis=0),
-                    stage.grasp_height,
-                ]
-            )
+            s: stage.place_grasp(s, np.mean([seen[n] for n in stage.get_grasp_names(s)], axis=0))
             for s in stage.grasp
         }
         above = {s: p + np.array([0, 0, 0.15]) for s, p in grasp.items()}

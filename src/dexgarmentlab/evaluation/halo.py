@@ -74,7 +74,7 @@ class HaloDriver:
         """Go above the points, down to the height at which the stage grasps, and wait."""
         wanted: dict[Side, np.ndarray | None] = {"left": left, "right": right}
         points: dict[Side, np.ndarray] = {
-            side: np.array([*point[:2], self._stage.grasp_height], dtype=float)
+            side: self._stage.place_grasp(side, point)
             for side, point in wanted.items()
             if point is not None
         }

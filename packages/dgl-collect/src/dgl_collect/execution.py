@@ -114,6 +114,7 @@ class Execution:
         self.stage_seconds: dict[str, float] = {}
         self.points: dict[str, np.ndarray] = {}
         """The demonstration's points on the garment as it first lay [m], shape (3,), world frame."""
+        self._is_turned_over = False
         self._recorded = recorded
 
     # The course of an attempt ----------------------------------------------------------------
@@ -139,8 +140,21 @@ class Execution:
         return outcome
 
     def look(self) -> None:
-        """Find the demonstration's points on the garment that has been dropped."""
-        self.points = self._find_points(self.driver.see_garment())
+        """Find the demonstration's points on the garment as it lies, and whether it lies on its face."""
+        cloud = self.driver.see_garment()
+        self._is_turned_over = False
+        self.points = self._find_points(cloud)
+        if self.env.task.turns_over and self._is_crossed(self.env.task.stages[0]):
+            self._is_turned_over = True
+            self.points = self._find_points(cloud)
+
+    def _is_crossed(self, stage: Stage) -> bool:
+        """Whether the left hand would grasp to the right of the right one."""
+        x = {
+            side: np.mean([self.points[name][0] for name in stage.get_grasp_names(side)])
+            for side in SIDES
+        }
+        return bool(x["left"] > x["right"])
 
     def perform(self) -> None:
         """Run all stages; all of them again while the task is seen not to be done, see `Task.rounds`."""
@@ -204,8 +218,7 @@ class Execution:
                     raise PerceptionError(f"{stage.name}: {err}") from err
             similarities.append(similarity.max(axis=0))
             if side in stage.grasp:
-                x, y = cloud[found, :2].mean(axis=0, dtype=float)
-                grasp[side] = np.array([x, y, stage.grasp_height])
+                grasp[side] = stage.place_grasp(side, cloud[found].mean(axis=0, dtype=float))
         return grasp, np.stack(similarities)
 
     def _run_stage(self, stage: Stage) -> None:
@@ -336,6 +349,8 @@ class Execution:
 
     def _match(self, names: list[str], cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         matcher = self.setup.find_matcher(self.env)
+        if self._is_turned_over:
+            names = [_exchange_sides(name) for name in names]
         wanted = np.array([self.demonstration.points[name] for name in names])
         return matcher.match(self.setup.demo_cloud, wanted, cloud)
 
@@ -409,3 +424,10 @@ class Execution:
             commands=np.stack(self.driver.commands),
             extra={FINAL_PARTICLES: self.env.get_particles().astype(np.float32)},
         )
+
+
+def _exchange_sides(name: str) -> str:
+    for side, other in (SIDES, SIDES[::-1]):
+        if name.startswith(f"{side}_"):
+            return other + name.removeprefix(side)
+    return name

@@ -13,7 +13,7 @@ from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement, Side
 from dgl_physics import ClothMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
-from dgl_tasks.grasps import GraspName
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, point_along_fingers
 from dgl_tasks.leaving import LeaveName
 from dgl_tasks.success import SuccessRule
 
@@ -24,7 +24,7 @@ FLING_ROLL: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
 FLING_GRASP_HEIGHT = 0.0
 """Height of the grasp point in a heap [m]: the fingers reach down to the ground, and take hold of all layers."""
-FLING_ROUNDS = 3
+FLING_ROUNDS = 6
 """How often a garment is flung at most: what has stayed folded is flung again, from flatter than it first lay."""
 
 
@@ -39,6 +39,8 @@ class Stage:
     orientation: GraspName = "standard"
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
+    short_by: float = 0.0
+    """How far before the grasp point the hand stops, along its fingers [m]: it takes less of what lies beyond."""
     looks_again: bool = False
     """The points of the waypoints are found anew when the stage begins, instead of those on the initial
     garment: for a garment that the stages before have laid out differently."""
@@ -55,6 +57,14 @@ class Stage:
         """Name the points between which a hand grasps; of a hand that rests, those of the other one."""
         names = self.grasp.get(side, next(iter(self.grasp.values())))
         return (names,) if isinstance(names, str) else names
+
+    def place_grasp(self, side: Side, point: np.ndarray) -> np.ndarray:
+        """Say where a hand takes hold of a point that it has been shown [m], shape (2,) or (3,): shape (3,)."""
+        grasp = np.array([point[0], point[1], self.grasp_height], dtype=float)
+        if self.short_by:
+            fingers = point_along_fingers(GRASP_ORIENTATIONS[self.orientation][side])
+            grasp -= self.short_by * fingers
+        return grasp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +116,8 @@ class Task:
     rounds: int = 1
     """How often the stages are gone through at most: an expert that sees the task not done after the last one begins
     again with the first, from where the garment lies then."""
+    turns_over: bool = False
+    """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
     """Range of the garment's centre in x [m]."""
     y_range: Range

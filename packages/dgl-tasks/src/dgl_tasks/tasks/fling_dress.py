@@ -16,6 +16,7 @@ TASK = Task(
     start_below=0.6,
     settle_frames=120,
     rounds=FLING_ROUNDS,
+    turns_over=True,
     cameras=FLING_CAMERAS,
     stages=(
         Stage(
@@ -30,6 +31,7 @@ TASK = Task(
             grasp={"left": "left_cuff", "right": "right_cuff"},
             orientation="sides",
             grasp_height=0.02,
+            short_by=0.03,
             looks_again=True,
             moved_at_most=None,
             policy_loops=4,
