@@ -13,7 +13,7 @@ from dgl_collect.execution import TRIES, Execution
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
-from dgl_tasks.errors import PerceptionError
+from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.hanging import Hanging
@@ -185,7 +185,7 @@ def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
     execution.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     looks = []
     execution.look = lambda: looks.append(driver.is_parked)
-    execution._run_stage(TASK.stages[0])
+    assert execution._run_stage(TASK.stages[0], is_last=True)
     assert driver.measurements.get("further_tries", 0.0) == tries
     assert next(driver.looks, None) is None
     assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
@@ -193,16 +193,15 @@ def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
 
 
 @pytest.mark.parametrize(
-    ("task", "number", "is_last", "far", "lost"),
+    ("task", "number", "far", "lost"),
     [
-        ("FlingTrousers-v1", 0, False, 0.2, True),
-        ("FlingTrousers-v1", 1, False, 0.2, True),
-        ("FlingTrousers-v1", 1, False, 0.05, False),
-        ("FlingTrousers-v1", 1, True, 0.2, False),
-        ("FoldTops-v1", 1, False, 0.2, False),
+        ("FlingTrousers-v1", 0, 0.2, True),
+        ("FlingTrousers-v1", 1, 0.2, True),
+        ("FlingTrousers-v1", 1, 0.05, False),
+        ("FoldTops-v1", 1, 0.2, False),
     ],
 )
-def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last, far, lost):
+def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, lost):
     setup, _ = dry
     setup.env.task, setup.demonstration = get_task(task), load_demonstration(task)
     driver = make_stage_driver(setup, [])
@@ -216,9 +215,24 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, is_last,
         )
     )
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
-    assert execution._give_up_if_lost(get_task(task).stages[0], number, is_last=is_last) == lost
-    assert driver.is_parked == lost
-    assert driver.measurements.get("further_tries", 0.0) == float(lost)
+    assert execution._is_seen_lost(get_task(task).stages[0], number) == lost
+
+
+@pytest.mark.parametrize(("far", "goes_on"), [(0.2, False), (0.05, True)])
+def test_what_is_lost_before_the_last_round_is_laid_down(dry, far, goes_on):
+    setup, _ = dry
+    driver = make_stage_driver(
+        setup, [far, far]
+    )  # the second look is for cloth that hangs on the hand
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    ahead = np.array([0, 0.8, 0])
+    execution.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
+    sent = []
+    driver.leave = lambda *args: sent.append(len(driver.commands))
+    assert execution._run_stage(TASK.stages[0], is_last=False) == goes_on
+    # in one try, to its end
+    assert len(sent) == 1
+    assert driver.measurements.get("further_tries", 0.0) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -244,10 +258,12 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     course = []
     execution.look = lambda: course.append("look")
 
-    def run_stage(stage):
+    def run_stage(stage, *, is_last):
+        assert is_last == (course.count("look") == rounds - 1)
         course.append(stage.name)
         execution.records.append(stage.name)
         driver.events.append(("slipped", f"in round {course.count(stage.name)}"))
+        return True
 
     execution._run_stage = run_stage
     execution.perform()
@@ -258,6 +274,39 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     assert execution.records == names
     assert {where for _, where in driver.events} == {f"in round {gone_through}"}
     assert driver.measurements.get("further_rounds", 0.0) == gone_through - 1
+
+
+def unreachable(stage, **_):
+    raise UnreachableError(f"{stage.name} is out of reach", distance=0.1)
+
+
+@pytest.mark.parametrize("fail", [lambda stage: False, unreachable], ids=["lost", "out of reach"])
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_round_that_cannot_be_finished_ends_at_once(dry, fail, number):
+    setup, driver = dry
+    setup.env.task = dataclasses.replace(TASK, rounds=2)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    driver.settle = lambda: None
+    driver.send(driver.motion.hold(1))
+    course = []
+    execution.look = lambda: course.append("look" if driver.is_parked else "look past the arms")
+
+    def run_stage(stage, *, is_last):
+        course.append(stage.name)
+        return True if is_last or stage is not TASK.stages[number] else fail(stage)
+
+    execution._run_stage = run_stage
+    execution.perform()
+    names = [stage.name for stage in TASK.stages]
+    assert course == [*names[: number + 1], "look", *names]
+
+
+def test_what_is_out_of_reach_in_the_last_round_ends_the_attempt(dry):
+    setup, driver = dry
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    execution._run_stage = unreachable
+    with pytest.raises(UnreachableError):
+        execution.perform()
 
 
 def test_both_are_methods_of_evaluations():

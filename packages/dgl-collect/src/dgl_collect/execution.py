@@ -25,12 +25,15 @@ from dgl_tasks.approach import plan_approach, plan_leave
 from dgl_tasks.declaration import Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.errors import PerceptionError
+from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
 Recorded = Literal["nothing", "stages", "approaches"]
 """What of an attempt is recorded: nothing; its stages; or these and the approaches before them."""
+OnLoss = Literal["give up", "lay down", "ignore"]
+"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
+down what they still hold; or nobody looks."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
@@ -160,13 +163,27 @@ class Execution:
         """Run all stages; all of them again while the task is seen not to be done, see `Task.rounds`."""
         rounds = self.env.task.rounds
         for number in range(1, rounds + 1):
-            clock = time.perf_counter()
-            for stage in self.env.task.stages:
-                self._run_stage(stage)
-                clock = self._note_time(stage.name, clock)
-            if number == rounds or self._is_done():
+            if self._go_through(is_last=number == rounds):
                 return
             self._begin_again()
+
+    def _go_through(self, *, is_last: bool) -> bool:
+        """Run all stages; false if the task is seen not to be done, before the last round as soon as that is clear."""
+        clock = time.perf_counter()
+        for stage in self.env.task.stages:
+            try:
+                goes_on = self._run_stage(stage, is_last=is_last)
+            except UnreachableError:
+                if is_last:
+                    raise
+                goes_on = False
+            clock = self._note_time(stage.name, clock)
+            if not goes_on:
+                if not self.driver.is_parked:
+                    self.driver.retreat(tuple(stage.grasp), stage.leave)
+                self.driver.settle()
+                return False
+        return is_last or self._is_done()
 
     def _is_done(self) -> bool:
         self.driver.settle()
@@ -221,15 +238,21 @@ class Execution:
                 grasp[side] = stage.place_grasp(side, cloud[found].mean(axis=0, dtype=float))
         return grasp, np.stack(similarities)
 
-    def _run_stage(self, stage: Stage) -> None:
-        for number in range(1, TRIES + 1):
-            if self._try_stage(stage, is_last=number == TRIES):
-                return
-            if stage is self.env.task.stages[0]:
+    def _run_stage(self, stage: Stage, *, is_last: bool) -> bool:
+        """Carry out a stage; false if the next round has to begin at once, as the first stage has lost the garment."""
+        is_first = stage is self.env.task.stages[0]
+        if is_first and not is_last:
+            return self._try_stage(stage, on_loss="lay down")
+        for _ in range(TRIES - 1):
+            if self._try_stage(stage, on_loss="give up"):
+                return True
+            if is_first:
                 self.look()  # what has been let go lies in another way
+        self._try_stage(stage, on_loss="ignore")
+        return True
 
-    def _try_stage(self, stage: Stage, *, is_last: bool) -> bool:
-        """Carry out a stage; false if a hand lost its hold, and the hands have let go and parked."""
+    def _try_stage(self, stage: Stage, *, on_loss: OnLoss) -> bool:
+        """Carry out a stage; false if a hand was seen to lose its hold, which is looked for unless it is ignored."""
         demonstrated = self.demonstration.get_stage(stage.name)
         points = self.points
         cloud_step = self.driver.step_count
@@ -260,41 +283,45 @@ class Execution:
             recorder.begin(self.driver.step_count)
         send, hands = self.driver.send, self.motion.set_hands
         send(hands(dict.fromkeys(grasp, demonstrated.grasp_pose)), recorder)
+        is_held = True
         for number in range(len(waypoints)):
             waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
-            if self._give_up_if_lost(stage, number, is_last=is_last):
-                return False
+            if on_loss != "ignore" and self._is_seen_lost(stage, number):
+                is_held = False
+                if on_loss == "give up":
+                    self._give_up(stage)
+                    return False
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
             # what has been lost cannot be stretched
             if waypoint.stretch is not None and not self.driver.events:
                 seen = self.stretch(waypoint, waypoint.stretch, orientations, recorder)
-                if self._give_up_if_lost(stage, number, is_last=is_last):
-                    return False
+                if on_loss != "ignore" and self._is_seen_lost(stage, number):
+                    is_held = False
+                    if on_loss == "give up":
+                        self._give_up(stage)
+                        return False
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
         if recorder is not None:
             self.records.append(recorder.finish())
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
-        return True
+        return is_held
 
-    def _give_up_if_lost(self, stage: Stage, number: int, *, is_last: bool) -> bool:
-        """Let go and park if a hand is seen to hold nothing at a waypoint; returns whether that is so.
+    def _is_seen_lost(self, stage: Stage, number: int) -> bool:
+        """Whether a hand is seen to hold nothing at a waypoint.
 
-        It is looked at after the first waypoint, and after each one of a garment that hangs from both hands; never in
-        the last try.
+        It is looked at after the first waypoint, and after each one of a garment that hangs from both hands.
         """
         hangs = self.demonstration.get_stage(stage.name).waypoints[0].stretch is not None
-        if is_last or not (number == 0 or hangs):
-            return False
-        if not self._find_empty(stage, self.driver.see_points()):
-            return False
+        return (number == 0 or hangs) and bool(self._find_empty(stage, self.driver.see_points()))
+
+    def _give_up(self, stage: Stage) -> None:
         self.driver.retreat(tuple(stage.grasp), stage.leave)
         self.driver.settle()
         self._count("further_tries")
-        return True
 
     def stretch(
         self,
