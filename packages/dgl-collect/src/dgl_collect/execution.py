@@ -40,7 +40,7 @@ HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
-back."""
+back. The first stage of a round that is not the last is begun once: the next round goes back."""
 LEAST_RISE = 0.004
 """By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
 SWING_FRAMES = 20
