@@ -276,6 +276,52 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     assert driver.measurements.get("further_rounds", 0.0) == gone_through - 1
 
 
+def test_stages_that_stay_done_are_not_begun_again(dry):
+    setup, driver = dry
+    setup.env.task = dataclasses.replace(TASK, rounds=3, again_from=1)
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    driver.settle = lambda: None
+    judged = iter(["below the threshold", None])
+    driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    execution.look = lambda: pytest.fail("the points are those of the garment as it first lay")
+    course = []
+
+    def run_stage(stage, *, is_last):
+        # no further round would mend the first stage
+        assert is_last == (stage is TASK.stages[0])
+        course.append(stage.name)
+        execution.records.append((stage.name, len(course)))
+        return True
+
+    execution._run_stage = run_stage
+    execution.perform()
+    first, *others = [stage.name for stage in TASK.stages]
+    assert course == [first, *others, *others]
+    assert execution.records == [(first, 1), (others[0], 4), (others[1], 5)]
+    assert driver.measurements["further_rounds"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("apart", "known", "expected"),
+    [
+        (0.24, True, 0.12),
+        (0.26, True, 0.26),  # one hand cannot take both: the one that lies where it first lay
+        (0.26, False, 0.13),  # nobody has looked before
+    ],
+)
+def test_of_points_too_far_apart_the_one_left_behind_is_grasped(dry, apart, known, expected):
+    setup, driver = dry
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    if known:
+        execution.points = {
+            "left_hem": np.array([0.9, 0.8, 0.0]),
+            "right_hem": np.array([0.5, 0.8, 0.0]),
+        }
+    found = np.array([[0.0, 0.8, 0.01], [apart, 0.8, 0.01]], np.float32)
+    grasp = execution._choose_grasp(["left_hem", "right_hem"], found)
+    np.testing.assert_allclose(grasp, (expected, 0.8, 0.01), atol=1e-6)
+
+
 def unreachable(stage, **_):
     raise UnreachableError(f"{stage.name} is out of reach", distance=0.1)
 
@@ -301,8 +347,10 @@ def test_a_round_that_cannot_be_finished_ends_at_once(dry, fail, number):
     assert course == [*names[: number + 1], "look", *names]
 
 
-def test_what_is_out_of_reach_in_the_last_round_ends_the_attempt(dry):
+@pytest.mark.parametrize("again", [{}, {"rounds": 2, "again_from": 1}])
+def test_what_is_out_of_reach_and_not_begun_again_ends_the_attempt(dry, again):
     setup, driver = dry
+    setup.env.task = dataclasses.replace(TASK, **again)
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     execution._run_stage = unreachable
     with pytest.raises(UnreachableError):

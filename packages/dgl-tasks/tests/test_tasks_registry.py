@@ -140,3 +140,6 @@ def test_contradictory_declarations_are_refused():
         dataclasses.replace(task, stages=())
     with pytest.raises(ValueError, match="rounds must be at least 1; got 0"):
         dataclasses.replace(task, rounds=0)
+    for number in (-1, 3):
+        with pytest.raises(ValueError, match=rf"again_from must be in 0..2; got {number}"):
+            dataclasses.replace(task, again_from=number)

@@ -41,6 +41,8 @@ HELD_HEIGHT = 0.05
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
+APART = 0.25
+"""Points farther from each other than this are not taken together by one hand [m]."""
 LEAST_RISE = 0.004
 """By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
 SWING_FRAMES = 20
@@ -160,21 +162,26 @@ class Execution:
         return bool(x["left"] > x["right"])
 
     def perform(self) -> None:
-        """Run all stages; all of them again while the task is seen not to be done, see `Task.rounds`."""
-        rounds = self.env.task.rounds
-        for number in range(1, rounds + 1):
-            if self._go_through(is_last=number == rounds):
+        """Run all stages; some or all of them again while the task is seen not to be done, see `Task.rounds`."""
+        task = self.env.task
+        for number in range(1, task.rounds + 1):
+            first = 0 if number == 1 else task.again_from
+            if self._go_through(first, is_last=number == task.rounds):
                 return
             self._begin_again()
 
-    def _go_through(self, *, is_last: bool) -> bool:
-        """Run all stages; false if the task is seen not to be done, before the last round as soon as that is clear."""
+    def _go_through(self, first: int, *, is_last: bool) -> bool:
+        """Run the stages from `first` on; false as soon as it is clear that a further round has to follow."""
         clock = time.perf_counter()
-        for stage in self.env.task.stages:
+        for number, stage in enumerate(self.env.task.stages):
+            if number < first:
+                continue
+            # what went wrong before the stage that a round begins with, the next one would not mend
+            ends_well = is_last or number < self.env.task.again_from
             try:
-                goes_on = self._run_stage(stage, is_last=is_last)
+                goes_on = self._run_stage(stage, is_last=ends_well)
             except UnreachableError:
-                if is_last:
+                if ends_well:
                     raise
                 goes_on = False
             clock = self._note_time(stage.name, clock)
@@ -190,10 +197,13 @@ class Execution:
         return self.driver.judge(self.points).reason is None
 
     def _begin_again(self) -> None:
-        """Forget what has been done, which does not count any more, and look how the garment lies now."""
-        self.records.clear()
+        """Forget what will be done again, which does not count any more, and look how the garment lies now."""
+        first = self.env.task.again_from
+        del self.records[first:]
         self.driver.events.clear()
         self._count("further_rounds")
+        if first:
+            return  # how the garment lay at first says where it has to go
         clock = time.perf_counter()
         self.look()
         self._note_time("observe", clock)
@@ -235,18 +245,26 @@ class Execution:
                     raise PerceptionError(f"{stage.name}: {err}") from err
             similarities.append(similarity.max(axis=0))
             if side in stage.grasp:
-                grasp[side] = stage.place_grasp(side, cloud[found].mean(axis=0, dtype=float))
+                grasp[side] = stage.place_grasp(side, self._choose_grasp(names, cloud[found]))
         return grasp, np.stack(similarities)
 
+    def _choose_grasp(self, names: list[str], found: np.ndarray) -> np.ndarray:
+        """Choose midway between points [m], shape (N, 3); of some that one hand cannot take together the one left behind."""
+        distances = np.linalg.norm(found[:, None] - found[None], axis=2)
+        if self.points and distances.max() > APART:
+            moved = [np.linalg.norm(p - self.points[n]) for n, p in zip(names, found, strict=True)]
+            return found[int(np.argmin(moved))].astype(float)
+        return found.mean(axis=0, dtype=float)
+
     def _run_stage(self, stage: Stage, *, is_last: bool) -> bool:
-        """Carry out a stage; false if the next round has to begin at once, as the first stage has lost the garment."""
-        is_first = stage is self.env.task.stages[0]
-        if is_first and not is_last:
+        """Carry out a stage; false if the next round has to begin at once, as the stage it begins with has lost the garment."""
+        stages = self.env.task.stages
+        if stage is stages[self.env.task.again_from] and not is_last:
             return self._try_stage(stage, on_loss="lay down")
         for _ in range(TRIES - 1):
             if self._try_stage(stage, on_loss="give up"):
                 return True
-            if is_first:
+            if stage is stages[0]:
                 self.look()  # what has been let go lies in another way
         self._try_stage(stage, on_loss="ignore")
         return True

@@ -115,7 +115,10 @@ class Task:
     """Its points are found on the initial cloud."""
     rounds: int = 1
     """How often the stages are gone through at most: an expert that sees the task not done after the last one begins
-    again with the first, from where the garment lies then."""
+    again, from where the garment lies then."""
+    again_from: int = 0
+    """Number of the stage with which a further round begins; the first is 0. Those before are not undone by what
+    fails later."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
@@ -158,3 +161,7 @@ class Task:
             raise ValueError(f"task {self.id} must have at least one stage")
         if self.rounds < 1:
             raise ValueError(f"rounds must be at least 1; got {self.rounds}")
+        if not 0 <= self.again_from < len(self.stages):
+            raise ValueError(
+                f"again_from must be in 0..{len(self.stages) - 1}; got {self.again_from}"
+            )

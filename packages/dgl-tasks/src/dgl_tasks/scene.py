@@ -4,6 +4,7 @@ Everything is picture only, except for the ground plane. Light is one lamp and a
 cheap to draw on a processor, and so are the flat shadows of `dgl_tasks.shadows`.
 """
 
+import functools
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -304,6 +305,7 @@ def _make_matt(image: np.ndarray) -> sapien.render.RenderMaterial:
     return material
 
 
+@functools.cache  # takes SAPIEN seconds, and every scene has the same
 def _make_dome(pixels: int = 256) -> sapien.render.RenderCubemap:
     """Make the environment map: light by height, the same all around."""
     ramp = (np.arange(pixels) + 0.5) / pixels * 2 - 1

@@ -19,6 +19,8 @@ TASK = Task(
         "at least 85 % of the garment's visible area lies in the half of the far leg next to the "
         "waistband, between its outer seam and the middle of the trousers (+- 0.1 m)"
     ),
+    rounds=3,
+    again_from=1,
     x_range=(-0.1, 0.1),
     y_range=(0.7, 0.9),
     yaw=float(np.pi / 2),
@@ -30,6 +32,8 @@ TASK = Task(
         Stage(
             name="near_leg_over",
             grasp={"left": "left_waist", "right": "left_hem_outer"},
+            # a thumb that slides back through friction 1 drags the leg, and the trousers, along
+            leave="shed",
             policy_loops=12,
         ),
         Stage(
