@@ -7,7 +7,7 @@ import pytest
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.approach import CLEARANCE, FREE_DRAW_BACKS, plan_approach, plan_free, plan_leave
-from dgl_tasks.driver import CAUGHT_DISTANCE, FREE_TRIES, Driver
+from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_TRIES, Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.leaving import LEAVES
@@ -173,6 +173,15 @@ def test_films_run_three_times_as_fast_while_the_arms_come_and_go(env, motion, m
     driver.execute(motion.hold(6))  # 30 steps
     driver.settle()
     assert pictures == [*range(0, 30, 5), *range(30, driver.step_count, 15)]
+
+
+@pytest.mark.parametrize(("moves", "waits"), [(0, 1), (2, 3), (9, FINAL_WAITS)])
+def test_what_still_moves_is_waited_for(driver, monkeypatch, moves, waits):
+    still = iter([False] * moves + [True])
+    monkeypatch.setattr(driver.env, "is_still", lambda: next(still))
+    monkeypatch.setattr(driver.env, "advance", lambda target: None)
+    driver.settle()
+    assert driver.step_count == waits * FINAL_FRAMES
 
 
 def check_parked(driver):

@@ -122,6 +122,9 @@ class FakeEnv:
     def evaluate(self):
         return {"is_released": np.array(self.is_released), "is_still": np.array(True)}
 
+    def is_still(self):
+        return True
+
 
 class FakeMotion:
     """Plans jumps."""

@@ -24,6 +24,8 @@ logger = logging.getLogger(__name__)
 
 FINAL_FRAMES = 50
 """Control steps between the hands being out of the way and the verdict."""
+FINAL_WAITS = 4
+"""How often these are waited for at most, while the garment still moves."""
 CAUGHT_DISTANCE = 0.12
 """A risen hand is taken to carry cloth that is seen so near to its grasp point [m]; what lies is 0.15 m below."""
 FREE_TRIES = 2
@@ -338,7 +340,10 @@ class Driver:
 
     def settle(self) -> None:
         """Wait for the garment to come to rest before it is judged."""
-        self._pass(self.motion.hold(FINAL_FRAMES))
+        for _ in range(FINAL_WAITS):
+            self._pass(self.motion.hold(FINAL_FRAMES))
+            if self.env.is_still():
+                break
 
     def judge(self, points: Mapping[str, np.ndarray] | None = None) -> Judgement:
         """Judge what the garment camera sees, with the arms where they are.

@@ -316,7 +316,7 @@ class GarmentEnv(BaseEnv):
     def evaluate(self) -> dict:
         """Judge the garment: success, the rule's value, whether it lies still and is let go."""
         verdict = self.judge_visible_surface()
-        is_still = self.measure_speed() < STILL_SPEED
+        is_still = self.is_still()
         is_released = not self.is_touching()
         success = verdict.success and is_still and is_released
         return {
@@ -330,6 +330,10 @@ class GarmentEnv(BaseEnv):
         """Measure the RMS speed of the garment's particles [m/s]."""
         velocities = self.cloth.state.get_velocities()[0]
         return float(np.sqrt((velocities**2).sum(axis=1).mean()))
+
+    def is_still(self) -> bool:
+        """Tell whether the garment is at rest."""
+        return self.measure_speed() < STILL_SPEED
 
     def compute_reward_terms(self) -> RewardTerms:
         """Compute the terms of the dense reward; see `dgl_tasks.reward`."""
