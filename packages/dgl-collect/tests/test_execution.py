@@ -61,7 +61,7 @@ def test_a_turned_garment_keeps_its_own_sides_where_it_is_not_expected_to_turn_o
 
     execution.look()
 
-    assert execution.points["left_cuff"][0] > execution.points["right_cuff"][0]
+    assert execution.finder.points["left_cuff"][0] > execution.finder.points["right_cuff"][0]
 
 
 def test_a_garment_that_turns_back_gets_its_own_sides_again():
@@ -71,5 +71,5 @@ def test_a_garment_that_turns_back_gets_its_own_sides_again():
     execution.driver.see_garment = lambda: cloud * FACE_DOWN
     execution.look()
 
-    points = {name: place[0] for name, place in execution.points.items()}
+    points = {name: place[0] for name, place in execution.finder.points.items()}
     assert points["left_cuff"] == pytest.approx(execution.demonstration.points["left_cuff"][0])

@@ -88,13 +88,13 @@ def test_points_are_looked_for_near_where_they_first_lay(dry):
     anywhere = np.array([*CUFF[:2], stage.grasp_height])
     np.testing.assert_allclose(execution.find_grasps(stage, cloud)[0]["left"], anywhere, atol=1e-6)
     # the matcher likes the left cuff, but the point lay at the right one
-    execution.points = {"left_cuff": np.array([0.4, 0.6, 0.0])}
+    execution.finder.points = {"left_cuff": np.array([0.4, 0.6, 0.0])}
     grasp, similarity = execution.find_grasps(stage, cloud)
     np.testing.assert_allclose(grasp["left"][:2], (0.4, 0.7), atol=1e-6)
     assert similarity.shape == (2, 3)
     moved = dataclasses.replace(stage, moved_at_most=None)
     np.testing.assert_allclose(execution.find_grasps(moved, cloud)[0]["left"], anywhere, atol=1e-6)
-    execution.points = {"left_cuff": np.array([0.4, 0.5, 0.0])}
+    execution.finder.points = {"left_cuff": np.array([0.4, 0.5, 0.0])}
     with pytest.raises(PerceptionError, match=r"left_sleeve: nothing of the garment lies within"):
         execution.find_grasps(stage, cloud)
 
@@ -182,10 +182,10 @@ def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
     driver = make_stage_driver(setup, heights)
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     ahead = np.array([0, 0.8, 0])
-    execution.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
+    execution.finder.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     looks = []
     execution.look = lambda: looks.append(driver.is_parked)
-    assert execution._run_stage(TASK.stages[0], is_last=True)
+    assert execution._run_stage(TASK.stages[0], is_final=True)
     assert driver.measurements.get("further_tries", 0.0) == tries
     assert next(driver.looks, None) is None
     assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
@@ -215,7 +215,8 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, los
         )
     )
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
-    assert execution._is_seen_lost(get_task(task).stages[0], number) == lost
+    assert execution._check_hold(get_task(task).stages[0], number, "lay down") != lost
+    assert execution._check_hold(get_task(task).stages[0], number, "ignore")
 
 
 @pytest.mark.parametrize(("far", "goes_on"), [(0.2, False), (0.05, True)])
@@ -226,10 +227,10 @@ def test_what_is_lost_before_the_last_round_is_laid_down(dry, far, goes_on):
     )  # the second look is for cloth that hangs on the hand
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     ahead = np.array([0, 0.8, 0])
-    execution.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
+    execution.finder.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     sent = []
     driver.leave = lambda *args: sent.append(len(driver.commands))
-    assert execution._run_stage(TASK.stages[0], is_last=False) == goes_on
+    assert execution._run_stage(TASK.stages[0], is_final=False) == goes_on
     # in one try, to its end
     assert len(sent) == 1
     assert driver.measurements.get("further_tries", 0.0) == 0.0
@@ -258,8 +259,8 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     course = []
     execution.look = lambda: course.append("look")
 
-    def run_stage(stage, *, is_last):
-        assert is_last == (course.count("look") == rounds - 1)
+    def run_stage(stage, *, is_final):
+        assert is_final == (course.count("look") == rounds - 1)
         course.append(stage.name)
         execution.records.append(stage.name)
         driver.events.append(("slipped", f"in round {course.count(stage.name)}"))
@@ -286,11 +287,12 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
     execution.look = lambda: pytest.fail("the points are those of the garment as it first lay")
     course = []
 
-    def run_stage(stage, *, is_last):
+    def run_stage(stage, *, is_final):
         # no further round would mend the first stage
-        assert is_last == (stage is TASK.stages[0])
+        assert is_final == (stage is TASK.stages[0])
         course.append(stage.name)
         execution.records.append((stage.name, len(course)))
+        driver.events.append(("slipped", f"{stage.name}, {len(course)}"))
         return True
 
     execution._run_stage = run_stage
@@ -298,6 +300,9 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
     first, *others = [stage.name for stage in TASK.stages]
     assert course == [first, *others, *others]
     assert execution.records == [(first, 1), (others[0], 4), (others[1], 5)]
+    # what went wrong in the stage that was kept still counts
+    kept = [f"{first}, 1", f"{others[0]}, 4", f"{others[1]}, 5"]
+    assert [where for _, where in driver.events] == kept
     assert driver.measurements["further_rounds"] == 1.0
 
 
@@ -313,12 +318,12 @@ def test_of_points_too_far_apart_the_one_left_behind_is_grasped(dry, apart, know
     setup, driver = dry
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     if known:
-        execution.points = {
+        execution.finder.points = {
             "left_hem": np.array([0.9, 0.8, 0.0]),
             "right_hem": np.array([0.5, 0.8, 0.0]),
         }
     found = np.array([[0.0, 0.8, 0.01], [apart, 0.8, 0.01]], np.float32)
-    grasp = execution._choose_grasp(["left_hem", "right_hem"], found)
+    grasp = execution.finder._choose_grasp(["left_hem", "right_hem"], found)
     np.testing.assert_allclose(grasp, (expected, 0.8, 0.01), atol=1e-6)
 
 
@@ -337,9 +342,9 @@ def test_a_round_that_cannot_be_finished_ends_at_once(dry, fail, number):
     course = []
     execution.look = lambda: course.append("look" if driver.is_parked else "look past the arms")
 
-    def run_stage(stage, *, is_last):
+    def run_stage(stage, *, is_final):
         course.append(stage.name)
-        return True if is_last or stage is not TASK.stages[number] else fail(stage)
+        return True if is_final or stage is not TASK.stages[number] else fail(stage)
 
     execution._run_stage = run_stage
     execution.perform()

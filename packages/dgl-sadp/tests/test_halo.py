@@ -102,6 +102,27 @@ def test_the_affordance_is_the_scaled_similarity_of_both_hands():
         np.testing.assert_allclose(affordance[:, column], 1 - distance / distance.max(), atol=1e-6)
 
 
+@pytest.mark.parametrize("turns_over", [False, True])
+def test_the_sides_of_a_garment_on_its_face_are_exchanged_in_all_stages(turns_over):
+    left, right = sorted((CLOUD[3], CLOUD[8]), key=lambda point: point[0])
+    stages = [
+        make_stage(Listener(), left=right, right=left),  # crossed, as this garment lies
+        make_stage(Listener(), left=left, right=right),
+    ]
+    driver = Recorder()
+    HALO(NearestMatcher(), stages, turns_over=turns_over).run(driver)
+    first, second = (told[1:] for told in driver.told if told[0] == "move")
+    np.testing.assert_array_equal(first, (left, right) if turns_over else (right, left))
+    np.testing.assert_array_equal(second, (right, left) if turns_over else (left, right))
+    HALO(NearestMatcher(), stages[1:], turns_over=turns_over).run(driver)  # not crossed
+    np.testing.assert_array_equal(driver.told[-2][1:], (left, right))
+
+
+def test_turning_over_takes_both_hands():
+    with pytest.raises(ValueError, match="turns_over needs a point for both hands"):
+        HALO(NearestMatcher(), [make_stage(Listener(), left=None)], turns_over=True)
+
+
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_the_other_hand_of_a_one_handed_stage_stays(hand):
     policy, driver = Listener(), Recorder()

@@ -181,7 +181,17 @@ def test_what_still_moves_is_waited_for(driver, monkeypatch, moves, waits):
     monkeypatch.setattr(driver.env, "is_still", lambda: next(still))
     monkeypatch.setattr(driver.env, "advance", lambda target: None)
     driver.settle()
+    driver.settle()  # has been waited for
     assert driver.step_count == waits * FINAL_FRAMES
+
+
+def test_what_has_been_touched_since_is_waited_for_again(driver, monkeypatch):
+    monkeypatch.setattr(driver.env, "is_still", lambda: True)
+    monkeypatch.setattr(driver.env, "advance", lambda target: None)
+    driver.settle()
+    driver.send(driver.motion.hold(1))
+    driver.settle()
+    assert driver.step_count == 2 * FINAL_FRAMES + 1
 
 
 def check_parked(driver):

@@ -63,6 +63,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("assets", "garments: list, draw and build them, or import your own from mesh files"),
     Verb("collect", "collect demonstrations of a task automatically"),
     Verb("replay", "re-run a recorded episode from its file and compare"),
+    Verb("relabel", "give episodes the affordance that the affordance model sees in them"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),
     Verb("train", "train the affordance model or a policy: sadp, sadp-g, dp3, dp"),
     Verb("gam", "the affordance model: match two garments, measure networks, pack weights"),

@@ -159,7 +159,12 @@ class HaloMethod:
                     moved_at_most=stage.moved_at_most,
                 )
             )
-        self.halo = HALO(_PresentMatcher(setup), stages, use_gam=LEARNED[name].use_gam)
+        self.halo = HALO(
+            _PresentMatcher(setup),
+            stages,
+            use_gam=LEARNED[name].use_gam,
+            turns_over=task.turns_over,
+        )
 
     def run(self, driver: Driver) -> None:
         """Carry out all stages.

@@ -140,6 +140,8 @@ class Episode:
     """Name of arm and hand, which says what the joints are."""
     matcher: str = DEFAULT_MATCHER
     """Name of what found the demonstrated points on the garment."""
+    affordance_matcher: str | None = None
+    """Name of what the stages' affordance is from, where that is not the same; see `dgl_collect.relabel`."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of this attempt, JSON-ready."""
     measurements: Mapping[str, object] = field(default_factory=dict)
@@ -217,6 +219,8 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
         file.attrs["garment_id"] = episode.garment_id
         file.attrs["robot"] = episode.robot
         file.attrs["matcher"] = episode.matcher
+        if episode.affordance_matcher is not None:
+            file.attrs["affordance_matcher"] = episode.affordance_matcher
         file.attrs["success"] = np.bool_(episode.success)
         file.attrs["success_value"] = float(episode.success_value)
         file.attrs["stage_names"] = json.dumps(episode.stage_names)
@@ -316,6 +320,7 @@ def _read_file(file: h5py.File) -> Episode:
         garment_id=str(_attribute(file, "garment_id")),
         robot=str(file.attrs.get("robot", DEFAULT_ROBOT)),
         matcher=str(file.attrs.get("matcher", DEFAULT_MATCHER)),
+        affordance_matcher=file.attrs.get("affordance_matcher"),
         success=bool(_attribute(file, "success")),
         success_value=float(_attribute(file, "success_value")),
         stages=stages,

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets.robots import SIDES, Side
+from dgl_assets.robots import Side
 from dgl_collect.demonstration import (
     Demonstration,
     RetargetedWaypoint,
@@ -16,16 +16,17 @@ from dgl_collect.demonstration import (
 )
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, Points, StageRecord
 from dgl_collect.matching import FindMatcher
+from dgl_collect.point_finder import PointFinder
 from dgl_collect.recording import StageRecorder, StageStart
 from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
-from dgl_gam import GamError, compute_affordance, restrict_to_places
+from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
 from dgl_tasks.approach import plan_approach, plan_leave
 from dgl_tasks.declaration import Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.errors import UnreachableError
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
@@ -41,8 +42,6 @@ HELD_HEIGHT = 0.05
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
-APART = 0.25
-"""Points farther from each other than this are not taken together by one hand [m]."""
 LEAST_RISE = 0.004
 """By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
 SWING_FRAMES = 20
@@ -89,6 +88,10 @@ class Outcome:
         return cls(verdict=None, picture=picture, reason=words, detail=str(error))
 
 
+class _HoldLost(Exception):  # noqa: N818 - no error, a turn that an attempt takes
+    """A hand was seen to hold nothing any more."""
+
+
 class Execution:
     """The course of one attempt."""
 
@@ -117,10 +120,10 @@ class Execution:
         self.driver = driver or Driver(setup.env, setup.motion, seed=seed, film=film)
         self.records: list[StageRecord] = []
         self.stage_seconds: dict[str, float] = {}
-        self.points: dict[str, np.ndarray] = {}
-        """The demonstration's points on the garment as it first lay [m], shape (3,), world frame."""
-        self._is_turned_over = False
+        self.finder = PointFinder(setup.env.task, setup.demonstration, setup.demo_cloud)
+        """Knows where the demonstration's points are."""
         self._recorded = recorded
+        self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
 
@@ -146,20 +149,7 @@ class Execution:
 
     def look(self) -> None:
         """Find the demonstration's points on the garment as it lies, and whether it lies on its face."""
-        cloud = self.driver.see_garment()
-        self._is_turned_over = False
-        self.points = self._find_points(cloud)
-        if self.env.task.turns_over and self._is_crossed(self.env.task.stages[0]):
-            self._is_turned_over = True
-            self.points = self._find_points(cloud)
-
-    def _is_crossed(self, stage: Stage) -> bool:
-        """Whether the left hand would grasp to the right of the right one."""
-        x = {
-            side: np.mean([self.points[name][0] for name in stage.get_grasp_names(side)])
-            for side in SIDES
-        }
-        return bool(x["left"] > x["right"])
+        self.finder.look(self.driver.see_garment(), self._get_matcher())
 
     def perform(self) -> None:
         """Run all stages; some or all of them again while the task is seen not to be done, see `Task.rounds`."""
@@ -176,12 +166,14 @@ class Execution:
         for number, stage in enumerate(self.env.task.stages):
             if number < first:
                 continue
-            # what went wrong before the stage that a round begins with, the next one would not mend
-            ends_well = is_last or number < self.env.task.again_from
+            if number == self.env.task.again_from:
+                self._kept_events = len(self.driver.events)
+            # what goes wrong before the stage that a round begins with, the next round would not mend
+            is_final = is_last or number < self.env.task.again_from
             try:
-                goes_on = self._run_stage(stage, is_last=ends_well)
+                goes_on = self._run_stage(stage, is_final=is_final)
             except UnreachableError:
-                if ends_well:
+                if is_final:
                     raise
                 goes_on = False
             clock = self._note_time(stage.name, clock)
@@ -194,13 +186,13 @@ class Execution:
 
     def _is_done(self) -> bool:
         self.driver.settle()
-        return self.driver.judge(self.points).reason is None
+        return self.driver.judge(self.finder.points).reason is None
 
     def _begin_again(self) -> None:
         """Forget what will be done again, which does not count any more, and look how the garment lies now."""
         first = self.env.task.again_from
         del self.records[first:]
-        self.driver.events.clear()
+        del self.driver.events[self._kept_events :]
         self._count("further_rounds")
         if first:
             return  # how the garment lay at first says where it has to go
@@ -216,68 +208,55 @@ class Execution:
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
         """Find a stage's grasp points in the garment's cloud.
 
-        Where the garment has been looked at before, they are looked for near their old places, see
-        `Stage.moved_at_most`.
-
         Args:
             stage: The stage.
             cloud: What is seen of the garment [m], shape (2048, 3), world frame.
 
         Returns:
-            Grasp point of each working hand [m], shape (3,), and the similarity of every point of
-            the cloud to the places that the left and the right hand grasp, shape (2, 2048).
+            Where each working hand grasps [m], shape (3,), and the similarity of every point of the cloud to the
+            places that the left and the right hand grasp, shape (2, 2048).
 
         Raises:
             PerceptionError: If nothing of the garment is near where a point was.
         """
-        grasp: dict[Side, np.ndarray] = {}
-        similarities = []
-        for side in SIDES:
-            names = list(stage.get_grasp_names(side))
-            found, similarity = self._match(names, cloud)
-            if self.points and stage.moved_at_most is not None:
-                places = np.array([self.points[name] for name in names])
-                try:
-                    found, similarity = restrict_to_places(
-                        similarity, cloud, places, radius=stage.moved_at_most
-                    )
-                except GamError as err:
-                    raise PerceptionError(f"{stage.name}: {err}") from err
-            similarities.append(similarity.max(axis=0))
-            if side in stage.grasp:
-                grasp[side] = stage.place_grasp(side, self._choose_grasp(names, cloud[found]))
-        return grasp, np.stack(similarities)
+        found, similarity = self.finder.find_grasps(stage, cloud, self._get_matcher())
+        return {side: stage.place_grasp(side, p) for side, p in found.items()}, similarity
 
-    def _choose_grasp(self, names: list[str], found: np.ndarray) -> np.ndarray:
-        """Choose midway between points [m], shape (N, 3); of some that one hand cannot take together the one left behind."""
-        distances = np.linalg.norm(found[:, None] - found[None], axis=2)
-        if self.points and distances.max() > APART:
-            moved = [np.linalg.norm(p - self.points[n]) for n, p in zip(names, found, strict=True)]
-            return found[int(np.argmin(moved))].astype(float)
-        return found.mean(axis=0, dtype=float)
+    def _get_matcher(self) -> Matcher:
+        return self.setup.find_matcher(self.env)
 
-    def _run_stage(self, stage: Stage, *, is_last: bool) -> bool:
-        """Carry out a stage; false if the next round has to begin at once, as the stage it begins with has lost the garment."""
+    def _run_stage(self, stage: Stage, *, is_final: bool) -> bool:
+        """Carry out a stage; false if the next round has to begin at once, as the stage it begins with has lost the garment.
+
+        Args:
+            stage: The stage.
+            is_final: Whether no further round can mend what goes wrong.
+        """
         stages = self.env.task.stages
-        if stage is stages[self.env.task.again_from] and not is_last:
+        if stage is stages[self.env.task.again_from] and not is_final:
             return self._try_stage(stage, on_loss="lay down")
         for _ in range(TRIES - 1):
-            if self._try_stage(stage, on_loss="give up"):
-                return True
+            try:
+                return self._try_stage(stage, on_loss="give up")
+            except _HoldLost:
+                self._give_up(stage)
             if stage is stages[0]:
                 self.look()  # what has been let go lies in another way
-        self._try_stage(stage, on_loss="ignore")
-        return True
+        return self._try_stage(stage, on_loss="ignore")
 
     def _try_stage(self, stage: Stage, *, on_loss: OnLoss) -> bool:
-        """Carry out a stage; false if a hand was seen to lose its hold, which is looked for unless it is ignored."""
+        """Carry out a stage; false if a hand was seen to lose its hold, which is looked for unless it is ignored.
+
+        Raises:
+            _HoldLost: If a hand was seen to lose its hold, and the stage is given up then.
+        """
         demonstrated = self.demonstration.get_stage(stage.name)
-        points = self.points
+        points = self.finder.points
         cloud_step = self.driver.step_count
         # seen again: the stages before may have dragged the garment along
         cloud = self.driver.see_garment()
         if stage.looks_again:
-            points = self._find_points(cloud)
+            points = self.finder.find_points(cloud, self._get_matcher())
         grasp, similarity = self.find_grasps(stage, cloud)
         waypoints = retarget_waypoints(demonstrated, points)
         recorder = None
@@ -306,20 +285,12 @@ class Execution:
             waypoint = waypoints[number]
             rows = self.motion.move(waypoint.targets, orientations, spacing=waypoint.spacing)
             send(rows, recorder)
-            if on_loss != "ignore" and self._is_seen_lost(stage, number):
-                is_held = False
-                if on_loss == "give up":
-                    self._give_up(stage)
-                    return False
+            is_held &= self._check_hold(stage, number, on_loss)
             self._note_grasp(stage, "missed grasp" if number == 0 else "slipped", number)
             # what has been lost cannot be stretched
             if waypoint.stretch is not None and not self.driver.events:
                 seen = self.stretch(waypoint, waypoint.stretch, orientations, recorder)
-                if on_loss != "ignore" and self._is_seen_lost(stage, number):
-                    is_held = False
-                    if on_loss == "give up":
-                        self._give_up(stage)
-                        return False
+                is_held &= self._check_hold(stage, number, on_loss)
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
@@ -328,13 +299,19 @@ class Execution:
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
         return is_held
 
-    def _is_seen_lost(self, stage: Stage, number: int) -> bool:
-        """Whether a hand is seen to hold nothing at a waypoint.
+    def _check_hold(self, stage: Stage, number: int, on_loss: OnLoss) -> bool:
+        """Whether no hand is seen to hold nothing at a waypoint; true where nobody looks.
 
         It is looked at after the first waypoint, and after each one of a garment that hangs from both hands.
         """
         hangs = self.demonstration.get_stage(stage.name).waypoints[0].stretch is not None
-        return (number == 0 or hangs) and bool(self._find_empty(stage, self.driver.see_points()))
+        if on_loss == "ignore" or not (number == 0 or hangs):
+            return True
+        if not self._find_empty(stage, self.driver.see_points()):
+            return True
+        if on_loss == "give up":
+            raise _HoldLost
+        return False
 
     def _give_up(self, stage: Stage) -> None:
         self.driver.retreat(tuple(stage.grasp), stage.leave)
@@ -384,21 +361,6 @@ class Execution:
             self.motion.move(target, orientations, spacing=waypoint.spacing)
         plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations, stage.leave)
 
-    # Seeing ----------------------------------------------------------------------------------
-
-    def _find_points(self, cloud: np.ndarray) -> dict[str, np.ndarray]:
-        """Find all points of the demonstration in a cloud [m], shape (3,), world frame."""
-        names = list(self.demonstration.points)
-        found, _ = self._match(names, cloud)
-        return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
-
-    def _match(self, names: list[str], cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        matcher = self.setup.find_matcher(self.env)
-        if self._is_turned_over:
-            names = [_exchange_sides(name) for name in names]
-        wanted = np.array([self.demonstration.points[name] for name in names])
-        return matcher.match(self.setup.demo_cloud, wanted, cloud)
-
     def _describe(self, points: Mapping[str, np.ndarray]) -> Points:
         return {
             name: {
@@ -412,7 +374,7 @@ class Execution:
 
     def _judge(self) -> Outcome:
         self.driver.settle()
-        judgement = self.driver.judge(self.points)
+        judgement = self.driver.judge(self.finder.points)
         verdict, reason, detail = judgement.verdict, judgement.reason, ""
         if not verdict.success:
             shortfall = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
@@ -469,10 +431,3 @@ class Execution:
             commands=np.stack(self.driver.commands),
             extra={FINAL_PARTICLES: self.env.get_particles().astype(np.float32)},
         )
-
-
-def _exchange_sides(name: str) -> str:
-    for side, other in (SIDES, SIDES[::-1]):
-        if name.startswith(f"{side}_"):
-            return other + name.removeprefix(side)
-    return name

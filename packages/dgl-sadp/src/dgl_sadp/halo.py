@@ -4,7 +4,7 @@ Everything is given to it: what matches, the policies, and what moves the robot.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -151,7 +151,12 @@ class HALO:
     """
 
     def __init__(
-        self, matcher: Matcher | None, stages: Sequence[HaloStage], *, use_gam: bool = True
+        self,
+        matcher: Matcher | None,
+        stages: Sequence[HaloStage],
+        *,
+        use_gam: bool = True,
+        turns_over: bool = False,
     ) -> None:
         """Take the parts.
 
@@ -159,9 +164,12 @@ class HALO:
             matcher: What finds the demonstrated points; may be None without `use_gam`.
             stages: The task's stages in order.
             use_gam: Whether points are matched and the hands sent there.
+            turns_over: Whether the garment may lie on its face. Its sides are exchanged then: where the left hand's
+                point of the first stage is seen to the right (at a larger x) of the right hand's, both take each
+                other's points in all stages.
 
         Raises:
-            ValueError: If there is no stage, or something that `use_gam` needs is missing.
+            ValueError: If there is no stage, or something that `use_gam` or `turns_over` needs is missing.
         """
         if not stages:
             raise ValueError("stages must have at least one stage; got none")
@@ -173,9 +181,12 @@ class HALO:
                     raise ValueError(
                         f"use_gam needs the source_cloud of stage {number} and a point for a hand"
                     )
+            if turns_over and any(stage.left is None or stage.right is None for stage in stages):
+                raise ValueError("turns_over needs a point for both hands in every stage")
         self.matcher = matcher
         self.stages = tuple(stages)
         self.use_gam = use_gam
+        self.turns_over = turns_over
 
     def run(
         self,
@@ -196,11 +207,14 @@ class HALO:
         """
         records: list[StageRecord] = []
         places: list[np.ndarray] = []
-        for number, stage in enumerate(self.stages, start=1):
+        stages = list(self.stages)
+        for number in range(1, len(stages) + 1):
             observation = dict(driver.begin_stage(number))
             cloud = np.asarray(observation["garment_point_cloud"])
             if self.use_gam and number == 1:
-                places = [cloud[self._ask(each, cloud)[0]] for each in self.stages]
+                stages = self._exchange_sides(cloud)
+                places = [cloud[self._ask(each, cloud)[0]] for each in stages]
+            stage = stages[number - 1]
             place = places[number - 1] if places and number > 1 else None
             record, affordance = self._match(number, stage, cloud, place)
             if self.use_gam:
@@ -230,6 +244,14 @@ class HALO:
                 )
             )
         return tuple(records)
+
+    def _exchange_sides(self, cloud: np.ndarray) -> list[HaloStage]:
+        """Give the stages for a garment as it lies at first, seen as a cloud, shape (N, 3)."""
+        if self.turns_over:  # only asked with `use_gam`
+            left, right = cloud[self._ask(self.stages[0], cloud)[0]]
+            if left[0] > right[0]:
+                return [replace(each, left=each.right, right=each.left) for each in self.stages]
+        return list(self.stages)
 
     def _match(
         self, number: int, stage: HaloStage, cloud: np.ndarray, place: np.ndarray | None

@@ -99,6 +99,7 @@ class Driver:
         self.events: list[tuple[str, str]] = []
         """What a method saw going wrong on the way, in order: a reason that can be counted, and where."""
         self._film = film
+        self._settled_at: int | None = None
 
     @property
     def step_count(self) -> int:
@@ -339,11 +340,14 @@ class Driver:
     # Judging ---------------------------------------------------------------------------------
 
     def settle(self) -> None:
-        """Wait for the garment to come to rest before it is judged."""
+        """Wait for the garment to come to rest before it is judged; nothing is left to wait for right after a wait."""
+        if self._settled_at == self.step_count:
+            return
         for _ in range(FINAL_WAITS):
             self._pass(self.motion.hold(FINAL_FRAMES))
             if self.env.is_still():
                 break
+        self._settled_at = self.step_count
 
     def judge(self, points: Mapping[str, np.ndarray] | None = None) -> Judgement:
         """Judge what the garment camera sees, with the arms where they are.

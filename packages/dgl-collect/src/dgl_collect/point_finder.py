@@ -1,0 +1,119 @@
+"""Where the demonstration's points are on a garment that is seen, look after look."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dgl_assets.robots import SIDES, Side
+from dgl_collect.demonstration import Demonstration
+from dgl_gam import GamError, Matcher, restrict_to_places
+from dgl_tasks.declaration import Stage, Task
+from dgl_tasks.errors import PerceptionError
+
+APART = 0.25
+"""Points farther from each other than this are not taken together by one hand [m]."""
+
+
+class PointFinder:
+    """Finds the demonstration's points in clouds of one garment, and remembers where they lay at first."""
+
+    def __init__(self, task: Task, demonstration: Demonstration, demo_cloud: np.ndarray) -> None:
+        """Prepare an attempt at a task.
+
+        Args:
+            task: Says which points its stages grasp, and whether a garment may lie on its face.
+            demonstration: Whose points they are.
+            demo_cloud: Visible points of its garment lying flat [m], shape (N, 3).
+        """
+        self._task, self._demonstration, self._demo_cloud = task, demonstration, demo_cloud
+        self._is_turned_over = False
+        self.points: dict[str, np.ndarray] = {}
+        """All points, where they lay when the garment was last looked at as a whole [m], shape (3,), world frame."""
+
+    def look(self, cloud: np.ndarray, matcher: Matcher) -> None:
+        """Look at the garment as a whole: where its points lie, and whether it lies on its face.
+
+        Args:
+            cloud: What is seen of it [m], shape (M, 3), world frame.
+            matcher: Of the garment as it lies.
+        """
+        self._is_turned_over = False
+        self.points = self.find_points(cloud, matcher)
+        if self._task.turns_over and self._is_crossed(self._task.stages[0]):
+            self._is_turned_over = True
+            self.points = self.find_points(cloud, matcher)
+
+    def find_points(self, cloud: np.ndarray, matcher: Matcher) -> dict[str, np.ndarray]:
+        """Find all points in a cloud [m], shape (M, 3): each of shape (3,), world frame."""
+        names = list(self._demonstration.points)
+        found, _ = self._match(names, cloud, matcher)
+        return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
+
+    def find_grasps(
+        self, stage: Stage, cloud: np.ndarray, matcher: Matcher
+    ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
+        """Find what the hands of a stage take.
+
+        Where the garment has been looked at before, points are looked for near their old places, see
+        `Stage.moved_at_most`.
+
+        Args:
+            stage: The stage.
+            cloud: What is seen of the garment [m], shape (M, 3), world frame.
+            matcher: Of the garment as it lies.
+
+        Returns:
+            The point on the garment for each working hand [m], shape (3,), and the similarity of every point of
+            the cloud to the places that the left and the right hand grasp, shape (2, M).
+
+        Raises:
+            PerceptionError: If nothing of the garment is near where a point was.
+        """
+        grasp: dict[Side, np.ndarray] = {}
+        similarities = []
+        for side in SIDES:
+            names = list(stage.get_grasp_names(side))
+            found, similarity = self._match(names, cloud, matcher)
+            if self.points and stage.moved_at_most is not None:
+                places = np.array([self.points[name] for name in names])
+                try:
+                    found, similarity = restrict_to_places(
+                        similarity, cloud, places, radius=stage.moved_at_most
+                    )
+                except GamError as err:
+                    raise PerceptionError(f"{stage.name}: {err}") from err
+            similarities.append(similarity.max(axis=0))
+            if side in stage.grasp:
+                grasp[side] = self._choose_grasp(names, cloud[found])
+        return grasp, np.stack(similarities)
+
+    def _is_crossed(self, stage: Stage) -> bool:
+        """Whether the left hand would grasp to the right of the right one."""
+        x = {
+            side: np.mean([self.points[name][0] for name in stage.get_grasp_names(side)])
+            for side in SIDES
+        }
+        return bool(x["left"] > x["right"])
+
+    def _choose_grasp(self, names: Sequence[str], found: np.ndarray) -> np.ndarray:
+        """Choose midway between points [m], shape (N, 3); of some that one hand cannot take together the one left behind."""
+        distances = np.linalg.norm(found[:, None] - found[None], axis=2)
+        if self.points and distances.max() > APART:
+            moved = [np.linalg.norm(p - self.points[n]) for n, p in zip(names, found, strict=True)]
+            return found[int(np.argmin(moved))].astype(float)
+        return found.mean(axis=0, dtype=float)
+
+    def _match(
+        self, names: Sequence[str], cloud: np.ndarray, matcher: Matcher
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if self._is_turned_over:
+            names = [_exchange_sides(name) for name in names]
+        wanted = np.array([self._demonstration.points[name] for name in names])
+        return matcher.match(self._demo_cloud, wanted, cloud)
+
+
+def _exchange_sides(name: str) -> str:
+    for side, other in (SIDES, SIDES[::-1]):
+        if name.startswith(f"{side}_"):
+            return other + name.removeprefix(side)
+    return name

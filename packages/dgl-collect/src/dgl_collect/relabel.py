@@ -1,0 +1,155 @@
+"""Recorded episodes with the affordance that another matcher sees in their clouds.
+
+What the hands did stays as it was. A policy that will be run behind the Garment Affordance Model learns from what that
+model sees, whoever guided the demonstration; and new weights of the model do not need new demonstrations.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from dgl_assets import load_garment
+from dgl_assets.robots import SIDES
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.episodes import Episode, StageRecord, read_episode, write_episode
+from dgl_collect.errors import CorruptEpisodeError
+from dgl_collect.point_finder import PointFinder
+from dgl_gam import GarmentAffordanceModel, Matcher, compute_affordance
+from dgl_tasks import TaskError, get_task
+from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.declaration import Stage
+
+WITHIN = 0.15
+"""Farthest that a matched point may be from where the hand took hold [m]."""
+
+
+class Relabeller:
+    """Gives the episodes of one task the affordance of a matcher that sees clouds alone."""
+
+    def __init__(
+        self, task: str, *, matcher: Matcher | None = None, weights: Path | None = None
+    ) -> None:
+        """Load what the task's demonstration was made on.
+
+        Args:
+            task: Environment id.
+            matcher: What finds the demonstrated points; the Garment Affordance Model when None.
+            weights: Its weights, a file ending in .safetensors; those that come with `dgl_gam` when None.
+
+        Raises:
+            UnknownTaskError: If there is no such task.
+            GamError: If the weights cannot be loaded.
+        """
+        self.task = get_task(task)
+        self._demonstration = load_demonstration(task)
+        garment = load_garment(self._demonstration.garment)
+        surface = sample_visible_surface(garment.vertices, garment.faces)
+        self._demo_cloud = surface.astype(np.float32)
+        self._matcher = matcher or GarmentAffordanceModel.load(
+            weights or garment.category, category=garment.category if weights else None
+        )
+
+    def relabel(self, episode: Episode) -> tuple[Episode, float]:
+        """Give an episode the matcher's affordance.
+
+        Args:
+            episode: Of this task.
+
+        Returns:
+            The episode, and how far a matched point is from the point that the recorded affordance prefers, which is
+            where the hand went, at most [m].
+
+        Raises:
+            ValueError: If the episode is of another task, or has other stages.
+            TaskError: If a stage's points are not near where they lay when the episode began.
+        """
+        stages = self.task.stages
+        if episode.task != self.task.id:
+            raise ValueError(f"the episode must be of {self.task.id}; got one of {episode.task}")
+        names = tuple(stage.name for stage in stages)
+        if episode.stage_names != names:
+            raise ValueError(f"the episode must have the stages {names}; got {episode.stage_names}")
+        finder = PointFinder(self.task, self._demonstration, self._demo_cloud)
+        finder.look(episode.stages[0].garment_point_cloud, self._matcher)
+        relabelled = [
+            self._relabel_stage(finder, s, r) for s, r in zip(stages, episode.stages, strict=True)
+        ]
+        return (
+            replace(episode, stages=tuple(r for r, _ in relabelled), affordance_matcher="gam"),
+            max(distance for _, distance in relabelled),
+        )
+
+    def _relabel_stage(
+        self, finder: PointFinder, stage: Stage, record: StageRecord
+    ) -> tuple[StageRecord, float]:
+        cloud = record.garment_point_cloud
+        grasp, similarity = finder.find_grasps(stage, cloud, self._matcher)
+        went = cloud[record.points_affordance_feature.argmax(axis=0)]  # (2, 3)
+        distances = [np.linalg.norm(went[SIDES.index(s)] - point) for s, point in grasp.items()]
+        affordance = compute_affordance(similarity)
+        return replace(record, points_affordance_feature=affordance), float(max(distances))
+
+
+@dataclass
+class Relabelling:
+    """What became of a folder of episodes; each file is in one of these."""
+
+    written: list[Path] = field(default_factory=list)
+    """Relabelled now."""
+    kept: list[Path] = field(default_factory=list)
+    """Relabelled before."""
+    left_out: dict[Path, float] = field(default_factory=dict)
+    """How far a matched point was from where the hand went [m], infinite where none was found."""
+    refused: dict[Path, str] = field(default_factory=dict)
+    """What is wrong with a file."""
+
+
+def relabel_episodes(
+    paths: Iterable[Path],
+    out: Path,
+    relabeller: Relabeller,
+    *,
+    within: float = WITHIN,
+    on_file: Callable[[Path], None] | None = None,
+) -> Relabelling:
+    """Write relabelled copies of episodes, of those whose matched points are where the hands went.
+
+    A hand that was sent elsewhere than the matcher would have sent it teaches nothing about what follows a match. Files that
+    exist are whole and are not made again, so an interrupted run goes on where it was.
+
+    Args:
+        paths: Episode files.
+        out: Folder for the copies, which keep their names.
+        relabeller: Of the episodes' task.
+        within: Farthest that a matched point may be from where the hand went [m].
+        on_file: Told each path before it is read.
+
+    Raises:
+        ValueError: If `within` is not positive, or `out` is the folder of an episode.
+    """
+    if not within > 0:
+        raise ValueError(f"within must be positive; got {within}")
+    result = Relabelling()
+    for path in paths:
+        if path.parent.resolve() == out.resolve():
+            raise ValueError(f"out must not be the episodes' own folder; got {out}")
+        if on_file is not None:
+            on_file(path)
+        target = out / path.name
+        if target.exists():
+            result.kept.append(target)
+            continue
+        try:
+            episode, distance = relabeller.relabel(read_episode(path))
+        except (ValueError, CorruptEpisodeError) as err:
+            result.refused[path] = str(err)
+        except TaskError:
+            result.left_out[path] = float("inf")
+        else:
+            if distance > within:
+                result.left_out[path] = distance
+            else:
+                result.written.append(write_episode(target, episode))
+    return result

@@ -1,0 +1,107 @@
+"""Episodes with the affordance of another matcher."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dgl_collect import read_episode, write_episode
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.relabel import Relabeller, relabel_episodes
+
+TASK = "FlingTrousers-v1"
+GRASPS = (("left_waistband", "right_waistband"), ("left_hem_middle", "right_hem_middle"))
+POINTS = load_demonstration(TASK).points
+AHEAD = np.array([0.0, 0.6, 0.0])
+
+
+class SamePlaces:
+    """Takes a garment for the demonstration's own, laid elsewhere."""
+
+    def match(self, source_cloud, source_points, target_cloud):
+        away = np.linalg.norm(target_cloud - AHEAD - source_points[:, None], axis=2)
+        return away.argmin(axis=1), np.exp(-away).astype(np.float32)
+
+
+@pytest.fixture
+def relabeller():
+    return Relabeller(TASK, matcher=SamePlaces())
+
+
+def make_episode(fakes, *, off=0.0, mirrored=False, **changes):
+    """An episode whose hands went `off` beside the points that are matched."""
+    cloud = np.random.default_rng(0).uniform((-1, 2, 0), (1, 3, 0), (2048, 3))  # far away
+    stages = []
+    for number, name in enumerate(("fling", "pull_legs")):
+        places = [POINTS[point] + AHEAD for each in GRASPS for point in each]
+        if mirrored:
+            places = [point * [-1, 1, 1] for point in places]
+        cloud[:4], cloud[4:6] = places, [places[2 * number + k] for k in (0, 1)]
+        cloud[4:6, 1] += off
+        went = np.zeros((2048, 2), np.float32)
+        went[4, int(mirrored)] = went[5, 1 - int(mirrored)] = 1.0
+        stages.append(
+            fakes.make_stage(
+                number,
+                name=name,
+                garment_point_cloud=cloud.astype(np.float32),
+                points_affordance_feature=went,
+            )
+        )
+    return fakes.make_episode(**({"task": TASK, "stages": tuple(stages)} | changes))
+
+
+@pytest.mark.parametrize("mirrored", [False, True], ids=["face up", "face down"])
+def test_the_affordance_becomes_what_the_matcher_sees(relabeller, fakes, mirrored):
+    episode = make_episode(fakes, off=0.05, mirrored=mirrored)
+    relabelled, distance = relabeller.relabel(episode)
+    assert distance == pytest.approx(0.05, abs=1e-6)
+    assert (relabelled.matcher, relabelled.affordance_matcher) == ("exact", "gam")
+    for before, after, grasp in zip(episode.stages, relabelled.stages, GRASPS, strict=True):
+        feature = after.points_affordance_feature
+        assert feature.max(axis=0) == pytest.approx((1.0, 1.0), abs=1e-6)
+        peaks = after.garment_point_cloud[feature.argmax(axis=0)]
+        matched = np.array([POINTS[point] + AHEAD for point in grasp])
+        if mirrored:  # each hand takes what lies on its side
+            matched = matched[::-1] * [-1, 1, 1]
+        np.testing.assert_allclose(peaks, matched, atol=1e-6)
+        assert peaks[0, 0] < peaks[1, 0]
+        kept = dataclasses.replace(
+            after, points_affordance_feature=before.points_affordance_feature
+        )
+        for name, value in vars(before).items():
+            np.testing.assert_array_equal(getattr(kept, name), value)
+
+
+def test_episodes_of_other_hands_and_damaged_files_are_left_out(relabeller, fakes, tmp_path):
+    data, out = tmp_path / "data", tmp_path / "out"
+    near = write_episode(data / "0.h5", make_episode(fakes, off=0.149))
+    far = write_episode(data / "1.h5", make_episode(fakes, off=0.151))
+    cut = write_episode(data / "2.h5", make_episode(fakes))
+    cut.write_bytes(cut.read_bytes()[:5000])
+    other = write_episode(data / "3.h5", make_episode(fakes, task="FlingTops-v1"))
+    paths = [near, far, cut, other]
+
+    result = relabel_episodes(paths, out, relabeller)
+    assert [path.name for path in result.written] == ["0.h5"]
+    assert result.left_out == {far: pytest.approx(0.151, abs=1e-5)}
+    assert "not a whole HDF5 file" in result.refused[cut]
+    assert "must be of FlingTrousers-v1; got one of FlingTops-v1" in result.refused[other]
+    assert sorted(path.name for path in out.iterdir()) == ["0.h5"]
+    assert read_episode(out / "0.h5").affordance_matcher == "gam"
+
+    made = (out / "0.h5").stat().st_mtime_ns
+    result = relabel_episodes(paths, out, relabeller, within=0.2)
+    assert ([p.name for p in result.kept], [p.name for p in result.written]) == (["0.h5"], ["1.h5"])
+    assert (out / "0.h5").stat().st_mtime_ns == made
+
+
+def test_bad_requests_are_refused(relabeller, fakes, tmp_path):
+    path = write_episode(tmp_path / "0.h5", make_episode(fakes))
+    with pytest.raises(ValueError, match="out must not be the episodes' own folder"):
+        relabel_episodes([path], tmp_path, relabeller)
+    with pytest.raises(ValueError, match="within must be positive; got 0"):
+        relabel_episodes([path], tmp_path / "out", relabeller, within=0)
+    first = make_episode(fakes).stages[:1]
+    with pytest.raises(ValueError, match=r"must have the stages .*; got \('fling',\)"):
+        relabeller.relabel(make_episode(fakes, stages=first))
