@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dgl_assets.robots import HAND_POSES, joint_slice
+from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_collect.attempt import make_setup
 from dgl_collect.demonstration import RetargetedWaypoint, Stretch, load_demonstration
-from dgl_collect.execution import TRIES, Execution
+from dgl_collect.execution import TRIES, Execution, _HoldLost
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
@@ -193,20 +193,21 @@ def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
 
 
 @pytest.mark.parametrize(
-    ("task", "number", "far", "lost"),
+    ("task", "number", "far", "seen"),
     [
-        ("FlingTrousers-v1", 0, 0.2, True),
-        ("FlingTrousers-v1", 1, 0.2, True),
-        ("FlingTrousers-v1", 1, 0.05, False),
-        ("FoldTops-v1", 1, 0.2, False),
+        ("FlingTrousers-v1", 0, (0.2, 0.05), "lost"),
+        ("FlingTrousers-v1", 1, (0.05, 0.2), "lost"),
+        ("FlingTrousers-v1", 1, (0.2, 0.2), "nothing left"),
+        ("FlingTrousers-v1", 1, (0.05, 0.05), "held"),
+        ("FoldTops-v1", 1, (0.2, 0.2), "held"),  # nobody looks
     ],
 )
-def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, lost):
+def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, seen):
     setup, _ = dry
     setup.env.task, setup.demonstration = get_task(task), load_demonstration(task)
     driver = make_stage_driver(setup, [])
     driver.see_points = lambda: np.stack(
-        [driver.get_grasp_point(side) - [0, 0, far] for side in ("left", "right")]
+        [driver.get_grasp_point(s) - [0, 0, d] for s, d in zip(SIDES, far, strict=True)]
     )
     driver.send(
         setup.motion.reach(
@@ -215,12 +216,20 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, los
         )
     )
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
-    assert execution._check_hold(get_task(task).stages[0], number, "lay down") != lost
-    assert execution._check_hold(get_task(task).stages[0], number, "ignore")
+    stage = get_task(task).stages[0]
+    assert execution._check_hold(stage, number, "ignore")
+    if seen == "nothing left":
+        with pytest.raises(_HoldLost):
+            execution._check_hold(stage, number, "lay down")
+    else:
+        assert execution._check_hold(stage, number, "lay down") == (seen == "held")
+    if seen == "lost":
+        with pytest.raises(_HoldLost):
+            execution._check_hold(stage, number, "give up")
 
 
 @pytest.mark.parametrize(("far", "goes_on"), [(0.2, False), (0.05, True)])
-def test_what_is_lost_before_the_last_round_is_laid_down(dry, far, goes_on):
+def test_a_round_before_the_last_ends_when_nothing_is_left_to_lay_down(dry, far, goes_on):
     setup, _ = dry
     driver = make_stage_driver(
         setup, [far, far]
@@ -231,8 +240,7 @@ def test_what_is_lost_before_the_last_round_is_laid_down(dry, far, goes_on):
     sent = []
     driver.leave = lambda *args: sent.append(len(driver.commands))
     assert execution._run_stage(TASK.stages[0], is_final=False) == goes_on
-    # in one try, to its end
-    assert len(sent) == 1
+    assert len(sent) == int(goes_on)  # in one try
     assert driver.measurements.get("further_tries", 0.0) == 0.0
 
 

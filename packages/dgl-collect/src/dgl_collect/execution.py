@@ -34,7 +34,7 @@ Recorded = Literal["nothing", "stages", "approaches"]
 """What of an attempt is recorded: nothing; its stages; or these and the approaches before them."""
 OnLoss = Literal["give up", "lay down", "ignore"]
 """What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
-down what they still hold; or nobody looks."""
+down what one of them still holds; or nobody looks."""
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised particle is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
@@ -234,7 +234,10 @@ class Execution:
         """
         stages = self.env.task.stages
         if stage is stages[self.env.task.again_from] and not is_final:
-            return self._try_stage(stage, on_loss="lay down")
+            try:
+                return self._try_stage(stage, on_loss="lay down")
+            except _HoldLost:
+                return False
         for _ in range(TRIES - 1):
             try:
                 return self._try_stage(stage, on_loss="give up")
@@ -307,11 +310,10 @@ class Execution:
         hangs = self.demonstration.get_stage(stage.name).waypoints[0].stretch is not None
         if on_loss == "ignore" or not (number == 0 or hangs):
             return True
-        if not self._find_empty(stage, self.driver.see_points()):
-            return True
-        if on_loss == "give up":
-            raise _HoldLost
-        return False
+        empty = self._find_empty(stage, self.driver.see_points())
+        if empty and (on_loss == "give up" or len(empty) == len(stage.grasp)):
+            raise _HoldLost  # also where nothing is left to lay down
+        return not empty
 
     def _give_up(self, stage: Stage) -> None:
         self.driver.retreat(tuple(stage.grasp), stage.leave)
