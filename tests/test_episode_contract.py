@@ -32,7 +32,9 @@ def episodes(tmp_path, fakes):
             fakes.make_stage(10 * seed + k, frames=FRAMES, name=name, object_point_cloud=cloud)
             for k, name in enumerate(("grasp", "hang"))
         )
-        episode = fakes.make_episode(seed, stages=stages, success=seed != 1)
+        episode = fakes.make_episode(
+            seed, stages=stages, success=seed != 1, affordance_matcher="gam"
+        )
         write_episode(tmp_path / f"{seed}.h5", episode)
         written.append(episode)
     return written
