@@ -18,6 +18,7 @@ from dexgarmentlab.evaluation.methods import MethodOptions, check_method
 from dgl_collect.demonstration import load_demonstration
 from dgl_sadp import DiffusionPolicy, EnvironmentDriver, get_policy_config, save_policy
 from dgl_tasks import get_task
+from dgl_tasks.errors import PerceptionError
 from dgl_tasks.observation import Observation
 
 TASK = get_task("FoldTops-v1")
@@ -43,6 +44,8 @@ class Recorder:
     def __init__(self, *, is_parked=False):
         self.env = SimpleNamespace(task=TASK, props={})
         self.told, self.is_parked = [], is_parked
+        self.low, self.empty = {"left", "right"}, set()
+        self.is_seen = True
 
     def see_garment(self):
         return np.ones((2048, 3), np.float32)
@@ -54,6 +57,18 @@ class Recorder:
             image=np.zeros((4, 4, 3), np.uint8),
             env_point_cloud=np.zeros((2048, 6), np.float32),
         )
+
+    def is_low(self, side):
+        return side in self.low
+
+    def see_points(self):
+        if not self.is_seen:
+            raise PerceptionError("the camera sees nothing of the garment")
+        return np.ones((5, 3))
+
+    def find_empty(self, stage, points):
+        assert points.shape == (5, 3)
+        return dict.fromkeys(self.empty - self.low, 0.3)
 
     def approach(self, stage, points):
         self.told.append(("approach", stage.name, points))
@@ -79,6 +94,27 @@ def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
     assert driver.told[-1] == ("retreat", ("left", "right"), TASK.stages[2].leave)
 
 
+def test_a_hand_that_came_up_empty_has_lost_the_garment():
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    halo.begin_stage(3)
+    driver.low, driver.empty = set(), {"left"}
+    assert not any(halo.is_lost() for _ in range(3))  # has not been down yet
+    driver.low = {"left", "right"}
+    halo.observe()
+    driver.low = set()
+    assert not halo.is_lost()  # a single look
+    driver.is_seen = False
+    assert not halo.is_lost()
+    driver.is_seen = True
+    assert halo.is_lost()
+    driver.empty = {"right"}
+    assert not halo.is_lost()  # the other one
+    assert halo.is_lost()
+    halo.begin_stage(3)
+    assert not any(halo.is_lost() for _ in range(3))
+
+
 def test_one_hand_works_and_the_other_stays():
     driver = Recorder()
     halo = HaloDriver(driver)
@@ -97,7 +133,7 @@ def test_one_hand_works_and_the_other_stays():
 
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
-    assert asked == {"begin_stage", "move_hands", "observe", "execute", "end_stage"}
+    assert asked == {"begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage"}
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 
 

@@ -23,9 +23,10 @@ class NearestMatcher:
 class Recorder:
     """An environment without a robot: it notes what it is told, and counts what it has executed."""
 
-    def __init__(self):
+    def __init__(self, losses=()):
         self.told = []
         self.executed = 0
+        self.losses = losses  # after how many targets a look says so
 
     def begin_stage(self, stage):
         self.told.append(("begin", stage))
@@ -45,6 +46,9 @@ class Recorder:
         assert target.shape == (60,)
         self.executed += 1
         return self.observe()
+
+    def is_lost(self):
+        return self.executed in self.losses
 
     def end_stage(self, stage):
         self.told.append(("end", stage, self.executed))
@@ -116,6 +120,33 @@ def test_the_sides_of_a_garment_on_its_face_are_exchanged_in_all_stages(turns_ov
     np.testing.assert_array_equal(second, (right, left) if turns_over else (left, right))
     HALO(NearestMatcher(), stages[1:], turns_over=turns_over).run(driver)  # not crossed
     np.testing.assert_array_equal(driver.told[-2][1:], (left, right))
+
+
+@pytest.mark.parametrize(
+    ("losses", "tries", "ends", "executed"),
+    [
+        ((), 3, [8], 8),
+        ((4,), 3, [4, 12], 12),  # begun again once
+        ((8,), 3, [8, 16], 16),
+        ((4, 8), 2, [4, 12], 12),  # the last try goes on to its end
+        ((4,), 1, [8], 8),
+    ],
+)
+def test_a_stage_that_has_lost_the_garment_is_begun_again(losses, tries, ends, executed):
+    policy, driver = Listener(), Recorder(losses)
+    (record,) = HALO(NearestMatcher(), [make_stage(policy)], tries=tries).run(driver, seed=7)
+    assert (record.targets, record.tries) == (executed, len(ends))
+    assert [told[2] for told in driver.told if told[0] == "end"] == ends
+    assert [told[0] for told in driver.told] == ["begin", "move", "end"] * len(ends)
+    assert len(set(policy.seeds)) == len(ends)
+    once = Listener()
+    HALO(NearestMatcher(), [make_stage(once)], tries=1).run(Recorder(), seed=7)
+    assert policy.seeds[0] == once.seeds[0]
+
+
+def test_there_is_at_least_one_try():
+    with pytest.raises(ValueError, match="tries must be at least 1; got 0"):
+        HALO(NearestMatcher(), [make_stage(Listener())], tries=0)
 
 
 def test_turning_over_takes_both_hands():

@@ -58,10 +58,13 @@ class HaloDriver:
         self._driver = driver
         self._stages = driver.env.task.stages
         self._stage = self._stages[0]
+        self._were_down: set[Side] = set()
+        self._empty: set[Side] = set()
 
     def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
         """Look at the garment, and at the props where there are some."""
         self._stage = self._stages[stage - 1]
+        self._were_down, self._empty = set(), set()
         driver = self._driver
         seen = {"garment_point_cloud": driver.see_garment()}
         if driver.env.props:
@@ -82,12 +85,26 @@ class HaloDriver:
 
     def observe(self) -> dict[str, np.ndarray]:
         """Look and feel."""
+        self._were_down.update(s for s in self._stage.grasp if self._driver.is_low(s))
         return self._driver.observe().as_arrays()
 
     def execute(self, target: np.ndarray) -> dict[str, np.ndarray]:
         """Go to joint targets within five control steps."""
         self._driver.execute(np.asarray(target)[None])
         return self.observe()
+
+    def is_lost(self) -> bool:
+        """Look whether a hand that has been down at the garment, and has come up, holds nothing, as collection does.
+
+        One look may be past cloth that the hand hides: the next one has to say the same.
+        """
+        try:
+            points = self._driver.see_points()
+        except PerceptionError:
+            return False
+        before = self._empty
+        self._empty = self._were_down.intersection(self._driver.find_empty(self._stage, points))
+        return bool(before & self._empty)
 
     def end_stage(self, stage: int) -> None:
         """Open the working hands, leave the cloth and park."""
@@ -173,9 +190,11 @@ class HaloMethod:
             PerceptionError: If a point is not near where it was when the episode began.
         """
         try:
-            self.halo.run(HaloDriver(driver), seed=driver.seed)
+            records = self.halo.run(HaloDriver(driver), seed=driver.seed)
         except ObservationError as err:
             raise PerceptionError(str(err)) from err
+        if further := sum(record.tries - 1 for record in records):
+            driver.measurements["further_tries"] = float(further)
 
 
 def check_checkpoints(task: Task, checkpoints: Path, *, use_gam: bool) -> None:

@@ -35,10 +35,6 @@ Recorded = Literal["nothing", "stages", "approaches"]
 OnLoss = Literal["give up", "lay down", "ignore"]
 """What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
 down what one of them still holds; or nobody looks."""
-HELD_DISTANCE = 0.12
-"""A hand holds the garment while a raised particle is this near its grasp point [m]."""
-HELD_HEIGHT = 0.05
-"""What lies higher than this over the ground counts as raised [m]."""
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
@@ -310,7 +306,7 @@ class Execution:
         hangs = self.demonstration.get_stage(stage.name).waypoints[0].stretch is not None
         if on_loss == "ignore" or not (number == 0 or hangs):
             return True
-        empty = self._find_empty(stage, self.driver.see_points())
+        empty = self.driver.find_empty(stage, self.driver.see_points())
         if empty and (on_loss == "give up" or len(empty) == len(stage.grasp)):
             raise _HoldLost  # also where nothing is left to lay down
         return not empty
@@ -386,28 +382,10 @@ class Execution:
         return Outcome(verdict=verdict, picture=judgement.picture, reason=reason, detail=detail)
 
     def _note_grasp(self, stage: Stage, reason: str, number: int) -> None:
-        for side, nearest in self._find_empty(stage, self.env.get_particles()).items():
+        for side, nearest in self.driver.find_empty(stage, self.env.get_particles()).items():
             where = f"{stage.name}, waypoint {number}, {side} hand"
             far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
             self.driver.events.append((reason, f"{where}: nearest raised cloth {far}"))
-
-    def _find_empty(self, stage: Stage, points: np.ndarray) -> dict[Side, float]:
-        """Find the working hands that hold nothing of a garment with points [m], shape (N, 3).
-
-        Returns:
-            How far the nearest raised point is from each of them [m].
-        """
-        raised = points[points[:, 2] > HELD_HEIGHT]
-        empty: dict[Side, float] = {}
-        for side in stage.grasp:
-            grasp = self.driver.get_grasp_point(side)
-            if grasp[2] < HELD_HEIGHT + HELD_DISTANCE / 2:
-                continue  # so low that what it holds need not be raised
-            distances = np.linalg.norm(raised - grasp, axis=1)
-            nearest = float(distances.min(initial=np.inf))
-            if nearest > HELD_DISTANCE:
-                empty[side] = nearest
-        return empty
 
     def _note_time(self, name: str, since: float) -> float:
         now = time.perf_counter()

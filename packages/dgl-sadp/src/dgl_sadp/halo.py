@@ -90,6 +90,10 @@ class EnvironmentDriver(Protocol):
         """
         ...
 
+    def is_lost(self) -> bool:
+        """Say whether the robot sees that it holds nothing any more of what the stage has to carry."""
+        ...
+
     def end_stage(self, stage: int) -> None:
         """Do what is scripted after a stage, such as letting go and drawing back."""
         ...
@@ -137,6 +141,8 @@ class StageRecord:
     """Similarity of each matched point (left, then right); low values are doubtful."""
     targets: int
     """How many joint targets were executed."""
+    tries: int
+    """How often the stage was begun."""
 
 
 class HALO:
@@ -157,6 +163,7 @@ class HALO:
         *,
         use_gam: bool = True,
         turns_over: bool = False,
+        tries: int = 3,
     ) -> None:
         """Take the parts.
 
@@ -167,12 +174,16 @@ class HALO:
             turns_over: Whether the garment may lie on its face. Its sides are exchanged then: where the left hand's
                 point of the first stage is seen to the right (at a larger x) of the right hand's, both take each
                 other's points in all stages.
+            tries: How often a stage is begun at most: hands that are seen to have come up empty let go, and begin
+                it again from what is seen then, as an automatic collection does. 1 is once and for all.
 
         Raises:
-            ValueError: If there is no stage, or something that `use_gam` or `turns_over` needs is missing.
+            ValueError: If there is no stage or no try, or something that `use_gam` or `turns_over` needs is missing.
         """
         if not stages:
             raise ValueError("stages must have at least one stage; got none")
+        if tries < 1:
+            raise ValueError(f"tries must be at least 1; got {tries}")
         if use_gam:
             if matcher is None:
                 raise ValueError("use_gam needs a matcher; got None")
@@ -187,6 +198,7 @@ class HALO:
         self.stages = tuple(stages)
         self.use_gam = use_gam
         self.turns_over = turns_over
+        self.tries = tries
 
     def run(
         self,
@@ -209,40 +221,30 @@ class HALO:
         places: list[np.ndarray] = []
         stages = list(self.stages)
         for number in range(1, len(stages) + 1):
-            observation = dict(driver.begin_stage(number))
-            cloud = np.asarray(observation["garment_point_cloud"])
-            if self.use_gam and number == 1:
-                stages = self._exchange_sides(cloud)
-                places = [cloud[self._ask(each, cloud)[0]] for each in stages]
-            stage = stages[number - 1]
-            place = places[number - 1] if places and number > 1 else None
-            record, affordance = self._match(number, stage, cloud, place)
-            if self.use_gam:
-                driver.move_hands(record.left, record.right)
-            observation["points_affordance_feature"] = affordance
-            drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-            stage.policy.reset(observation, seed=drawn)
             executed = 0
-            seen = driver.observe()
-            for chunk in range(1, stage.chunks + 1):
-                targets = stage.policy.act(seen)
-                for index, target in enumerate(targets):
-                    seen = driver.execute(target)
-                    executed += 1
-                    if index + 1 < len(targets):
-                        stage.policy.observe(seen)
-                if on_chunk is not None:
-                    on_chunk(number, chunk)
-            driver.end_stage(number)
-            records.append(
-                StageRecord(
-                    stage=number,
-                    left=record.left,
-                    right=record.right,
-                    similarity=record.similarity,
-                    targets=executed,
-                )
-            )
+            for attempt in range(1, self.tries + 1):
+                observation = dict(driver.begin_stage(number))
+                cloud = np.asarray(observation["garment_point_cloud"])
+                if self.use_gam and number == 1:
+                    stages = self._exchange_sides(cloud)
+                    places = [cloud[self._ask(each, cloud)[0]] for each in stages]
+                stage = stages[number - 1]
+                place = places[number - 1] if places and number > 1 else None
+                match, affordance = self._match(number, stage, cloud, place)
+                if self.use_gam:
+                    driver.move_hands(match.left, match.right)
+                observation["points_affordance_feature"] = affordance
+                # a first try draws what it would have drawn without any other
+                key = [seed, number] if attempt == 1 else [seed, number, attempt]
+                drawn = int(np.random.SeedSequence(key).generate_state(1)[0])
+                stage.policy.reset(observation, seed=drawn)
+                is_last = attempt == self.tries
+                count, is_lost = _act(driver, number, stage, on_chunk, to_the_end=is_last)
+                executed += count
+                driver.end_stage(number)
+                if not is_lost:
+                    records.append(replace(match, targets=executed, tries=attempt))
+                    break
         return tuple(records)
 
     def _exchange_sides(self, cloud: np.ndarray) -> list[HaloStage]:
@@ -258,7 +260,9 @@ class HALO:
     ) -> tuple[StageRecord, np.ndarray]:
         """Find the points of the hands on a cloud, shape (N, 3), and the affordance of both, shape (N, 2)."""
         if not self.use_gam:
-            nothing = StageRecord(stage=number, left=None, right=None, similarity=(), targets=0)
+            nothing = StageRecord(
+                stage=number, left=None, right=None, similarity=(), targets=0, tries=0
+            )
             return nothing, np.zeros((len(cloud), 2), np.float32)
         indices, similarity = self._ask(stage, cloud)
         if place is not None and stage.moved_at_most is not None:
@@ -280,6 +284,7 @@ class HALO:
                 float(row[int(index)]) for row, index in zip(similarity, indices, strict=True)
             ),
             targets=0,
+            tries=0,
         )
         return record, scale_affordance(similarity)
 
@@ -297,6 +302,31 @@ class HALO:
                 f"got {indices.shape} and {similarity.shape}"
             )
         return indices, similarity
+
+
+def _act(
+    driver: EnvironmentDriver,
+    number: int,
+    stage: HaloStage,
+    on_chunk: Callable[[int, int], None] | None,
+    *,
+    to_the_end: bool,
+) -> tuple[int, bool]:
+    """Let the policy act; returns how many targets it gave, and whether it stopped because the garment was lost."""
+    executed = 0
+    seen = driver.observe()
+    for chunk in range(1, stage.chunks + 1):
+        targets = stage.policy.act(seen)
+        for index, target in enumerate(targets):
+            seen = driver.execute(target)
+            executed += 1
+            if index + 1 < len(targets):
+                stage.policy.observe(seen)
+        if on_chunk is not None:
+            on_chunk(number, chunk)
+        if not to_the_end and driver.is_lost():
+            return executed, True
+    return executed, False
 
 
 def scale_affordance(similarity: np.ndarray) -> np.ndarray:

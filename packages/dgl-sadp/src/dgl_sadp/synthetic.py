@@ -164,6 +164,10 @@ class SyntheticEnvironment:
         self._joints = self._joints + _LAG * (target - self._joints)
         return self.observe()
 
+    def is_lost(self) -> bool:
+        """Nothing is held."""
+        return False
+
     def end_stage(self, stage: int) -> None:
         """Do nothing; see `EnvironmentDriver`."""
 

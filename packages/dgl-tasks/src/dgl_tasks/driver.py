@@ -28,6 +28,10 @@ FINAL_WAITS = 4
 """How often these are waited for at most, while the garment still moves."""
 CAUGHT_DISTANCE = 0.12
 """A risen hand is taken to carry cloth that is seen so near to its grasp point [m]; what lies is 0.15 m below."""
+HELD_DISTANCE = 0.12
+"""A hand holds the garment while a raised point is this near its grasp point [m]."""
+HELD_HEIGHT = 0.05
+"""What lies higher than this over the ground counts as raised [m]."""
 FREE_TRIES = 2
 """How often a hand tries to get rid of cloth that has come along before it goes away with it."""
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
@@ -336,6 +340,32 @@ class Driver:
     def get_grasp_point(self, side: Side) -> np.ndarray:
         """Tell where the grasp point of a hand is now [m], shape (3,), world frame."""
         return self._to_grasp(self._get_poses()[SIDES.index(side)], side)
+
+    def is_low(self, side: Side) -> bool:
+        """Say whether a hand is so low that what it holds need not be raised."""
+        return bool(self.get_grasp_point(side)[2] < HELD_HEIGHT + HELD_DISTANCE / 2)
+
+    def find_empty(self, stage: Stage, points: np.ndarray) -> dict[Side, float]:
+        """Find the working hands that are up and hold nothing of a garment.
+
+        Args:
+            stage: Says which hands work.
+            points: What is known of the garment [m], shape (N, 3), world frame.
+
+        Returns:
+            How far the nearest raised point is from each of them [m].
+        """
+        raised = points[points[:, 2] > HELD_HEIGHT]
+        empty: dict[Side, float] = {}
+        for side in stage.grasp:
+            if self.is_low(side):
+                continue
+            grasp = self.get_grasp_point(side)
+            distances = np.linalg.norm(raised - grasp, axis=1)
+            nearest = float(distances.min(initial=np.inf))
+            if nearest > HELD_DISTANCE:
+                empty[side] = nearest
+        return empty
 
     # Judging ---------------------------------------------------------------------------------
 
