@@ -11,17 +11,9 @@ from dgl_gam.card import format_card
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import PRESETS
 from dgl_gam.data import GarmentFolder, write_garment
-from dgl_gam.evaluate import (
-    EvalConfig,
-    Trial,
-    _summarize,
-    calibrate,
-    evaluate,
-    format_markdown,
-    list_conditions,
-    run_trial,
-)
+from dgl_gam.evaluate import EvalConfig, _summarize, calibrate, evaluate, format_markdown
 from dgl_gam.network import GarmentNetwork
+from dgl_gam.trials import Trial, list_conditions, run_trial
 
 CONFIG = EvalConfig(pairs=3, points=10)
 
@@ -185,7 +177,7 @@ def test_a_condition_has_all_its_pairs_where_few_garments_have_the_state(
 def test_errors_of_a_matcher_that_knows_and_of_one_that_mirrors(model, folder, monkeypatch):
     """Within one garment lying flat, at the same yaw, the true point is the nearest; mirrored is -x."""
     garment = folder.load(0)
-    monkeypatch.setattr("dgl_gam.evaluate._make_turn", lambda angle: np.eye(3))
+    monkeypatch.setattr("dgl_gam.trials._make_turn", lambda angle: np.eye(3))
 
     def nearest(points, cloud, sign=1):
         wanted = points[:, None] * [sign, 1, 1]

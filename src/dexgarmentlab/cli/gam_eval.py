@@ -69,7 +69,8 @@ def evaluate_models(options: EvalOptions) -> int:
     """Measure and write the rows."""
     from dexgarmentlab.gam.runs import load_models
     from dgl_gam.data import GarmentFolder
-    from dgl_gam.evaluate import EvalConfig, evaluate, format_markdown, list_conditions
+    from dgl_gam.evaluate import EvalConfig, evaluate, format_markdown
+    from dgl_gam.trials import list_conditions
 
     config = EvalConfig(pairs=options.pairs, seed=options.seed, is_yaw_known=options.true_yaw)
     folder = GarmentFolder(options.data, categories=options.category or None, split=options.split)

@@ -59,7 +59,7 @@ def train_gam(options: TrainGamOptions) -> int:
 
     from dexgarmentlab.gam.runs import TOGETHER
     from dgl_gam.data import GarmentFolder
-    from dgl_gam.train import CONFIG_FILE
+    from dgl_gam.run_files import CONFIG_FILE
 
     config = _configure(options)
     if options.preset in ("tune", "yaw") and options.start is None:
@@ -115,8 +115,9 @@ def _train_one(
     name: str,
     garments: "GarmentFolder",
 ) -> dict[str, Any]:
+    from dgl_gam.run_files import CONFIG_FILE
     from dgl_gam.schedule import Schedule, train_schedule
-    from dgl_gam.train import CONFIG_FILE, train
+    from dgl_gam.train import train
 
     shown, recent = 0, []
     is_resumed = options.resume and (options.out / name / CONFIG_FILE).exists()

@@ -16,14 +16,13 @@ from dgl_gam.config import YawConfig
 from dgl_gam.data.batches import BatchConfig
 from dgl_gam.data.folder import GarmentFolder
 from dgl_gam.errors import CheckpointError
+from dgl_gam.run_files import CONFIG_FILE, write_whole
 from dgl_gam.train import (
-    CONFIG_FILE,
     NETWORK_FILE,
     TRAIN_PRESETS,
     Progress,
     TrainConfig,
     train,
-    write_whole,
 )
 
 __all__ = ["SCHEDULES", "Schedule", "Stage", "get_schedule", "train_schedule"]

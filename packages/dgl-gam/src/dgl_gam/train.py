@@ -4,7 +4,6 @@ import dataclasses
 import json
 import logging
 import math
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,8 +12,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
@@ -24,16 +21,13 @@ from dgl_gam.data.folder import GarmentFolder
 from dgl_gam.errors import CheckpointError
 from dgl_gam.loss import compute_info_nce
 from dgl_gam.network import GarmentNetwork
+from dgl_gam.run_files import CONFIG_FILE, LOG_FILE, begin_run, save_state
 
 __all__ = ["TRAIN_PRESETS", "Progress", "TrainConfig", "get_train_config", "train"]
 
 logger = logging.getLogger(__name__)
 
 NETWORK_FILE = "network.safetensors"
-STATE_FILE = "state.safetensors"
-LOG_FILE = "log.jsonl"
-CONFIG_FILE = "config.json"
-_STATE_FORMAT = "dgl_gam.training"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,32 +198,16 @@ def train(
         "network": json.loads(network.config.to_json()),
         "garments": [f"{h.category} {h.garment_id}" for h in folder.headers],
     }
-    done = 0
-    if is_resumed:
-        if not (out / CONFIG_FILE).exists():
-            raise CheckpointError(f"{out} holds no run to resume")
-        if (out / STATE_FILE).exists():  # or else it was interrupted before its first state
-            done = _load_state(out / STATE_FILE, described, parameters, optimizer)
-        _trim_log(out / LOG_FILE, done)
-    else:
-        out.mkdir(parents=True, exist_ok=True)
-        write_whole(out / CONFIG_FILE, json.dumps(described, indent=1))
+    done = begin_run(out, described, parameters, optimizer, is_resumed=is_resumed)
     maker = BatchMaker(folder, config.batch, seed=config.seed)
     numbers = [network.config.categories.index(c) for c in folder.categories]
     with (out / LOG_FILE).open("a", encoding="utf-8") as log:
         for step in range(done, config.steps):
             began = time.perf_counter()
-            for group in optimizer.param_groups:
-                group["lr"] = _get_lr(config, step)
             batch = maker.make(step, has_pairs=config.parts != "yaw").to(device)
             category = torch.tensor(numbers, device=device)[batch.category]
             losses = _compute_losses(network, batch, category, config)
-            optimizer.zero_grad(set_to_none=True)
-            losses.total.backward()
-            norm = torch.nn.utils.clip_grad_norm_(parameters.values(), config.max_gradient)
-            if not torch.isfinite(norm):
-                raise FloatingPointError(f"the gradient of step {step + 1} is not finite")
-            optimizer.step()
+            _descend(losses.total, optimizer, config, step)
             progress = Progress(
                 step=step + 1,
                 steps=config.steps,
@@ -244,13 +222,12 @@ def train(
             is_last = step + 1 in (config.steps, stop_after)
             if is_last or (step + 1) % config.save_every == 0:
                 log.flush()
-                _save_state(out / STATE_FILE, described, parameters, optimizer, step + 1)
+                save_state(out, described, parameters, optimizer, step + 1)
             if step + 1 == stop_after:
                 break
-    earlier = [] if start is None else _describe_earlier(start)
     card = {
         "train": config.to_dict(),
-        "earlier": earlier,
+        "earlier": [] if start is None else _describe_earlier(start),
         "steps_done": min(config.steps, stop_after or config.steps),
         **_describe_data(folder),
         "categories": list(folder.categories),
@@ -288,6 +265,22 @@ def _compute_losses(
         yaw = network.yaw.compute_loss(logits, batch.yaw, batch.yaw_weight)
     share = 1.0 if config.parts == "yaw" else config.yaw_share
     return _Losses(match + share * yaw, match, accuracy, yaw)
+
+
+def _descend(
+    loss: Tensor, optimizer: torch.optim.Optimizer, config: TrainConfig, step: int
+) -> None:
+    """Make one step of the optimiser."""
+    parameters = []
+    for group in optimizer.param_groups:
+        group["lr"] = _get_lr(config, step)
+        parameters += group["params"]
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    norm = torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient)
+    if not torch.isfinite(norm):
+        raise FloatingPointError(f"the gradient of step {step + 1} is not finite")
+    optimizer.step()
 
 
 def _describe_data(folder: GarmentFolder) -> dict[str, Any]:
@@ -345,72 +338,3 @@ def _get_lr(config: TrainConfig, step: int) -> float:
     last = config.decay or config.steps
     share = (step - config.warmup) / max(1, last - config.warmup)
     return config.lr * 0.5 * (1 + math.cos(math.pi * share))
-
-
-def _save_state(
-    path: Path,
-    described: Mapping[str, Any],
-    parameters: Mapping[str, Tensor],
-    optimizer: torch.optim.Optimizer,
-    step: int,
-) -> None:
-    tensors = {}
-    for name, parameter in parameters.items():
-        tensors[f"weight/{name}"] = parameter.detach().cpu().contiguous()
-        for key in ("exp_avg", "exp_avg_sq", "step"):
-            if parameter in optimizer.state:
-                tensors[f"{key}/{name}"] = optimizer.state[parameter][key].cpu().contiguous()
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    meta = {"format": _STATE_FORMAT, "step": str(step), "described": json.dumps(described)}
-    save_file(tensors, beside, metadata=meta)
-    beside.replace(path)
-
-
-def _load_state(
-    path: Path,
-    described: Mapping[str, Any],
-    parameters: Mapping[str, Tensor],
-    optimizer: torch.optim.Optimizer,
-) -> int:
-    """Put weights and moments back; returns the steps done."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            meta = file.metadata() or {}
-            # Cloned: the file is mapped, and will be replaced while these are in use.
-            tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as err:
-        raise CheckpointError(f"{path} cannot be read: {err}") from err
-    if meta.get("format") != _STATE_FORMAT:
-        raise CheckpointError(f"{path} is no state of a training; got {meta.get('format')!r}")
-    before, now = json.loads(meta["described"]), json.loads(json.dumps(described))
-    for part in now:
-        if before.get(part) != now[part]:
-            raise CheckpointError(
-                f"{path.parent} was begun with another {part}; resume it with the same, or start anew"
-            )
-    wanted = {f"weight/{name}" for name in parameters}
-    if not wanted <= set(tensors):
-        raise CheckpointError(f"{path} lacks weights of the network")
-    for name, parameter in parameters.items():
-        with torch.no_grad():
-            parameter.copy_(tensors[f"weight/{name}"])
-        if f"exp_avg/{name}" in tensors:
-            optimizer.state[parameter] = {
-                key: tensors[f"{key}/{name}"].to("cpu" if key == "step" else parameter.device)
-                for key in ("step", "exp_avg", "exp_avg_sq")
-            }
-    return int(meta["step"])
-
-
-def _trim_log(path: Path, step: int) -> None:
-    """Keep the lines of the steps that are not done again."""
-    if path.exists():
-        lines = path.read_text(encoding="utf-8").splitlines()
-        write_whole(path, "".join(line + "\n" for line in lines[:step]))
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file beside its place, then rename it."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
