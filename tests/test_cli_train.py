@@ -26,7 +26,7 @@ def test_each_policy_is_trained(method, episodes, tmp_path, capsys):
     result = json.loads(capsys.readouterr().out)
     assert (result["method"], result["preset"], result["stage"]) == (method, "small", 1)
     assert (result["episodes"], result["validation_episodes"], result["steps"]) == (2, 1, 1)
-    assert 0 < result["validation_error_deg"] < 180
+    assert 0 < result["validation_error_deg"] < result["validation_largest_error_deg"] < 180
     (refused,) = result["refused"]
     assert refused.endswith("Synthetic-v1-s0-00000.h5")
     assert load_policy(result["policy"]).config.method == method

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from dgl_sadp.config import (
+    ARM_JOINTS,
     DiffusionConfig,
     GarmentConfig,
     ImageConfig,
@@ -97,6 +98,7 @@ def make_tiny_config(method: str, **changes) -> PolicyConfig:
             inference_steps=4,
         ),
         "state": () if is_dp else (16, 8),
+        "relative_joints": ARM_JOINTS,
         **parts[method],
     }
     return PolicyConfig(**{**values, **changes})

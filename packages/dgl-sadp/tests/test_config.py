@@ -72,6 +72,8 @@ def test_a_configuration_survives_json(method):
         (lambda v: v["unet"].update(dropout=0.1), "dropout"),
         (lambda v: v["garment"]["levels"][0].update(heads=2), "heads"),
         (lambda v: v.pop("unet"), "unet"),
+        # Policies from before it was there meant other targets.
+        (lambda v: v.pop("relative_joints"), "relative_joints"),
         (lambda v: v.update(horizon="8"), "horizon"),
         (lambda v: v.update(method="rdt"), "method"),
         (lambda v: v.update(state=5), "int"),
@@ -98,6 +100,9 @@ def test_what_is_no_object_is_refused():
         ({"object": None}, r"sadp observes \['environment', 'garment', 'object'\]; got"),
         ({"joints": 0}, "joints must be at least 1; got 0"),
         ({"state": (0,)}, "state must be positive"),
+        ({"relative_joints": (0, 60)}, r"must ascend within 0 \.\.\. 59; got \(0, 60\)"),
+        ({"relative_joints": (1, 0)}, r"must ascend within 0 \.\.\. 59; got \(1, 0\)"),
+        ({"relative_joints": (1, 1)}, r"must ascend within 0 \.\.\. 59; got \(1, 1\)"),
         (
             {"object": PointsConfig(points=8, widths=(8,), features=8, use_color=True)},
             "object must not use_color",

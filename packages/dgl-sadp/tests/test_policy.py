@@ -36,15 +36,37 @@ def test_sampling_and_loss_leave_the_global_generator_alone(policy, random_batch
     assert torch.equal(torch.get_rng_state(), before)
 
 
+def find_origin(batch) -> torch.Tensor:
+    """What targets are relative to: the newest joint state for the arms' joints, written out; 0 for all others."""
+    origin = torch.zeros_like(batch["action"])
+    for arm in (slice(0, 6), slice(30, 36)):
+        origin[..., arm] = batch["joint_state"][:, [2], arm]
+    return origin
+
+
 def test_predictions_stay_in_the_range_of_the_actions(policy, random_batch):
     # Samples are clipped to [-1, 1], which the normaliser maps to what was commanded in the data.
     low, high = np.linspace(-2, -1, 60), np.linspace(0, 3, 60)
     policy.normalizer.of("action").fit(Range(low, high))
-    actions = predict(policy, random_batch(policy.config)).double().numpy()
+    batch = random_batch(policy.config)
+    actions = (predict(policy, batch) - find_origin(batch)).double().numpy()
     if policy.config.diffusion.scheduler == "ddim":
         assert (actions >= low - 1e-5).all()
         assert (actions <= high + 1e-5).all()
     assert np.isfinite(actions).all()
+
+
+def test_arms_that_never_moved_in_the_data_hold_still_wherever_they_are(policy, random_batch):
+    still = np.zeros(60)
+    policy.normalizer.of("action").fit(Range(still, still))
+    batch = random_batch(policy.config)
+    assert torch.equal(predict(policy, batch), find_origin(batch))
+
+
+def test_without_relative_joints_targets_are_learned_as_they_are(method, tiny_config, random_batch):
+    policy = DiffusionPolicy.make(tiny_config(method, relative_joints=()), seed=0)
+    policy.normalizer.of("action").fit(Range(np.full(60, 0.5), np.full(60, 0.5)))
+    assert (predict(policy, random_batch(policy.config)) == 0.5).all()
 
 
 def test_every_weight_learns(policy, random_batch, seeded):
@@ -125,7 +147,7 @@ def test_the_loss_is_that_of_the_definition(tiny_config, random_batch):
         levels = np.cos((np.arange(101) / 100 + 0.008) / 1.008 * np.pi / 2) ** 2
         betas = np.minimum(1 - levels[1:] / levels[:-1], 0.999)
         alpha = torch.from_numpy(np.cumprod(1 - betas)[step.numpy()]).float()[:, None, None]
-        clean = batch["action"]
+        clean = batch["action"] - find_origin(batch)
         noise = (noisy - alpha.sqrt() * clean) / (1 - alpha).sqrt()
         assert 0.8 < noise.std() < 1.2
         target = clean if prediction == "sample" else noise

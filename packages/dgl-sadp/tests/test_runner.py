@@ -136,7 +136,7 @@ def test_the_stage_is_encoded_at_its_beginning_only(tiny_config, monkeypatch):
 
 
 def test_targets_are_in_radians_of_the_data(tiny_config):
-    policy = DiffusionPolicy.make(tiny_config("dp3"), seed=0)
+    policy = DiffusionPolicy.make(tiny_config("dp3", relative_joints=()), seed=0)
     policy.normalizer.of("action").fit(Range(np.full(60, 5.0), np.full(60, 6.0)))
     targets = run_chunks(PolicyRunner(policy), 2)
     assert (targets > 4.99).all()

@@ -11,6 +11,7 @@ import torch
 
 from dgl_sadp import (
     CheckpointError,
+    DiffusionPolicy,
     EpisodeDataset,
     TrainConfig,
     TrainingDivergedError,
@@ -19,6 +20,7 @@ from dgl_sadp import (
     read_card,
     train_policy,
 )
+from dgl_sadp.normalizer import Range
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
 
@@ -151,9 +153,12 @@ def test_ranges_come_from_the_episodes_that_are_trained_on(train, episodes):
     result = train(config=dataclasses.replace(CONFIG, epochs=1))
     used = read_card(result.policy)["episodes"]
     actions = []
-    for name in used:
-        with h5py.File(episodes / name) as file:
-            actions.append(file["stage_1/action"][()])
+    dataset = EpisodeDataset(episodes, 1)
+    arms = [*range(6), *range(30, 36)]
+    names = [episode.path.name for episode in dataset.episodes]
+    for window in dataset.select([names.index(name) for name in used]):
+        window["action"][:, arms] -= window["joint_state"][-1, arms]
+        actions.append(window["action"])
     found = load_policy(result.policy).normalizer.of("action")
     normalized = found.normalize(torch.from_numpy(np.concatenate(actions)))
     assert normalized.abs().max() <= 1 + 1e-5
@@ -234,8 +239,21 @@ def test_the_validation_measures_the_averaged_policy_in_evaluation_mode(train, e
     # Floats differ in the last digits: batches of this dataset hold a pose more.
     assert found.loss == pytest.approx(result.validation.loss, rel=1e-5)
     assert found.error == pytest.approx(result.validation.error, rel=1e-5)
+    assert found.largest_error == pytest.approx(result.validation.largest_error, rel=1e-5)
     with pytest.raises(ValueError, match="must be in evaluation mode"):
         compute_validation(policy.train(), validation, epoch=4, windows=8, seed=0)
+
+
+def test_validation_tells_the_joint_that_is_farthest_off(tmp_path, make_episode, tiny_config):
+    make_episode(tmp_path / "0.h5", frames=1)  # All states are 0, all targets 0.5.
+    policy = DiffusionPolicy.make(tiny_config("dp3"), seed=0).eval()
+    constant = np.full(60, 0.5)
+    constant[:6] = 0.25
+    constant[59] = 3.5
+    policy.normalizer.of("action").fit(Range(constant, constant))
+    found = compute_validation(policy, EpisodeDataset(tmp_path, 1), epoch=1, windows=8, seed=0)
+    assert found.error == pytest.approx((6 * 0.25 + 3.0) / 60)
+    assert found.largest_error == pytest.approx(3.0)
 
 
 def test_bf16_is_trained_and_its_weights_stay_float32(train):

@@ -10,6 +10,7 @@ from dexgarmentlab.cli import EXIT_OK, console
 
 if TYPE_CHECKING:
     from dgl_sadp import Progress, TrainResult
+    from dgl_sadp.validation import Validation
 
 __all__ = [
     "TrainDp3Options",
@@ -167,12 +168,14 @@ def _describe(progress: "Progress") -> str:
     note = f"epoch {progress.epoch}/{progress.epochs}, loss {progress.loss:.4f}, "
     note += f"{left // 3600}:{left % 3600 // 60:02}:{left % 60:02} left"
     if progress.validation is not None:
-        note += f", validation {math.degrees(progress.validation.error):.2f} deg"
+        mean, largest = _degrees(progress.validation)
+        note += f", validation {mean:.2f} deg, of the worst joint {largest:.2f} deg"
     return note
 
 
 def _as_json(options: TrainPolicyOptions, result: "TrainResult") -> dict[str, object]:
     validation = result.validation
+    mean, largest = (None, None) if validation is None else _degrees(validation)
     return {
         "method": options.method,
         "preset": options.preset,
@@ -182,7 +185,8 @@ def _as_json(options: TrainPolicyOptions, result: "TrainResult") -> dict[str, ob
         "steps": result.steps,
         "loss": None if math.isnan(result.loss) else result.loss,
         "validation_loss": None if validation is None else validation.loss,
-        "validation_error_deg": None if validation is None else math.degrees(validation.error),
+        "validation_error_deg": mean,
+        "validation_largest_error_deg": largest,
         "episodes": result.episodes,
         "validation_episodes": result.validation_episodes,
         "windows": result.windows,
@@ -195,8 +199,14 @@ def _as_text(result: "TrainResult") -> str:
         f"{result.policy}: {result.episodes} episodes, {result.steps} steps, loss {result.loss:.4f}"
     )
     if result.validation is not None:
+        mean, largest = _degrees(result.validation)
         text += (
-            f", {math.degrees(result.validation.error):.2f} deg from the commanded targets "
-            f"of {result.validation_episodes} other episode(s)"
+            f", {mean:.2f} deg from the commanded targets of {result.validation_episodes} other "
+            f"episode(s), {largest:.2f} deg at the worst joint"
         )
     return text
+
+
+def _degrees(validation: "Validation") -> tuple[float, float]:
+    """Errors of a policy [deg]: the mean over all joints, and that of the worst joint."""
+    return math.degrees(validation.error), math.degrees(validation.largest_error)

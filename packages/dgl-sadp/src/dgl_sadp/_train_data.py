@@ -48,7 +48,11 @@ class TrainData:
             skip_corrupt=True,
             with_approach=config.with_approach,
         )
-        measured = measure_episodes(found, ("action", *policy.frame_keys, *policy.stage_keys))
+        measured = measure_episodes(
+            found,
+            ("action", *policy.frame_keys, *policy.stage_keys),
+            relative_joints=policy.relative_joints,
+        )
         whole = measured.dataset
         count = len(whole.episodes)
         train, validation = np.arange(count), np.arange(0)

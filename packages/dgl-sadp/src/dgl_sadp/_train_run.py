@@ -215,7 +215,8 @@ class TrainRun:
             )
         self.state.last["validation"] = dataclasses.asdict(found)
         writer.add_scalar("loss/validation", found.loss, self.state.step)
-        writer.add_scalar("error_deg/validation", math.degrees(found.error), self.state.step)
+        for name, error in {"mean": found.error, "largest": found.largest_error}.items():
+            writer.add_scalar(f"error_deg/{name}", math.degrees(error), self.state.step)
 
     def _save_policy(self, path: Path) -> None:
         card = {

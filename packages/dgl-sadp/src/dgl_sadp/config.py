@@ -171,6 +171,9 @@ class PolicyConfig:
     """The noise."""
     state: tuple[int, ...]
     """Widths of the joint state's layers with ReLU between them; none passes the normalised state on."""
+    relative_joints: tuple[int, ...]
+    """Joints, ascending, whose targets are learned relative to where the newest observation has them; those of all
+    others are learned as they are."""
     environment: PointsConfig | None = None
     """Environment cloud, in every observation."""
     garment: GarmentConfig | None = None
@@ -206,6 +209,11 @@ class PolicyConfig:
             )
         if self.state:
             _check_widths("state", self.state)
+        allowed = range(self.joints)
+        if [*self.relative_joints] != [joint for joint in allowed if joint in self.relative_joints]:
+            raise ValueError(
+                f"relative_joints must ascend within 0 ... {self.joints - 1}; got {self.relative_joints}"
+            )
         if self.object is not None and self.object.use_color:
             raise ValueError("object must not use_color: its recorded cloud has none")
         there = {name for name in _ENCODERS if getattr(self, name) is not None}
@@ -253,6 +261,8 @@ class PolicyConfig:
         return from_plain(cls, json.loads(text))
 
 
+ARM_JOINTS = (*range(6), *range(30, 36))
+"""Joints of both arms, left and right, among the 60 of the robot."""
 _ENCODERS = ("environment", "garment", "object", "image")
 _OBSERVED: Mapping[str, set[str]] = {
     "sadp": {"environment", "garment", "object"},
@@ -325,6 +335,7 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
             unet=unet,
             diffusion=DiffusionConfig(),
             state=(128, 64),
+            relative_joints=ARM_JOINTS,
             environment=points(128),
             garment=garment(32),
             object=points(32),
@@ -334,6 +345,7 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
             unet=unet,
             diffusion=DiffusionConfig(),
             state=(128, 64),
+            relative_joints=ARM_JOINTS,
             environment=points(128),
             garment=garment(64),
         ),
@@ -342,6 +354,7 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
             unet=unet,
             diffusion=DiffusionConfig(),
             state=(64, 64),
+            relative_joints=ARM_JOINTS,
             environment=points(128),
         ),
         "dp": PolicyConfig(
@@ -349,6 +362,7 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
             unet=UNetConfig(widths=(256, 512, 1024), step_embedding=128),
             diffusion=DiffusionConfig(scheduler="ddpm", prediction="epsilon", inference_steps=100),
             state=(),
+            relative_joints=ARM_JOINTS,
             image=ImageConfig(height=480, width=640, widths=(64, 128, 256, 512)),
         ),
     }

@@ -23,12 +23,18 @@ __all__ = ["DiffusionPolicy"]
 class DiffusionPolicy(nn.Module):
     """SADP, SADP_G, DP3 or DP: one U-Net and one loss, with the encoders that the configuration names.
 
+    Targets of `config.relative_joints`, the arms', are learned relative to the newest observed joint state: a policy that
+    holds still need not reproduce from its features where it is, and hands are not moved by the error of doing so.
+
     Batches are windows as `EpisodeDataset` gives them, as tensors with a leading dimension B. Where something is drawn it
     is by a generator that the caller gives; the policy itself has no random state.
 
     Source:
-        DexGarmentLab, structure-aware diffusion policy; Chi et al., "Diffusion Policy", 2023.
+        DexGarmentLab, structure-aware diffusion policy; Chi et al., "Diffusion Policy", 2023. Relative targets: Chi et
+        al., "Universal Manipulation Interface", 2024.
     """
+
+    _is_relative: Tensor
 
     def __init__(self, config: PolicyConfig) -> None:
         """Set up with random weights, drawn by torch's global generator, and normalisers that change nothing."""
@@ -40,6 +46,9 @@ class DiffusionPolicy(nn.Module):
             config.unet, actions=config.joints, condition=self.encoder.features
         )
         self._scheduler = _make_scheduler(config.diffusion)
+        is_relative = torch.zeros(config.joints)
+        is_relative[list(config.relative_joints)] = 1.0
+        self.register_buffer("_is_relative", is_relative, persistent=False)
 
     @classmethod
     def make(cls, config: PolicyConfig, *, seed: int) -> "DiffusionPolicy":
@@ -72,7 +81,7 @@ class DiffusionPolicy(nn.Module):
         """
         stage = self.encoder.encode_stage(window, self.normalizer, generator, augmentation)
         condition = self.encoder.encode(window, stage, self.normalizer, generator, augmentation)
-        clean = self.normalizer.of("action").normalize(window["action"])
+        clean = self.normalizer.of("action").normalize(window["action"] - self._origin(window))
         noise = _draw_normal(clean.shape, generator, clean.device)
         levels = self.config.diffusion.training_steps
         step = torch.randint(
@@ -115,7 +124,11 @@ class DiffusionPolicy(nn.Module):
             actions = scheduler.step(
                 predicted, int(step), actions, generator=generator, return_dict=False
             )[0]
-        return self.normalizer.of("action").unnormalize(actions)
+        return self.normalizer.of("action").unnormalize(actions) + self._origin(observation)
+
+    def _origin(self, observation: Mapping[str, Tensor]) -> Tensor:
+        """What targets are learned relative to [rad], shape (B, 1, D): the newest joint state, or 0."""
+        return observation["joint_state"][:, -1:] * self._is_relative
 
 
 def _make_scheduler(config: DiffusionConfig) -> "DDIMScheduler | DDPMScheduler":

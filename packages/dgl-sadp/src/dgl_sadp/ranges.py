@@ -34,6 +34,7 @@ def measure_episodes(
     dataset: EpisodeDataset,
     keys: Sequence[str],
     *,
+    relative_joints: Sequence[int] = (),
     on_progress: Callable[[int, int], None] | None = None,
 ) -> EpisodeRanges:
     """Read every episode once, a few frames at a time, and leave out the damaged ones.
@@ -41,6 +42,7 @@ def measure_episodes(
     Args:
         dataset: Episodes of one stage.
         keys: Arrays to measure, of frames and of the stage; `image` is read, but has no range.
+        relative_joints: Joints whose actions are measured relative to the newest joint state of each window.
         on_progress: Called with the number of episodes done and the number of all.
 
     Raises:
@@ -51,7 +53,10 @@ def measure_episodes(
     refused: list[CorruptEpisodeError] = []
     for number, episode in enumerate(dataset.episodes):
         try:
-            ranges.append(_measure_episode(episode, keys))
+            found = _measure_episode(episode, keys)
+            if relative_joints and "action" in keys:
+                found["action"] = _measure_relative(dataset, episode, list(relative_joints))
+            ranges.append(found)
             whole.append(number)
         except CorruptEpisodeError as error:
             logger.warning("left out: %s", error)
@@ -103,3 +108,16 @@ def _measure_episode(episode: StageFile, keys: Sequence[str]) -> dict[str, Range
             )
         measure(key, static[key])
     return found
+
+
+def _measure_relative(dataset: EpisodeDataset, episode: StageFile, joints: list[int]) -> Range:
+    """Range of the actions of all windows, those of some joints relative to the window's newest joint state."""
+    whole = FrameSlice(0, episode.frames)
+    frames = read_frames(episode, {"action": whole, "joint_state": whole})
+    newest = np.arange(episode.frames)  # A window for each frame as the newest.
+    before = dataset.observation_steps - 1
+    offsets = np.arange(-before, dataset.horizon - before)
+    steps = np.clip(newest[:, None] + offsets, 0, episode.frames - 1)
+    actions = frames["action"][steps]
+    actions[..., joints] -= frames["joint_state"][newest][:, None, joints]
+    return Range.of(actions)
