@@ -46,6 +46,7 @@ class Recorder:
         self.told, self.is_parked = [], is_parked
         self.low, self.empty = {"left", "right"}, set()
         self.is_seen = True
+        self.reason = None
 
     def see_garment(self):
         return np.ones((2048, 3), np.float32)
@@ -78,6 +79,13 @@ class Recorder:
 
     def retreat(self, sides, name):
         self.told.append(("retreat", sides, name))
+
+    def settle(self):
+        self.told.append(("settle",))
+
+    def judge(self, points):
+        self.told.append(("judge", points))
+        return SimpleNamespace(reason=self.reason)
 
 
 def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
@@ -131,9 +139,24 @@ def test_one_hand_works_and_the_other_stays():
     assert parked.told == []
 
 
+def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found():
+    driver, asked = Recorder(), []
+    halo = HaloDriver(driver, lambda cloud: asked.append(cloud.shape) or {"hem": np.ones(3)})
+    halo.begin_stage(1)
+    halo.begin_stage(2)  # what lies folded does not say any more where it was
+    assert asked == [(2048, 3)]
+    assert halo.is_done()
+    assert [told[0] for told in driver.told] == ["settle", "judge"]
+    assert set(driver.told[1][1]) == {"hem"}
+    driver.reason = "below the threshold"
+    assert not halo.is_done()
+
+
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
-    assert asked == {"begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage"}
+    assert asked == {
+        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "is_done",
+    }  # fmt: skip
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 
 
@@ -194,6 +217,7 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, setup, name, method, u
     made = HaloMethod(name, setup, save(tmp_path, method=method, training=training), chunks=2)
     assert made.halo.use_gam is use_gam
     assert [stage.chunks for stage in made.halo.stages] == [2, 2, 2]
+    assert (made.halo.rounds, made.halo.again_from) == (1, 1)
     left, right = made.halo.stages[0].left, made.halo.stages[0].right
     np.testing.assert_array_equal(left, setup.demonstration.points["left_cuff"])
     assert right is None
@@ -202,6 +226,17 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, setup, name, method, u
         folder = save(tmp_path / wrong, method=wrong, training=training)
         with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):
             HaloMethod(name, setup, folder)
+
+
+def test_rounds_are_those_of_the_task_unless_another_number_is_asked_for(tmp_path, setup):
+    task = get_task("FoldTrousers-v1")
+    setup.env.task, setup.demonstration = task, load_demonstration("FoldTrousers-v1")
+    folder = save(tmp_path, stages=len(task.stages), tasks=[task.id])
+    halo = HaloMethod("halo", setup, folder, chunks=1).halo
+    assert (halo.rounds, halo.again_from) == (task.rounds, task.again_from + 1) == (3, 2)
+    assert HaloMethod("halo", setup, folder, chunks=1, rounds=1).halo.rounds == 1
+    with pytest.raises(ValueError, match="rounds must be at least 1; got 0"):
+        MethodOptions(rounds=0)
 
 
 @pytest.mark.slow

@@ -23,10 +23,11 @@ class NearestMatcher:
 class Recorder:
     """An environment without a robot: it notes what it is told, and counts what it has executed."""
 
-    def __init__(self, losses=()):
+    def __init__(self, losses=(), done_after=0):
         self.told = []
         self.executed = 0
         self.losses = losses  # after how many targets a look says so
+        self.done_after = done_after  # how many targets it takes
 
     def begin_stage(self, stage):
         self.told.append(("begin", stage))
@@ -52,6 +53,10 @@ class Recorder:
 
     def end_stage(self, stage):
         self.told.append(("end", stage, self.executed))
+
+    def is_done(self):
+        self.told.append(("look",))
+        return self.executed >= self.done_after
 
 
 class Listener:
@@ -144,9 +149,77 @@ def test_a_stage_that_has_lost_the_garment_is_begun_again(losses, tries, ends, e
     assert policy.seeds[0] == once.seeds[0]
 
 
-def test_there_is_at_least_one_try():
-    with pytest.raises(ValueError, match="tries must be at least 1; got 0"):
-        HALO(NearestMatcher(), [make_stage(Listener())], tries=0)
+@pytest.mark.parametrize(
+    ("rounds", "again_from", "done_after", "begun", "looks"),
+    [
+        (1, 1, 99, [1, 2], 0),  # nobody asks where no round may follow
+        (3, 1, 0, [1, 2], 1),
+        (3, 1, 17, [1, 2, 1, 2, 1, 2], 2),  # the last round is the last
+        (3, 2, 99, [1, 2, 2, 2], 2),
+        (2, 2, 99, [1, 2, 2], 1),
+    ],
+)
+def test_rounds_follow_while_the_task_is_seen_not_to_be_done(
+    rounds, again_from, done_after, begun, looks
+):
+    policy, driver = Listener(), Recorder(done_after=done_after)
+    stages = [make_stage(policy, chunks=1) for _ in range(2)]
+    halo = HALO(NearestMatcher(), stages, rounds=rounds, again_from=again_from)
+    records = halo.run(driver, seed=7)
+    assert [told[1] for told in driver.told if told[0] == "begin"] == begun
+    assert driver.told.count(("look",)) == looks
+    assert [record.stage for record in records] == begun
+    assert [record.round for record in records] == sorted(record.round for record in records)
+    assert records[-1].round == (rounds if done_after else 1)
+    assert len(set(policy.seeds)) == len(begun)
+
+
+def test_what_a_further_round_begins_with_is_given_up_at_once_but_for_the_last_round():
+    # Lost in the first round after 4 targets; in the second, the last one, twice, which is then gone through to the end.
+    driver = Recorder(losses=(4, 8, 12, 16))
+    halo = HALO(NearestMatcher(), [make_stage(Listener(), chunks=3)], tries=3, rounds=2)
+    records = halo.run(driver)
+    assert [(r.round, r.tries, r.targets) for r in records] == [(1, 1, 4), (2, 3, 4 + 4 + 12)]
+    assert ("look",) not in driver.told  # what was lost is not done
+    # A stage that no round begins with has its tries in every round.
+    driver = Recorder(losses=(4,), done_after=99)
+    stages = [make_stage(Listener(), chunks=1), make_stage(Listener(), chunks=1)]
+    records = HALO(NearestMatcher(), stages, rounds=2, again_from=2).run(driver)
+    assert [(r.stage, r.round, r.tries) for r in records] == [(1, 1, 2), (2, 1, 1), (2, 2, 1)]
+
+
+def test_each_round_looks_anew_on_which_side_the_garment_lies():
+    class Turning(Recorder):
+        """Lies mirrored whenever it has been looked at once."""
+
+        def begin_stage(self, stage):
+            sign = [-1, 1, 1] if ("look",) in self.told else [1, 1, 1]
+            return super().begin_stage(stage) | {"garment_point_cloud": (CLOUD * sign).astype("f4")}
+
+    class Mirrored(NearestMatcher):
+        def match(self, source_cloud, source_points, target_cloud):
+            sign = [target_cloud[0, 0] / source_cloud[0, 0], 1, 1]
+            return super().match(source_cloud, source_points * sign, target_cloud)
+
+    left, right = sorted((CLOUD[3], CLOUD[8]), key=lambda point: point[0])
+    driver = Turning(done_after=99)
+    stages = [make_stage(Listener(), left=left, right=right)]
+    HALO(Mirrored(), stages, turns_over=True, rounds=2).run(driver)
+    first, second = (told[1:] for told in driver.told if told[0] == "move")
+    np.testing.assert_array_equal(first, (left, right))
+    np.testing.assert_allclose(second, (right * [-1, 1, 1], left * [-1, 1, 1]))
+
+
+@pytest.mark.parametrize("field", ["tries", "rounds"])
+def test_there_is_at_least_one_try_and_one_round(field):
+    with pytest.raises(ValueError, match=f"{field} must be at least 1; got 0"):
+        HALO(NearestMatcher(), [make_stage(Listener())], **{field: 0})
+
+
+@pytest.mark.parametrize("again_from", [0, 2])
+def test_a_further_round_begins_with_a_stage(again_from):
+    with pytest.raises(ValueError, match=rf"again_from must lie in 1 \.\.\. 1; got {again_from}"):
+        HALO(NearestMatcher(), [make_stage(Listener())], again_from=again_from)
 
 
 def test_turning_over_takes_both_hands():

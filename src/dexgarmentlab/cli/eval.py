@@ -62,6 +62,9 @@ class Options:
     """Trained policies of a learned method: a folder with stage_1/policy.safetensors and so on."""
     chunks: int | None = None
     """Predictions that each stage gets; as long as the recorded stages were when not given."""
+    rounds: int | None = None
+    """How often a trained method goes through the stages at most, while the task is seen not to be done; as often as
+    collection does when not given."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where policies compute."""
     actions: int = 600
@@ -75,7 +78,7 @@ class Options:
         words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
         words += ["--episodes", self.episodes, "--seeds", self.seeds, "--workers", self.workers]
         for field in (
-            "garments", "friction", "matcher", "look", "checkpoints", "chunks", "device", "actions",
+            "garments", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
         ):  # fmt: skip
             value = getattr(self, field)
             if value != getattr(type(self), field):
@@ -195,6 +198,7 @@ def _tell_method(options: Options) -> "MethodOptions":
         # absolute: a resumed evaluation may be called from elsewhere
         checkpoints=None if checkpoints is None else str(checkpoints.resolve()),
         chunks=options.chunks,
+        rounds=options.rounds,
         device=options.device,
     )
 

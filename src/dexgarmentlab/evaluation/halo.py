@@ -1,7 +1,7 @@
 """HALO and its ablations in the laboratory: policies from their checkpoints, and the driver that they ask for."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
+from dgl_collect.point_finder import PointFinder
 from dgl_sadp import (
     HALO,
     HaloStage,
@@ -54,8 +55,21 @@ LEARNED: Mapping[str, Learned] = {
 class HaloDriver:
     """Gives HALO what it asks of an environment: `dgl_sadp.EnvironmentDriver`, by `dgl_tasks.driver.Driver`."""
 
-    def __init__(self, driver: Driver) -> None:
+    def __init__(
+        self,
+        driver: Driver,
+        find_points: Callable[[np.ndarray], Mapping[str, np.ndarray]] | None = None,
+    ) -> None:
+        """Take over an episode.
+
+        Args:
+            driver: After its start.
+            find_points: Finds the places that the task's rule names, each of shape (3,), in a cloud of the garment,
+                shape (N, 3) [m], world frame. Only asked where there may be further rounds, and where the rule names any.
+        """
         self._driver = driver
+        self._find_points = find_points
+        self._points: Mapping[str, np.ndarray] = {}
         self._stages = driver.env.task.stages
         self._stage = self._stages[0]
         self._were_down: set[Side] = set()
@@ -67,6 +81,8 @@ class HaloDriver:
         self._were_down, self._empty = set(), set()
         driver = self._driver
         seen = {"garment_point_cloud": driver.see_garment()}
+        if stage == 1 and self._find_points is not None:
+            self._points = self._find_points(seen["garment_point_cloud"])
         if driver.env.props:
             picture = see.take_picture(driver.env, "environment_camera")
             seed = driver.cloud_seed
@@ -113,6 +129,11 @@ class HaloDriver:
         if not self._driver.is_parked:
             self._driver.retreat(sides, declared.leave)
 
+    def is_done(self) -> bool:
+        """Wait for the garment to come to rest, and apply the task's rule to what the camera sees, as collection does."""
+        self._driver.settle()
+        return self._driver.judge(self._points).reason is None
+
 
 class _PresentMatcher:
     """Asks for the matcher of the garment as it lies now."""
@@ -138,6 +159,7 @@ class HaloMethod:
         checkpoints: Path,
         *,
         chunks: int | None = None,
+        rounds: int | None = None,
         device: str = "cpu",
     ) -> None:
         """Load a policy for each stage.
@@ -147,6 +169,7 @@ class HaloMethod:
             setup: Environment, demonstration and matcher.
             checkpoints: Folder with `stage_<k>/policy.safetensors` for each stage.
             chunks: Predictions that each stage gets; as long as the longest recorded stage when None.
+            rounds: How often the stages are gone through at most; as the task says when None.
             device: "cpu" or "cuda".
 
         Raises:
@@ -176,11 +199,14 @@ class HaloMethod:
                     moved_at_most=stage.moved_at_most,
                 )
             )
+        self._setup = setup
         self.halo = HALO(
             _PresentMatcher(setup),
             stages,
             use_gam=LEARNED[name].use_gam,
             turns_over=task.turns_over,
+            rounds=rounds or task.rounds,
+            again_from=task.again_from + 1,
         )
 
     def run(self, driver: Driver) -> None:
@@ -189,12 +215,23 @@ class HaloMethod:
         Raises:
             PerceptionError: If a point is not near where it was when the episode began.
         """
+        is_asked = self.halo.rounds > 1 and self._setup.env.task.success.points
+        halo_driver = HaloDriver(driver, self._find_points if is_asked else None)
         try:
-            records = self.halo.run(HaloDriver(driver), seed=driver.seed)
+            records = self.halo.run(halo_driver, seed=driver.seed)
         except ObservationError as err:
             raise PerceptionError(str(err)) from err
-        if further := sum(record.tries - 1 for record in records):
-            driver.measurements["further_tries"] = float(further)
+        further = {
+            "further_tries": sum(record.tries - 1 for record in records),
+            "further_rounds": records[-1].round - 1,
+        }
+        driver.measurements |= {name: float(count) for name, count in further.items() if count}
+
+    def _find_points(self, cloud: np.ndarray) -> Mapping[str, np.ndarray]:
+        setup = self._setup
+        finder = PointFinder(setup.env.task, setup.demonstration, setup.demo_cloud)
+        finder.look(cloud, setup.find_matcher(setup.env))
+        return finder.points
 
 
 def check_checkpoints(task: Task, checkpoints: Path, *, use_gam: bool) -> None:

@@ -29,11 +29,13 @@ class MethodOptions:
     """Folder with a trained policy for each stage, for the learned methods."""
     chunks: int | None = None
     """Predictions that each stage gets; as long as the longest recorded stage when None."""
+    rounds: int | None = None
+    """How often a learned method goes through the stages at most; as the task says when None."""
     device: str = "cpu"
     """Where policies compute, "cpu" or "cuda"."""
 
     def __post_init__(self) -> None:
-        for name in ("actions", "chunks"):
+        for name in ("actions", "chunks", "rounds"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"{name} must be at least 1; got {value}")
@@ -120,6 +122,7 @@ def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePo
             setup,
             Path(str(options.checkpoints)),
             chunks=options.chunks,
+            rounds=options.rounds,
             device=options.device,
         )
     return _adapt(_load(name)(setup.env), name, options)

@@ -98,6 +98,10 @@ class EnvironmentDriver(Protocol):
         """Do what is scripted after a stage, such as letting go and drawing back."""
         ...
 
+    def is_done(self) -> bool:
+        """Say whether the robot sees, after the last stage, that the task is done. Asked where a round may follow."""
+        ...
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HaloStage:
@@ -133,6 +137,8 @@ class StageRecord:
 
     stage: int
     """Its number, from 1."""
+    round: int
+    """The round that it belongs to, from 1."""
     left: np.ndarray | None
     """Where the left hand was sent [m], shape (3,), world frame; None if it stayed."""
     right: np.ndarray | None
@@ -142,7 +148,7 @@ class StageRecord:
     targets: int
     """How many joint targets were executed."""
     tries: int
-    """How often the stage was begun."""
+    """How often the stage was begun in this round."""
 
 
 class HALO:
@@ -164,6 +170,8 @@ class HALO:
         use_gam: bool = True,
         turns_over: bool = False,
         tries: int = 3,
+        rounds: int = 1,
+        again_from: int = 1,
     ) -> None:
         """Take the parts.
 
@@ -176,14 +184,22 @@ class HALO:
                 other's points in all stages.
             tries: How often a stage is begun at most: hands that are seen to have come up empty let go, and begin
                 it again from what is seen then, as an automatic collection does. 1 is once and for all.
+            rounds: How often the stages are gone through at most: while the task is seen not to be done, they are
+                gone through again from how the garment lies then, as in a collection.
+            again_from: Number of the stage, from 1, that a further round begins with. Hands that come up empty in it
+                begin the next round, where there is one.
 
         Raises:
-            ValueError: If there is no stage or no try, or something that `use_gam` or `turns_over` needs is missing.
+            ValueError: If there is no stage, try or round, `again_from` is no stage, or something that `use_gam` or
+                `turns_over` needs is missing.
         """
         if not stages:
             raise ValueError("stages must have at least one stage; got none")
-        if tries < 1:
-            raise ValueError(f"tries must be at least 1; got {tries}")
+        for name, value in (("tries", tries), ("rounds", rounds)):
+            if value < 1:
+                raise ValueError(f"{name} must be at least 1; got {value}")
+        if not 1 <= again_from <= len(stages):
+            raise ValueError(f"again_from must lie in 1 ... {len(stages)}; got {again_from}")
         if use_gam:
             if matcher is None:
                 raise ValueError("use_gam needs a matcher; got None")
@@ -199,6 +215,8 @@ class HALO:
         self.use_gam = use_gam
         self.turns_over = turns_over
         self.tries = tries
+        self.rounds = rounds
+        self.again_from = again_from
 
     def run(
         self,
@@ -215,58 +233,108 @@ class HALO:
             on_chunk: Called after each chunk with the number of the stage and of the chunk, both from 1.
 
         Returns:
-            A record of each stage.
+            A record of each stage in each round.
         """
-        records: list[StageRecord] = []
-        places: list[np.ndarray] = []
-        stages = list(self.stages)
-        for number in range(1, len(stages) + 1):
-            executed = 0
-            for attempt in range(1, self.tries + 1):
-                observation = dict(driver.begin_stage(number))
-                cloud = np.asarray(observation["garment_point_cloud"])
-                if self.use_gam and number == 1:
-                    stages = self._exchange_sides(cloud)
-                    places = [cloud[self._ask(each, cloud)[0]] for each in stages]
-                stage = stages[number - 1]
-                place = places[number - 1] if places and number > 1 else None
-                match, affordance = self._match(number, stage, cloud, place)
-                if self.use_gam:
-                    driver.move_hands(match.left, match.right)
-                observation["points_affordance_feature"] = affordance
-                # a first try draws what it would have drawn without any other
-                key = [seed, number] if attempt == 1 else [seed, number, attempt]
-                drawn = int(np.random.SeedSequence(key).generate_state(1)[0])
-                stage.policy.reset(observation, seed=drawn)
-                is_last = attempt == self.tries
-                count, is_lost = _act(driver, number, stage, on_chunk, to_the_end=is_last)
-                executed += count
-                driver.end_stage(number)
-                if not is_lost:
-                    records.append(replace(match, targets=executed, tries=attempt))
-                    break
-        return tuple(records)
+        course = _Course(self, driver, seed, on_chunk)
+        for number in range(1, self.rounds + 1):
+            is_done = course.go_through(number, is_last=number == self.rounds)
+            if is_done:
+                break
+        return tuple(course.records)
 
-    def _exchange_sides(self, cloud: np.ndarray) -> list[HaloStage]:
-        """Give the stages for a garment as it lies at first, seen as a cloud, shape (N, 3)."""
-        if self.turns_over:  # only asked with `use_gam`
-            left, right = cloud[self._ask(self.stages[0], cloud)[0]]
+
+class _Course:
+    """What HALO does in one environment, from its reset on."""
+
+    def __init__(
+        self,
+        halo: HALO,
+        driver: EnvironmentDriver,
+        seed: int,
+        on_chunk: Callable[[int, int], None] | None,
+    ) -> None:
+        self.records: list[StageRecord] = []
+        self._halo, self._driver, self._seed, self._on_chunk = halo, driver, seed, on_chunk
+        self._stages = list(halo.stages)
+        self._places: list[np.ndarray] = []  # of the points of each stage, when the first one began
+
+    def go_through(self, round_: int, *, is_last: bool) -> bool:
+        """Carry out the stages of a round; whether no further one has to follow."""
+        halo = self._halo
+        for number in range(1 if round_ == 1 else halo.again_from, len(self._stages) + 1):
+            # What the next round begins with is not begun twice in this one.
+            has_next = not is_last and number == halo.again_from
+            tries = 1 if has_next else halo.tries
+            for attempt in range(1, tries + 1):
+                to_the_end = attempt == tries and not has_next
+                is_held = self._carry_out(number, round_, attempt, to_the_end=to_the_end)
+                if is_held:
+                    break
+            else:
+                return False
+        return is_last or self._driver.is_done()
+
+    def _carry_out(self, number: int, round_: int, attempt: int, *, to_the_end: bool) -> bool:
+        """Carry out a stage; false if it was given up because the garment was lost, which is not seen `to_the_end`."""
+        driver, halo = self._driver, self._halo
+        observation = dict(driver.begin_stage(number))
+        cloud = np.asarray(observation["garment_point_cloud"])
+        if halo.use_gam and number == 1:
+            self._look(cloud)
+        stage = self._stages[number - 1]
+        record, affordance = self._match(number, stage, cloud)
+        if halo.use_gam:
+            driver.move_hands(record.left, record.right)
+        observation["points_affordance_feature"] = affordance
+        # A first try draws what it would have drawn without any other.
+        again = [] if round_ == attempt == 1 else [attempt] if round_ == 1 else [attempt, round_]
+        drawn = int(np.random.SeedSequence([self._seed, number, *again]).generate_state(1)[0])
+        stage.policy.reset(observation, seed=drawn)
+        executed, is_held = self._act(number, stage, to_the_end=to_the_end)
+        driver.end_stage(number)
+        if attempt > 1:  # One record for all tries of a stage.
+            executed += self.records.pop().targets
+        self.records.append(replace(record, round=round_, targets=executed, tries=attempt))
+        return is_held
+
+    def _act(self, number: int, stage: HaloStage, *, to_the_end: bool) -> tuple[int, bool]:
+        """Let the policy act; returns how many targets it gave, and whether it came to its end."""
+        executed = 0
+        seen = self._driver.observe()
+        for chunk in range(1, stage.chunks + 1):
+            targets = stage.policy.act(seen)
+            for index, target in enumerate(targets):
+                seen = self._driver.execute(target)
+                executed += 1
+                if index + 1 < len(targets):
+                    stage.policy.observe(seen)
+            if self._on_chunk is not None:
+                self._on_chunk(number, chunk)
+            if not to_the_end and self._driver.is_lost():
+                return executed, False
+        return executed, True
+
+    def _look(self, cloud: np.ndarray) -> None:
+        """See in a cloud, shape (N, 3), on which side the garment lies, and where all points are before the first stage."""
+        self._stages = list(self._halo.stages)
+        if self._halo.turns_over:
+            left, right = cloud[self._ask(self._stages[0], cloud)[0]]
             if left[0] > right[0]:
-                return [replace(each, left=each.right, right=each.left) for each in self.stages]
-        return list(self.stages)
+                self._stages = [replace(s, left=s.right, right=s.left) for s in self._stages]
+        self._places = [cloud[self._ask(each, cloud)[0]] for each in self._stages]
 
     def _match(
-        self, number: int, stage: HaloStage, cloud: np.ndarray, place: np.ndarray | None
+        self, number: int, stage: HaloStage, cloud: np.ndarray
     ) -> tuple[StageRecord, np.ndarray]:
         """Find the points of the hands on a cloud, shape (N, 3), and the affordance of both, shape (N, 2)."""
-        if not self.use_gam:
-            nothing = StageRecord(
-                stage=number, left=None, right=None, similarity=(), targets=0, tries=0
-            )
+        nothing = StageRecord(
+            stage=number, round=0, left=None, right=None, similarity=(), targets=0, tries=0
+        )
+        if not self._halo.use_gam:
             return nothing, np.zeros((len(cloud), 2), np.float32)
         indices, similarity = self._ask(stage, cloud)
-        if place is not None and stage.moved_at_most is not None:
-            offset = cloud[None, :, :2] - place[:, None, :2]
+        if number > 1 and stage.moved_at_most is not None:
+            offset = cloud[None, :, :2] - self._places[number - 1][:, None, :2]
             near = np.linalg.norm(offset, axis=2) <= stage.moved_at_most
             if not near.any(axis=1).all():
                 raise ObservationError(
@@ -276,24 +344,22 @@ class HALO:
             indices = np.where(near, similarity, -np.inf).argmax(axis=1)
             similarity = np.where(near, similarity, similarity.min(axis=1, keepdims=True))
         found = [cloud[int(index)] for index in indices]
-        record = StageRecord(
-            stage=number,
+        record = replace(
+            nothing,
             left=found[0] if stage.left is not None else None,
             right=found[-1] if stage.right is not None else None,
             similarity=tuple(
                 float(row[int(index)]) for row, index in zip(similarity, indices, strict=True)
             ),
-            targets=0,
-            tries=0,
         )
         return record, scale_affordance(similarity)
 
     def _ask(self, stage: HaloStage, cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Match the stage's points: their indices in the cloud, shape (K,), and the similarity, shape (K, N)."""
-        assert self.matcher is not None
+        assert self._halo.matcher is not None
         assert stage.source_cloud is not None
         wanted = [point for point in (stage.left, stage.right) if point is not None]
-        indices, similarity = self.matcher.match(stage.source_cloud, np.stack(wanted), cloud)
+        indices, similarity = self._halo.matcher.match(stage.source_cloud, np.stack(wanted), cloud)
         indices, similarity = np.asarray(indices), np.asarray(similarity, dtype=np.float64)
         shape = (len(wanted), len(cloud))
         if indices.shape != shape[:1] or similarity.shape != shape:
@@ -302,31 +368,6 @@ class HALO:
                 f"got {indices.shape} and {similarity.shape}"
             )
         return indices, similarity
-
-
-def _act(
-    driver: EnvironmentDriver,
-    number: int,
-    stage: HaloStage,
-    on_chunk: Callable[[int, int], None] | None,
-    *,
-    to_the_end: bool,
-) -> tuple[int, bool]:
-    """Let the policy act; returns how many targets it gave, and whether it stopped because the garment was lost."""
-    executed = 0
-    seen = driver.observe()
-    for chunk in range(1, stage.chunks + 1):
-        targets = stage.policy.act(seen)
-        for index, target in enumerate(targets):
-            seen = driver.execute(target)
-            executed += 1
-            if index + 1 < len(targets):
-                stage.policy.observe(seen)
-        if on_chunk is not None:
-            on_chunk(number, chunk)
-        if not to_the_end and driver.is_lost():
-            return executed, True
-    return executed, False
 
 
 def scale_affordance(similarity: np.ndarray) -> np.ndarray:

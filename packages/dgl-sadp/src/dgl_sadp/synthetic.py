@@ -28,6 +28,7 @@ _TURNS = (3, 33)  # Joints that turn to the object.
 _FINGERS = (slice(6, 30), slice(36, 60))
 _REACH = 0.5  # Movement of a hand [m] for a radian.
 _LAG = 0.6  # Share of the way to its target that a joint goes in a frame.
+_NEAR = 0.05  # Mean distance of hands that have come to their goals [m].
 _WIDTH = 0.1  # Standard deviation of the affordance around its point [m].
 _SHARES = (
     0.55,
@@ -170,6 +171,10 @@ class SyntheticEnvironment:
 
     def end_stage(self, stage: int) -> None:
         """Do nothing; see `EnvironmentDriver`."""
+
+    def is_done(self) -> bool:
+        """Whether the hands are where they should be."""
+        return self.compute_error() < _NEAR
 
     def _see(self) -> np.ndarray:
         """Return points of sheet, hands and object with their colours, shape (N, 6)."""
