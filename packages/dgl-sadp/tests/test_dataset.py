@@ -80,6 +80,7 @@ def test_shapes_and_types(tmp_path, make_episode):
     window = EpisodeDataset(tmp_path, 1, observation_keys=("joint_state", "ee_pose", "image"))[0]
     assert {key: (array.shape, str(array.dtype)) for key, array in window.items()} == {
         "joint_state": ((3, 60), "float32"),
+        "start_joint_state": ((60,), "float32"),
         "ee_pose": ((3, 2, 7), "float32"),
         "image": ((3, 4, 6, 3), "uint8"),
         "action": ((8, 60), "float32"),

@@ -80,6 +80,7 @@ def draw_windows(config, seed: int) -> tuple[dict[str, torch.Tensor], torch.Tens
     marked = torch.sigmoid(8.0 * side[:, None] * garment[:, :, 0])
     window = {
         "joint_state": 0.1 * draw(config.observation_steps, config.joints),
+        "start_joint_state": 0.1 * draw(config.joints),
         "env_point_cloud": draw(config.observation_steps, 32, 6),
         "garment_point_cloud": garment,
         "points_affordance_feature": marked.unsqueeze(2).repeat(1, 1, 2),

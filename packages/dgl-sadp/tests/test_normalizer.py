@@ -76,24 +76,16 @@ def test_ranges_of_a_dataset_are_those_of_all_its_values(tmp_path, make_episode)
     assert found["garment_point_cloud"].high.tolist() == [21.0] * 3
 
 
-def test_relative_actions_are_measured_from_the_newest_state_of_every_window(
-    tmp_path, make_episode
-):
-    make_episode(tmp_path / "0.h5", frames=40, offset=7.0)
-    with h5py.File(tmp_path / "0.h5", "a") as file:
-        file["stage_1/action"][20, 2] += 100.0
-    dataset = EpisodeDataset(tmp_path, 1)
-    measured = measure_episodes(dataset, ["action"], relative_joints=[2, 31])
-    # As the windows themselves say: states count frames, actions are half a frame ahead.
-    differences = np.concatenate(
-        [window["action"] - window["joint_state"][2:] for window in dataset]
-    )
-    found = measured.ranges[0]["action"]
-    for joint in (2, 31):
-        assert found.low[joint] == differences[:, joint].min() == -1.5
-        assert found.high[joint] == differences[:, joint].max()
-    assert found.high[[2, 31]].tolist() == [105.5, 5.5]  # Frame 20, from five before it.
-    assert (found.low[3], found.high[3]) == (7.5, 46.5)
+def test_relative_actions_are_measured_from_where_the_stage_began(tmp_path, make_episode):
+    make_episode(tmp_path / "0.h5", frames=40, offset=7.0, approach_frames=3)
+    for with_approach, first in ((False, 10.0), (True, 7.0)):
+        dataset = EpisodeDataset(tmp_path, 1, with_approach=with_approach)
+        assert (dataset[0]["start_joint_state"] == first).all()
+        measured = measure_episodes(dataset, ["action"], relative_joints=[2, 31])
+        found = measured.ranges[0]["action"]
+        for joint in (2, 31):  # States count frames from 7, actions are half a frame ahead.
+            assert (found.low[joint], found.high[joint]) == (0.5, 46.5 - first)
+        assert (found.low[3], found.high[3]) == (first + 0.5, 46.5)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -37,10 +37,10 @@ def test_sampling_and_loss_leave_the_global_generator_alone(policy, random_batch
 
 
 def find_origin(batch) -> torch.Tensor:
-    """What targets are relative to: the newest joint state for the arms' joints, written out; 0 for all others."""
+    """What targets are relative to: where the stage began for the arms' joints, written out; 0 for all others."""
     origin = torch.zeros_like(batch["action"])
     for arm in (slice(0, 6), slice(30, 36)):
-        origin[..., arm] = batch["joint_state"][:, [2], arm]
+        origin[..., arm] = batch["start_joint_state"][:, None, arm]
     return origin
 
 
@@ -56,7 +56,7 @@ def test_predictions_stay_in_the_range_of_the_actions(policy, random_batch):
     assert np.isfinite(actions).all()
 
 
-def test_arms_that_never_moved_in_the_data_hold_still_wherever_they_are(policy, random_batch):
+def test_arms_that_never_moved_in_the_data_stay_where_the_stage_began(policy, random_batch):
     still = np.zeros(60)
     policy.normalizer.of("action").fit(Range(still, still))
     batch = random_batch(policy.config)
@@ -77,7 +77,7 @@ def test_every_weight_learns(policy, random_batch, seeded):
 
 def test_what_is_not_observed_does_not_matter(policy, random_batch):
     batch = random_batch(policy.config)
-    observed = {*policy.config.frame_keys, *policy.config.stage_keys}
+    observed = {"start_joint_state", *policy.config.frame_keys, *policy.config.stage_keys}
     assert torch.equal(
         predict(policy, batch), predict(policy, {key: batch[key] for key in observed})
     )

@@ -143,6 +143,22 @@ def test_targets_are_in_radians_of_the_data(tiny_config):
     assert (targets < 6.01).all()
 
 
+def test_each_stage_begins_where_the_arms_are_when_it_first_acts(tiny_config):
+    policy = DiffusionPolicy.make(tiny_config("dp3"), seed=0)
+    policy.normalizer.of("action").fit(Range(np.zeros(60), np.zeros(60)))  # arms that never moved
+    runner = PolicyRunner(policy)
+    arms = [*range(6), *range(30, 36)]
+    for start in (0.5, -1.0):
+        runner.reset({})
+        for later in (0.0, 0.3):  # pushed away, they go back
+            seen = {**make_observation(), "joint_state": np.full(60, start + later, np.float32)}
+            targets = runner.act(seen)
+            assert (targets[:, arms] == np.float32(start)).all()
+            assert not np.delete(targets, arms, axis=1).any()
+            for _ in targets[:-1]:
+                runner.observe(seen)
+
+
 def _without(key):
     return lambda o: o.pop(key)
 

@@ -157,7 +157,7 @@ def test_ranges_come_from_the_episodes_that_are_trained_on(train, episodes):
     arms = [*range(6), *range(30, 36)]
     names = [episode.path.name for episode in dataset.episodes]
     for window in dataset.select([names.index(name) for name in used]):
-        window["action"][:, arms] -= window["joint_state"][-1, arms]
+        window["action"][:, arms] -= window["start_joint_state"][arms]
         actions.append(window["action"])
     found = load_policy(result.policy).normalizer.of("action")
     normalized = found.normalize(torch.from_numpy(np.concatenate(actions)))

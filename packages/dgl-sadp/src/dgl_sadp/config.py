@@ -172,8 +172,8 @@ class PolicyConfig:
     state: tuple[int, ...]
     """Widths of the joint state's layers with ReLU between them; none passes the normalised state on."""
     relative_joints: tuple[int, ...]
-    """Joints, ascending, whose targets are learned relative to where the newest observation has them; those of all
-    others are learned as they are."""
+    """Joints, ascending, whose targets are learned relative to where they were when the stage began; those of all others
+    are learned as they are. How far they have come since then is observed beside the joint state."""
     environment: PointsConfig | None = None
     """Environment cloud, in every observation."""
     garment: GarmentConfig | None = None

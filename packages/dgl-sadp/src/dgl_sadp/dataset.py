@@ -116,7 +116,7 @@ class EpisodeDataset:
         Returns:
             With To = `observation_steps`, T = `horizon`, N and M numbers of points, float32 where not stated:
 
-            * `joint_state` [rad], shape (To, 60); `ee_pose` (left, right) [m] and quaternion wxyz, world frame, shape
+            * `start_joint_state` [rad], where the stage began, shape (60,); `joint_state` [rad], shape (To, 60); `ee_pose` (left, right) [m] and quaternion wxyz, world frame, shape
               (To, 2, 7); `env_point_cloud` xyz [m], world frame, and colour, shape (To, N, 6); and `image`, shape
               (To, H, W, 3), uint8, where asked for;
             * `action`, the commanded joint targets [rad], shape (T, 60);
@@ -192,7 +192,8 @@ class EpisodeDataset:
 
     def _read_static(self, episode: StageFile) -> dict[str, np.ndarray]:
         if episode.path not in self._static:
-            self._static[episode.path] = read_static(episode)
+            start = read_frames(episode, {"joint_state": FrameSlice(0, 1)})["joint_state"][0]
+            self._static[episode.path] = {"start_joint_state": start, **read_static(episode)}
         return self._static[episode.path]
 
 

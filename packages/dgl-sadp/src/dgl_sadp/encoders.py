@@ -22,6 +22,8 @@ class ObservationEncoder(nn.Module):
     copy of the function.
     """
 
+    _is_relative: Tensor
+
     def __init__(self, config: PolicyConfig) -> None:
         """Set up the parts."""
         super().__init__()
@@ -31,7 +33,7 @@ class ObservationEncoder(nn.Module):
         self.object = None if config.object is None else PointsNet(config.object)
         self.image = None if config.image is None else ImageNet18(config.image)
         layers: list[nn.Module] = []
-        width = config.joints
+        width = config.joints + len(config.relative_joints)
         for following in config.state:
             layers += [nn.ReLU()] if layers else []
             layers += [nn.Linear(width, following)]
@@ -41,8 +43,18 @@ class ObservationEncoder(nn.Module):
         features = width + sum(part.features for part in parts if part is not None)
         if config.image is not None:
             features += config.image.widths[-1]
+        is_relative = torch.zeros(config.joints)
+        is_relative[list(config.relative_joints)] = 1.0
+        self.register_buffer("_is_relative", is_relative, persistent=False)
         self.frame_features = features
         """Length of an observation's feature, with those of the stage: 256 for SADP as published."""
+
+    def find_origin(self, observation: Mapping[str, Tensor]) -> Tensor:
+        """Return what targets are learned relative to [rad], shape (B, D).
+
+        It is `start_joint_state`, shape (B, D), for `relative_joints`, and 0 for all others.
+        """
+        return observation["start_joint_state"] * self._is_relative
 
     @property
     def features(self) -> int:
@@ -97,7 +109,8 @@ class ObservationEncoder(nn.Module):
         """Encode consecutive observations.
 
         Args:
-            observation: `joint_state` [rad], shape (B, To, D); `env_point_cloud` [m], world frame, with colour, shape
+            observation: `joint_state` [rad], shape (B, To, D); `start_joint_state` [rad], where the stage began, shape
+                (B, D); `env_point_cloud` [m], world frame, with colour, shape
                 (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; as far as the policy observes them.
             stage: What `encode_stage` returned, shape (B, S).
             normalizer: Ranges of the data.
@@ -119,5 +132,9 @@ class ObservationEncoder(nn.Module):
         if self.image is not None:
             found = self.image(observation["image"].flatten(0, 1))
             parts.append(found.unflatten(0, (batch, steps)))
-        parts.append(self.state(states))
+        # Scaled as the targets are, which are relative to the same place.
+        travelled = observation["joint_state"] - self.find_origin(observation).unsqueeze(1)
+        travelled = normalizer.of("action").normalize(travelled)
+        relative = travelled[..., list(self.config.relative_joints)]
+        parts.append(self.state(torch.cat([states, relative], dim=2)))
         return torch.cat(parts, dim=2).flatten(1)

@@ -96,7 +96,7 @@ class Normalizer(nn.ModuleDict):
     """A scaler for each array that a policy sees or commands, by its key in episode files.
 
     * `action` and `joint_state` [rad], and `env_point_cloud`: every channel by its own range, as published. Actions of
-      `relative_joints` are relative to the newest joint state of their window.
+      `relative_joints` are relative to where the stage began.
     * `garment_point_cloud` and `object_point_cloud` [m], world frame: centred, and scaled alike along x, y and z, so that
       all clouds of the data lie within [-1, 1]. It is the same for every cloud, so that position and size are still seen.
       (The original left metres, under radii made for unit clouds.)

@@ -23,18 +23,16 @@ __all__ = ["DiffusionPolicy"]
 class DiffusionPolicy(nn.Module):
     """SADP, SADP_G, DP3 or DP: one U-Net and one loss, with the encoders that the configuration names.
 
-    Targets of `config.relative_joints`, the arms', are learned relative to the newest observed joint state: a policy that
-    holds still need not reproduce from its features where it is, and hands are not moved by the error of doing so.
+    Targets of `config.relative_joints`, the arms', are learned relative to where the stage began: the hands stand exactly at
+    the grasp points then, which a policy would otherwise have to reproduce from its features, centimetres off. Relative to
+    the newest state errors would add up instead, chunk after chunk.
 
     Batches are windows as `EpisodeDataset` gives them, as tensors with a leading dimension B. Where something is drawn it
     is by a generator that the caller gives; the policy itself has no random state.
 
     Source:
-        DexGarmentLab, structure-aware diffusion policy; Chi et al., "Diffusion Policy", 2023. Relative targets: Chi et
-        al., "Universal Manipulation Interface", 2024.
+        DexGarmentLab, structure-aware diffusion policy; Chi et al., "Diffusion Policy", 2023.
     """
-
-    _is_relative: Tensor
 
     def __init__(self, config: PolicyConfig) -> None:
         """Set up with random weights, drawn by torch's global generator, and normalisers that change nothing."""
@@ -46,9 +44,6 @@ class DiffusionPolicy(nn.Module):
             config.unet, actions=config.joints, condition=self.encoder.features
         )
         self._scheduler = _make_scheduler(config.diffusion)
-        is_relative = torch.zeros(config.joints)
-        is_relative[list(config.relative_joints)] = 1.0
-        self.register_buffer("_is_relative", is_relative, persistent=False)
 
     @classmethod
     def make(cls, config: PolicyConfig, *, seed: int) -> "DiffusionPolicy":
@@ -71,8 +66,8 @@ class DiffusionPolicy(nn.Module):
         """Compute the loss of a batch: mean squared error of what the network should predict.
 
         Args:
-            window: Batch of windows: what the configuration's `frame_keys` and `stage_keys` name, and `action` [rad],
-                shape (B, T, D).
+            window: Batch of windows: what the configuration's `frame_keys` and `stage_keys` name, `start_joint_state`
+                [rad], shape (B, D), and `action` [rad], shape (B, T, D).
             generator: Draws points, noise and its levels.
             augmentation: How clouds are varied.
 
@@ -81,7 +76,8 @@ class DiffusionPolicy(nn.Module):
         """
         stage = self.encoder.encode_stage(window, self.normalizer, generator, augmentation)
         condition = self.encoder.encode(window, stage, self.normalizer, generator, augmentation)
-        clean = self.normalizer.of("action").normalize(window["action"] - self._origin(window))
+        origin = self.encoder.find_origin(window).unsqueeze(1)
+        clean = self.normalizer.of("action").normalize(window["action"] - origin)
         noise = _draw_normal(clean.shape, generator, clean.device)
         levels = self.config.diffusion.training_steps
         step = torch.randint(
@@ -124,11 +120,8 @@ class DiffusionPolicy(nn.Module):
             actions = scheduler.step(
                 predicted, int(step), actions, generator=generator, return_dict=False
             )[0]
-        return self.normalizer.of("action").unnormalize(actions) + self._origin(observation)
-
-    def _origin(self, observation: Mapping[str, Tensor]) -> Tensor:
-        """What targets are learned relative to [rad], shape (B, 1, D): the newest joint state, or 0."""
-        return observation["joint_state"][:, -1:] * self._is_relative
+        origin = self.encoder.find_origin(observation).unsqueeze(1)
+        return self.normalizer.of("action").unnormalize(actions) + origin
 
 
 def _make_scheduler(config: DiffusionConfig) -> "DDIMScheduler | DDPMScheduler":

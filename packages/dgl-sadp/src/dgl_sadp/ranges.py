@@ -42,7 +42,7 @@ def measure_episodes(
     Args:
         dataset: Episodes of one stage.
         keys: Arrays to measure, of frames and of the stage; `image` is read, but has no range.
-        relative_joints: Joints whose actions are measured relative to the newest joint state of each window.
+        relative_joints: Joints whose actions are measured relative to where they were when the stage began.
         on_progress: Called with the number of episodes done and the number of all.
 
     Raises:
@@ -55,7 +55,7 @@ def measure_episodes(
         try:
             found = _measure_episode(episode, keys)
             if relative_joints and "action" in keys:
-                found["action"] = _measure_relative(dataset, episode, list(relative_joints))
+                found["action"] = _measure_relative(episode, list(relative_joints))
             ranges.append(found)
             whole.append(number)
         except CorruptEpisodeError as error:
@@ -110,14 +110,10 @@ def _measure_episode(episode: StageFile, keys: Sequence[str]) -> dict[str, Range
     return found
 
 
-def _measure_relative(dataset: EpisodeDataset, episode: StageFile, joints: list[int]) -> Range:
-    """Range of the actions of all windows, those of some joints relative to the window's newest joint state."""
-    whole = FrameSlice(0, episode.frames)
-    frames = read_frames(episode, {"action": whole, "joint_state": whole})
-    newest = np.arange(episode.frames)  # A window for each frame as the newest.
-    before = dataset.observation_steps - 1
-    offsets = np.arange(-before, dataset.horizon - before)
-    steps = np.clip(newest[:, None] + offsets, 0, episode.frames - 1)
-    actions = frames["action"][steps]
-    actions[..., joints] -= frames["joint_state"][newest][:, None, joints]
+def _measure_relative(episode: StageFile, joints: list[int]) -> Range:
+    """Range of all actions, those of some joints relative to where these were when the stage began."""
+    whole, first = FrameSlice(0, episode.frames), FrameSlice(0, 1)
+    frames = read_frames(episode, {"action": whole, "joint_state": first})
+    actions = frames["action"]
+    actions[:, joints] -= frames["joint_state"][:, joints]
     return Range.of(actions)

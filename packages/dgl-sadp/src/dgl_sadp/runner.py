@@ -53,6 +53,7 @@ class PolicyRunner:
         self._frames: deque[dict[str, Tensor]] = deque(maxlen=policy.config.observation_steps)
         self._generator = torch.Generator()
         self._stage: Tensor | None = None
+        self._start: Tensor | None = None
         self._since_act = 0
         self._has_acted = False
 
@@ -73,7 +74,7 @@ class PolicyRunner:
             ObservationError: If something is missing, of another shape or not finite.
         """
         self._frames.clear()
-        self._since_act, self._has_acted = 0, False
+        self._since_act, self._has_acted, self._start = 0, False, None
         self._generator.manual_seed(self.seed if seed is None else seed)
         config = self.policy.config
         arrays = _check(observation, config.stage_keys, config.joints)
@@ -107,7 +108,7 @@ class PolicyRunner:
         Args:
             observation: `joint_state` [rad], shape (D,); `env_point_cloud` [m], world frame, with colour in [0, 1], shape
                 (N, 6), or (N, 3) for policies that see no colour; `image`, shape (H, W, 3), uint8; as far as the policy
-                observes them. At the start of a stage it stands for the observations before it too.
+                observes them. At the start of a stage it stands for the observations before it too, and says where the arms begin.
 
         Returns:
             Joint targets [rad], shape (action_steps, D), float32, to be executed one after another.
@@ -129,6 +130,8 @@ class PolicyRunner:
         frames = list(self._frames)
         frames = [frames[0]] * (config.observation_steps - len(frames)) + frames
         stacked = self._stack(frames)
+        assert self._start is not None
+        stacked["start_joint_state"] = self._start.unsqueeze(0)
         actions = self.policy.predict(stacked, self._stage, self._generator)[0, config.executed]
         self._since_act, self._has_acted = 0, True
         return actions.cpu().numpy()
@@ -150,7 +153,10 @@ class PolicyRunner:
                 raise ObservationError(
                     f"env_point_cloud must have {channels} channels; got shape {cloud.shape}"
                 )
-        self._frames.append(self._move(arrays))
+        moved = self._move(arrays)
+        if self._start is None:
+            self._start = moved["joint_state"]
+        self._frames.append(moved)
         self._since_act += 1
 
     def _move(self, arrays: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
