@@ -13,11 +13,11 @@ from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
 from dgl_sadp.halo import HALO as HALO
-from dgl_sadp.halo import EnvironmentDriver as EnvironmentDriver
-from dgl_sadp.halo import HaloStage as HaloStage
-from dgl_sadp.halo import Matcher as Matcher
-from dgl_sadp.halo import StagePolicy as StagePolicy
-from dgl_sadp.halo import StageRecord as StageRecord
+from dgl_sadp.halo_parts import EnvironmentDriver as EnvironmentDriver
+from dgl_sadp.halo_parts import HaloStage as HaloStage
+from dgl_sadp.halo_parts import Matcher as Matcher
+from dgl_sadp.halo_parts import StagePolicy as StagePolicy
+from dgl_sadp.halo_parts import StageRecord as StageRecord
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 from dgl_sadp.runner import PolicyRunner as PolicyRunner
 from dgl_sadp.train import Progress as Progress
