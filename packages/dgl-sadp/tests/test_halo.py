@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dgl_sadp import HALO, DiffusionPolicy, HaloStage, ObservationError, PolicyRunner
+from dgl_sadp import HALO, DiffusionPolicy, HaloStage, PolicyRunner, StageError
 
 CLOUD = np.random.default_rng(0).uniform(-1, 1, (40, 3)).astype(np.float32)
 
@@ -188,6 +188,35 @@ def test_what_a_further_round_begins_with_is_given_up_at_once_but_for_the_last_r
     assert [(r.stage, r.round, r.tries) for r in records] == [(1, 1, 2), (2, 1, 1), (2, 2, 1)]
 
 
+@pytest.mark.parametrize(
+    ("fails", "rounds", "again_from", "begun"),
+    [
+        ([1], 2, 1, [1, 1]),  # the next round may reach what this one could not
+        ([1], 1, 1, None),
+        ([1, 2], 2, 1, None),
+        ([1], 2, 2, None),  # no further round begins with the first stage
+    ],
+)
+def test_a_hand_that_cannot_get_there_ends_the_round(fails, rounds, again_from, begun):
+    class Short(Recorder):
+        def move_hands(self, left, right):
+            super().move_hands(left, right)
+            if [told[0] for told in self.told].count("move") in fails:
+                raise StageError("left arm cannot reach it")
+
+    driver = Short(done_after=1)
+    stages = [make_stage(Listener(), chunks=1) for _ in range(again_from)]
+    halo = HALO(NearestMatcher(), stages, rounds=rounds, again_from=again_from)
+    if begun is None:
+        with pytest.raises(StageError, match="left arm cannot reach it"):
+            halo.run(driver)
+        return
+    (record,) = halo.run(driver)
+    assert record.round == 2
+    assert [told[1] for told in driver.told if told[0] == "begin"] == begun
+    assert [told[2] for told in driver.told if told[0] == "end"] == [0, 4]
+
+
 def test_each_round_looks_anew_on_which_side_the_garment_lies():
     class Turning(Recorder):
         """Lies mirrored whenever it has been looked at once."""
@@ -348,7 +377,5 @@ def test_points_that_are_gone_are_said_to_be():
             return super().begin_stage(stage) | {"garment_point_cloud": CLOUD + 9.0 * (stage - 1)}
 
     stages = [make_stage(Listener()), replace(make_stage(Listener()), moved_at_most=0.3)]
-    with pytest.raises(
-        ObservationError, match=r"stage 2: nothing of the garment lies within 0\.3 m"
-    ):
+    with pytest.raises(StageError, match=r"stage 2: nothing of the garment lies within 0\.3 m"):
         HALO(NearestMatcher(), stages).run(Gone())

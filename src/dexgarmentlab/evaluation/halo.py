@@ -13,16 +13,16 @@ from dgl_collect.point_finder import PointFinder
 from dgl_sadp import (
     HALO,
     HaloStage,
-    ObservationError,
     PolicyConfig,
     PolicyRunner,
+    StageError,
     load_policy,
     read_card,
 )
 from dgl_tasks import perception as see
 from dgl_tasks.declaration import Task
 from dgl_tasks.driver import Driver
-from dgl_tasks.errors import PerceptionError
+from dgl_tasks.errors import PerceptionError, UnreachableError
 
 if TYPE_CHECKING:
     from dgl_collect.execution import Setup
@@ -90,14 +90,21 @@ class HaloDriver:
         return seen
 
     def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
-        """Go above the points, down to the height at which the stage grasps, and wait."""
+        """Go above the points, down to the height at which the stage grasps, and wait.
+
+        Raises:
+            StageError: If an arm cannot reach its point.
+        """
         wanted: dict[Side, np.ndarray | None] = {"left": left, "right": right}
         points: dict[Side, np.ndarray] = {
             side: self._stage.place_grasp(side, point)
             for side, point in wanted.items()
             if point is not None
         }
-        self._driver.approach(self._stage, points)
+        try:
+            self._driver.approach(self._stage, points)
+        except UnreachableError as err:
+            raise StageError(str(err)) from err
 
     def observe(self) -> dict[str, np.ndarray]:
         """Look and feel."""
@@ -210,17 +217,15 @@ class HaloMethod:
         )
 
     def run(self, driver: Driver) -> None:
-        """Carry out all stages.
-
-        Raises:
-            PerceptionError: If a point is not near where it was when the episode began.
-        """
+        """Carry out all stages, or end where one cannot be carried out, which is an event of the driver's."""
         is_asked = self.halo.rounds > 1 and self._setup.env.task.success.points
         halo_driver = HaloDriver(driver, self._find_points if is_asked else None)
         try:
             records = self.halo.run(halo_driver, seed=driver.seed)
-        except ObservationError as err:
-            raise PerceptionError(str(err)) from err
+        except (StageError, PerceptionError) as err:
+            is_unreachable = isinstance(err.__cause__, UnreachableError)
+            driver.events.append(("unreachable" if is_unreachable else "perception", str(err)))
+            return
         further = {
             "further_tries": sum(record.tries - 1 for record in records),
             "further_rounds": records[-1].round - 1,

@@ -11,6 +11,7 @@ from dgl_sadp.errors import CheckpointError as CheckpointError
 from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
+from dgl_sadp.errors import StageError as StageError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
 from dgl_sadp.halo import HALO as HALO
 from dgl_sadp.halo_parts import EnvironmentDriver as EnvironmentDriver
@@ -40,6 +41,7 @@ __all__ = [
     "PolicyRunner",
     "Progress",
     "SadpError",
+    "StageError",
     "StagePolicy",
     "StageRecord",
     "TrainConfig",

@@ -168,7 +168,10 @@ class TrainRun:
         state, device = self.state, self.accelerator.device
         seed = draw_seed(self.config.seed, STEP, state.step)
         generator = torch.Generator(device).manual_seed(seed)
-        loss = self.model(_to(batch, device), generator, self.config.augmentation)
+        config = self.config
+        loss = self.model(
+            _to(batch, device), generator, config.augmentation, noise_draws=config.noise_draws
+        )
         value = loss.item()
         if not math.isfinite(value):
             raise TrainingDivergedError(

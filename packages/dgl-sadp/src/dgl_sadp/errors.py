@@ -7,6 +7,7 @@ __all__ = [
     "CorruptEpisodeError",
     "ObservationError",
     "SadpError",
+    "StageError",
     "TrainingDivergedError",
 ]
 
@@ -21,6 +22,10 @@ class CheckpointError(SadpError):
 
 class ObservationError(SadpError):
     """An observation lacks something, or has another shape or values that are not finite."""
+
+
+class StageError(SadpError):
+    """A stage cannot be carried out: its points are not where they have to be, or no hand gets there."""
 
 
 class TrainingDivergedError(SadpError):

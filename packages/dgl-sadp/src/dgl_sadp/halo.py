@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dgl_sadp.errors import ObservationError
+from dgl_sadp.errors import StageError
 from dgl_sadp.halo_parts import EnvironmentDriver, HaloStage, Matcher, StageRecord
 
 __all__ = ["HALO"]
@@ -99,6 +99,9 @@ class HALO:
 
         Returns:
             A record of each stage in each round.
+
+        Raises:
+            StageError: If a stage cannot be carried out, and no further round begins with it or before it.
         """
         course = _Course(self, driver, seed, on_chunk)
         for number in range(1, self.rounds + 1):
@@ -130,14 +133,24 @@ class _Course:
             # What the next round begins with is not begun twice in this one.
             has_next = not is_last and number == halo.again_from
             tries = 1 if has_next else halo.tries
-            for attempt in range(1, tries + 1):
-                to_the_end = attempt == tries and not has_next
-                is_held = self._carry_out(number, round_, attempt, to_the_end=to_the_end)
-                if is_held:
-                    break
-            else:
+            try:
+                is_held = self._try(number, round_, tries, to_the_end=not has_next)
+            except StageError:
+                if is_last or number < halo.again_from:
+                    raise
+                self._driver.end_stage(number)
+                is_held = False
+            if not is_held:
                 return False
         return is_last or self._driver.is_done()
+
+    def _try(self, number: int, round_: int, tries: int, *, to_the_end: bool) -> bool:
+        """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held."""
+        for attempt in range(1, tries + 1):
+            is_final = to_the_end and attempt == tries
+            if self._carry_out(number, round_, attempt, to_the_end=is_final):
+                return True
+        return False
 
     def _carry_out(self, number: int, round_: int, attempt: int, *, to_the_end: bool) -> bool:
         """Carry out a stage; false if it was given up because the garment was lost, which is not seen `to_the_end`."""
@@ -202,7 +215,7 @@ class _Course:
             offset = cloud[None, :, :2] - self._places[number - 1][:, None, :2]
             near = np.linalg.norm(offset, axis=2) <= stage.moved_at_most
             if not near.any(axis=1).all():
-                raise ObservationError(
+                raise StageError(
                     f"stage {number}: nothing of the garment lies within {stage.moved_at_most} m of "
                     "where a point was"
                 )

@@ -76,6 +76,9 @@ class EnvironmentDriver(Protocol):
         Args:
             left: Point for the left hand [m], shape (3,), world frame; None leaves the hand where it is.
             right: The same for the right hand.
+
+        Raises:
+            StageError: If a hand cannot get there.
         """
         ...
 

@@ -19,6 +19,8 @@ class TrainConfig:
     """Passes over all windows."""
     batch: int
     """Windows in a batch."""
+    noise_draws: int = 1
+    """How often noise and its level are drawn for each window of a batch: encoding a window costs more than denoising it."""
     learning_rate: float = 1e-4
     """Largest learning rate, of AdamW. Source: paper."""
     warmup_steps: int = 500
@@ -53,7 +55,14 @@ class TrainConfig:
     """Of the weights and of everything drawn."""
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "batch", "validate_every", "validation_windows", "save_every"):
+        for name in (
+            "epochs",
+            "batch",
+            "noise_draws",
+            "validate_every",
+            "validation_windows",
+            "save_every",
+        ):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
         for name in ("warmup_steps", "keep_every", "seed", "split_seed"):
@@ -79,6 +88,7 @@ _PAPER: Mapping[str, TrainConfig] = {
 _SMALL = TrainConfig(
     epochs=60,
     batch=64,
+    noise_draws=4,
     learning_rate=1e-3,
     warmup_steps=100,
     validation_share=0.05,
