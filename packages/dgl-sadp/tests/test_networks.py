@@ -79,7 +79,8 @@ def test_the_convolution_by_a_product_is_the_convolution():
     torch.manual_seed(0)
     for kernel in (1, 3, 5):
         layer, x = _TimeConv(6, 4, kernel), draw(3, 6, 8)
-        wanted = functional.conv1d(x, layer.weight, layer.bias, padding=kernel // 2)
+        matrix = layer.weight.view(4, 6, kernel)
+        wanted = functional.conv1d(x, matrix, layer.bias, padding=kernel // 2)
         torch.testing.assert_close(layer(x), wanted, rtol=1e-5, atol=1e-6)
 
 

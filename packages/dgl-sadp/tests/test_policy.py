@@ -96,20 +96,6 @@ def test_the_stage_is_encoded_once_for_all_observations(tiny_config, random_batc
     assert seen == [5]
 
 
-def test_a_window_is_encoded_once_for_all_its_noise(tiny_config, random_batch):
-    policy = DiffusionPolicy.make(tiny_config("sadp"), seed=0)
-    encoded, seen = [], {}
-    policy.encoder.environment.register_forward_pre_hook(lambda _, i: encoded.append(len(i[0])))
-    policy.unet.register_forward_pre_hook(lambda _, inputs: seen.update(inputs=inputs))
-    policy(random_batch(policy.config, count=5), torch.Generator().manual_seed(0), noise_draws=3)
-    assert encoded == [5 * 3]  # three observations each
-    noisy, step, projected = seen["inputs"]
-    assert (len(noisy), len(step)) == (15, 15)
-    assert len(noisy.flatten(1).unique(dim=0)) == 15
-    for each in projected if isinstance(projected, list | tuple) else [projected]:
-        assert len(each.flatten(1).unique(dim=0)) == 5
-
-
 def test_no_norm_remembers_batches(policy):
     # EMA copies parameters: statistics of batches would not reach its copy.
     assert not any(isinstance(m, nn.modules.batchnorm._NormBase) for m in policy.modules())

@@ -20,13 +20,20 @@ from dgl_sadp import (
     read_card,
     train_policy,
 )
+from dgl_sadp._tensor_file import read_tensors
 from dgl_sadp.normalizer import Range
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
 
 FRAMES = 8
 CONFIG = TrainConfig(
-    epochs=4, batch=8, learning_rate=1e-3, validation_share=0.3, validate_every=2, keep_every=2
+    epochs=4,
+    batch=8,
+    learning_rate=1e-3,
+    muon_learning_rate=0.02,
+    validation_share=0.3,
+    validate_every=2,
+    keep_every=2,
 )
 
 
@@ -107,6 +114,20 @@ def test_a_resumed_run_ends_as_if_it_had_not_been_interrupted(train, at):
     again = train("parts", is_resumed=True)  # Nothing is left to do.
     assert again.steps == whole.steps
     assert again.loss == whole.loss
+
+
+@pytest.mark.parametrize("rate", [None, 0.02])
+def test_muon_trains_the_matrices_where_it_is_asked_for_and_adamw_the_rest(train, tmp_path, rate):
+    result = train(config=dataclasses.replace(CONFIG, epochs=1, muon_learning_rate=rate))
+    kept, _ = read_tensors(tmp_path / "run" / "state.safetensors", kind="dgl_sadp.training")
+    parts = {name: tensor.ndim for name, tensor in weights(result).items() if "range" not in name}
+    by_muon = {name.partition("/")[2] for name in kept if name.startswith("momentum_buffer/")}
+    by_adamw = {name.partition("/")[2] for name in kept if name.startswith("exp_avg/")}
+    trained = {name.partition("/")[2] for name in kept if name.startswith("weight/")}
+    assert by_muon | by_adamw == trained
+    assert not by_muon & by_adamw
+    assert by_muon == ({name for name in trained if parts[name] == 2} if rate else set())
+    assert any("unet" in name for name in by_muon) == (rate is not None)
 
 
 def test_an_interruption_before_the_first_state_costs_what_was_done(train, tmp_path):
@@ -269,6 +290,7 @@ def test_bf16_is_trained_and_its_weights_stay_float32(train):
         {"epochs": 0},
         {"batch": 0},
         {"learning_rate": 0.0},
+        {"muon_learning_rate": 0.0},
         {"validation_share": 1.0},
         {"precision": "fp16"},
         {"keep_every": -1},
@@ -298,5 +320,6 @@ def test_paper_presets_are_the_published_ones():
     assert (config.learning_rate, config.betas, config.weight_decay) == (1e-4, (0.95, 0.999), 1e-6)
     assert (config.warmup_steps, config.validation_share) == (500, 0.02)
     assert (config.ema_power, config.ema_decay) == (0.75, 0.9999)
+    assert config.muon_learning_rate is None
     with pytest.raises(ValueError, match=r"method must be one of .*; got 'act'"):
         get_train_config("act")

@@ -85,17 +85,11 @@ class TrainRun:
         model = DiffusionPolicy.make(policy, seed=config.seed)
         model.normalizer.fit(data.ranges)
         model.to(self.accelerator.device).train()
-        optimizer = torch.optim.AdamW(
-            model.parameters(),
-            lr=config.learning_rate,
-            betas=config.betas,
-            eps=1e-8,
-            weight_decay=config.weight_decay,
-            fused=True,
-        )
-        schedule = get_cosine_schedule_with_warmup(
-            optimizer, min(config.warmup_steps, self.steps // 10), self.steps
-        )
+        optimizers = _make_optimizers(model, config)
+        warmup = min(config.warmup_steps, self.steps // 10)
+        schedules = [
+            get_cosine_schedule_with_warmup(each, warmup, self.steps) for each in optimizers
+        ]
         ema = EMAModel(
             model.parameters(),
             decay=config.ema_decay,
@@ -104,9 +98,9 @@ class TrainRun:
             power=config.ema_power,
             foreach=True,
         )
-        self.state = TrainState(model, ema, optimizer, schedule)
+        self.state = TrainState(model, ema, optimizers, schedules)
         # What accelerate wraps shares weights and moments with what the state holds.
-        self.model, self.optimizer = self.accelerator.prepare(model, optimizer)
+        self.model, *self.optimizers = self.accelerator.prepare(model, *optimizers)
         self.described = json.loads(
             json.dumps(
                 {
@@ -168,10 +162,7 @@ class TrainRun:
         state, device = self.state, self.accelerator.device
         seed = draw_seed(self.config.seed, STEP, state.step)
         generator = torch.Generator(device).manual_seed(seed)
-        config = self.config
-        loss = self.model(
-            _to(batch, device), generator, config.augmentation, noise_draws=config.noise_draws
-        )
+        loss = self.model(_to(batch, device), generator, self.config.augmentation)
         value = loss.item()
         if not math.isfinite(value):
             raise TrainingDivergedError(
@@ -179,9 +170,10 @@ class TrainRun:
                 f"({self.config.learning_rate:g}) and start anew"
             )
         self.accelerator.backward(loss)
-        self.optimizer.step()
-        state.schedule.step()
-        self.optimizer.zero_grad(set_to_none=True)
+        for optimizer, schedule in zip(self.optimizers, state.schedules, strict=True):
+            optimizer.step()
+            schedule.step()
+            optimizer.zero_grad(set_to_none=True)
         state.ema.step(state.policy.parameters())
         state.step += 1
         state.loss_sum += value
@@ -238,7 +230,7 @@ class TrainRun:
 
     def _log(self, writer: "SummaryWriter", loss: float) -> None:
         writer.add_scalar("loss/step", loss, self.state.step)
-        rate = self.state.schedule.get_last_lr()[0]
+        rate = self.state.schedules[0].get_last_lr()[0]
         writer.add_scalar("learning_rate", rate, self.state.step)
 
     def _tell(self, loss: float, seconds: float) -> Progress:
@@ -252,6 +244,33 @@ class TrainRun:
             seconds_left=seconds * (self.steps - step),
             validation=self.validation,
         )
+
+
+def _make_optimizers(model: DiffusionPolicy, config: TrainConfig) -> list["torch.optim.Optimizer"]:
+    """AdamW, and Muon for the matrices where it is asked for."""
+    has_muon = config.muon_learning_rate is not None
+    matrices = [each for each in model.parameters() if has_muon and each.ndim == 2]
+    others = [each for each in model.parameters() if not (has_muon and each.ndim == 2)]
+    optimizers: list[torch.optim.Optimizer] = [
+        torch.optim.AdamW(
+            others,
+            lr=config.learning_rate,
+            betas=config.betas,
+            eps=1e-8,
+            weight_decay=config.weight_decay,
+            fused=True,
+        )
+    ]
+    if config.muon_learning_rate is not None:
+        optimizers.append(
+            torch.optim.Muon(
+                matrices,
+                lr=config.muon_learning_rate,
+                weight_decay=config.weight_decay,
+                adjust_lr_fn="original",
+            )
+        )
+    return optimizers
 
 
 def _to(batch: Mapping[str, Tensor], device: torch.device) -> dict[str, Tensor]:

@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Interrupts", "TrainState", "hold_interrupts"]
 
 _KIND = "dgl_sadp.training"
-_MOMENTS = ("step", "exp_avg", "exp_avg_sq")
+_MOMENTS = ("step", "exp_avg", "exp_avg_sq", "momentum_buffer")  # Of AdamW and of Muon.
 
 
 class TrainState:
@@ -35,13 +35,13 @@ class TrainState:
         self,
         policy: DiffusionPolicy,
         ema: "EMAModel",
-        optimizer: torch.optim.Optimizer,
-        schedule: "LambdaLR",
+        optimizers: Sequence[torch.optim.Optimizer],
+        schedules: "Sequence[LambdaLR]",
     ) -> None:
         self.policy = policy
         self.ema = ema
-        self.optimizer = optimizer
-        self.schedule = schedule
+        self.optimizers = optimizers
+        self.schedules = schedules
         self.step = 0
         self.loss_sum = 0.0
         self.last: dict[str, Any] = {}
@@ -60,9 +60,10 @@ class TrainState:
         ):
             tensors[f"weight/{name}"] = parameter
             tensors[f"average/{name}"] = average
-            if parameter in self.optimizer.state:
-                for key in _MOMENTS:
-                    tensors[f"{key}/{name}"] = self.optimizer.state[parameter][key]
+            for optimizer in self.optimizers:
+                if parameter in optimizer.state:
+                    for key, moment in optimizer.state[parameter].items():
+                        tensors[f"{key}/{name}"] = moment
         for name, buffer in self.policy.normalizer.named_buffers():
             tensors[f"range/{name}"] = buffer
         values = {
@@ -70,7 +71,7 @@ class TrainState:
             "loss_sum": self.loss_sum,
             "last": self.last,
             "average_step": self.ema.optimization_step,
-            "schedule": self.schedule.state_dict(),
+            "schedules": [each.state_dict() for each in self.schedules],
             "described": described,
         }
         write_tensors(path, tensors, kind=_KIND, values=values)
@@ -105,16 +106,21 @@ class TrainState:
             ):
                 parameter.copy_(tensors[f"weight/{name}"])
                 average.copy_(tensors[f"average/{name}"])
-                if f"exp_avg/{name}" in tensors:
-                    self.optimizer.state[parameter] = {
-                        key: tensors[f"{key}/{name}"].to(parameter.device) for key in _MOMENTS
-                    }
+                moments = {
+                    key: tensors[f"{key}/{name}"].to(parameter.device)
+                    for key in _MOMENTS
+                    if f"{key}/{name}" in tensors
+                }
+                for optimizer in self.optimizers:
+                    if moments and any(parameter is p for p in optimizer.param_groups[0]["params"]):
+                        optimizer.state[parameter] = moments
         self.ema.optimization_step = int(values["average_step"])
-        self.schedule.load_state_dict(values["schedule"])
-        for group, rate in zip(
-            self.optimizer.param_groups, values["schedule"]["_last_lr"], strict=True
+        for optimizer, schedule, kept in zip(
+            self.optimizers, self.schedules, values["schedules"], strict=True
         ):
-            group["lr"] = rate
+            schedule.load_state_dict(kept)
+            for group, rate in zip(optimizer.param_groups, kept["_last_lr"], strict=True):
+                group["lr"] = rate
         self.step, self.loss_sum = int(values["step"]), float(values["loss_sum"])
         self.last = values["last"]
 

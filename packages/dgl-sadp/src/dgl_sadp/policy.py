@@ -62,7 +62,6 @@ class DiffusionPolicy(nn.Module):
         window: Mapping[str, Tensor],
         generator: torch.Generator,
         augmentation: Augmentation | None = None,
-        noise_draws: int = 1,
     ) -> Tensor:
         """Compute the loss of a batch: mean squared error of what the network should predict.
 
@@ -71,7 +70,6 @@ class DiffusionPolicy(nn.Module):
                 [rad], shape (B, D), and `action` [rad], shape (B, T, D).
             generator: Draws points, noise and its levels.
             augmentation: How clouds are varied.
-            noise_draws: How often noise and its level are drawn for each window, which is encoded once.
 
         Returns:
             Scalar.
@@ -80,7 +78,6 @@ class DiffusionPolicy(nn.Module):
         condition = self.encoder.encode(window, stage, self.normalizer, generator, augmentation)
         origin = self.encoder.find_origin(window).unsqueeze(1)
         clean = self.normalizer.of("action").normalize(window["action"] - origin)
-        clean = clean.repeat_interleave(noise_draws, 0)
         noise = _draw_normal(clean.shape, generator, clean.device)
         levels = self.config.diffusion.training_steps
         step = torch.randint(
@@ -88,8 +85,7 @@ class DiffusionPolicy(nn.Module):
         ).to(clean.device)
         noisy = self._scheduler.add_noise(clean, noise, step)  # type: ignore[arg-type]
         target = clean if self.config.diffusion.prediction == "sample" else noise
-        projected = self.unet.project(condition).repeat_interleave(noise_draws, 0)
-        predicted = self.unet(noisy, step, projected)
+        predicted = self.unet(noisy, step, self.unet.project(condition))
         return functional.mse_loss(predicted, target)
 
     @torch.no_grad()
