@@ -23,7 +23,7 @@ class TrainConfig:
     """Largest learning rate, of AdamW. Source: paper."""
     muon_learning_rate: float | None = None
     """Largest learning rate of Muon, which trains the layers' matrices then; AdamW trains all when None, as published. It
-    takes a tenth of AdamW's steps. Source: Jordan et al., "Muon: an optimizer for hidden layers", 2024."""
+    takes a quarter of AdamW's steps. Source: Jordan et al., "Muon: an optimizer for hidden layers", 2024."""
     warmup_steps: int = 500
     """Batches over which it rises, at most a tenth of all; it then falls to zero as a cosine. Source: paper."""
     betas: tuple[float, float] = (0.95, 0.999)
