@@ -117,6 +117,7 @@ def _measure_training(
     rng = np.random.default_rng(seed)
     shapes = {
         "joint_state": (config.observation_steps, config.joints),
+        "start_joint_state": (config.joints,),
         "env_point_cloud": (config.observation_steps, _POINTS, 6),
         "garment_point_cloud": (_POINTS, 3),
         "points_affordance_feature": (_POINTS, 2),
