@@ -8,6 +8,7 @@ import numpy as np
 
 from dexgarmentlab.bench_physics.rows import Row
 from dgl_sadp import DiffusionPolicy, PolicyRunner, get_policy_config, get_train_config
+from dgl_sadp.optimizers import make_optimizers
 from dgl_sadp.synthetic import SyntheticEnvironment
 
 __all__ = ["measure_speed"]
@@ -124,7 +125,7 @@ def _measure_training(
         "object_point_cloud": (_POINTS, 3),
         "action": (config.horizon, config.joints),
     }
-    seen = {*config.frame_keys, *config.stage_keys, "action"}
+    seen = {*config.frame_keys, *config.stage_keys, "start_joint_state", "action"}
     batch = {
         key: torch.from_numpy(rng.uniform(-1, 1, (_BATCH, *shape)).astype(np.float32))
         for key, shape in shapes.items()
@@ -134,16 +135,17 @@ def _measure_training(
         shape = (_BATCH, config.observation_steps, *_IMAGE, 3)
         batch["image"] = torch.from_numpy(rng.integers(0, 256, shape, dtype=np.uint8))
     batch = {key: values.to(policy.device) for key, values in batch.items()}
-    optimizer = torch.optim.AdamW(policy.parameters(), lr=1e-4, fused=True)
-    augmentation = get_train_config(method, size).augmentation
+    training = get_train_config(method, size)
+    optimizers = make_optimizers(policy, training)
     generator = torch.Generator(policy.device).manual_seed(seed)
     policy.train()
 
     def run_step() -> None:
-        loss = policy(batch, generator, augmentation)
-        optimizer.zero_grad(set_to_none=True)
+        loss = policy(batch, generator, training.augmentation)
+        policy.zero_grad(set_to_none=True)
         loss.backward()
-        optimizer.step()
+        for optimizer in optimizers:
+            optimizer.step()
         loss.item()  # On CUDA: waits for the result.
 
     seconds, _ = _time(run_step, repeats)

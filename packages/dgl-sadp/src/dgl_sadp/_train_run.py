@@ -21,6 +21,7 @@ from dgl_sadp._train_state import TrainState, hold_interrupts
 from dgl_sadp.checkpoint import save_policy
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import TrainingDivergedError
+from dgl_sadp.optimizers import make_optimizers
 from dgl_sadp.policy import DiffusionPolicy
 from dgl_sadp.train_config import TrainConfig
 from dgl_sadp.validation import Validation, compute_validation
@@ -85,7 +86,7 @@ class TrainRun:
         model = DiffusionPolicy.make(policy, seed=config.seed)
         model.normalizer.fit(data.ranges)
         model.to(self.accelerator.device).train()
-        optimizers = _make_optimizers(model, config)
+        optimizers = make_optimizers(model, config)
         warmup = min(config.warmup_steps, self.steps // 10)
         schedules = [
             get_cosine_schedule_with_warmup(each, warmup, self.steps) for each in optimizers
@@ -244,33 +245,6 @@ class TrainRun:
             seconds_left=seconds * (self.steps - step),
             validation=self.validation,
         )
-
-
-def _make_optimizers(model: DiffusionPolicy, config: TrainConfig) -> list["torch.optim.Optimizer"]:
-    """AdamW, and Muon for the matrices where it is asked for."""
-    has_muon = config.muon_learning_rate is not None
-    matrices = [each for each in model.parameters() if has_muon and each.ndim == 2]
-    others = [each for each in model.parameters() if not (has_muon and each.ndim == 2)]
-    optimizers: list[torch.optim.Optimizer] = [
-        torch.optim.AdamW(
-            others,
-            lr=config.learning_rate,
-            betas=config.betas,
-            eps=1e-8,
-            weight_decay=config.weight_decay,
-            fused=True,
-        )
-    ]
-    if config.muon_learning_rate is not None:
-        optimizers.append(
-            torch.optim.Muon(
-                matrices,
-                lr=config.muon_learning_rate,
-                weight_decay=config.weight_decay,
-                adjust_lr_fn="original",
-            )
-        )
-    return optimizers
 
 
 def _to(batch: Mapping[str, Tensor], device: torch.device) -> dict[str, Tensor]:

@@ -1,0 +1,35 @@
+"""What takes a training's steps."""
+
+import torch
+from torch import nn
+
+from dgl_sadp.train_config import TrainConfig
+
+__all__ = ["make_optimizers"]
+
+
+def make_optimizers(model: nn.Module, config: TrainConfig) -> list[torch.optim.Optimizer]:
+    """Make AdamW for all parameters; or Muon for the matrices, where it has a learning rate, and AdamW for the rest."""
+    has_muon = config.muon_learning_rate is not None
+    matrices = [each for each in model.parameters() if has_muon and each.ndim == 2]
+    others = [each for each in model.parameters() if not (has_muon and each.ndim == 2)]
+    optimizers: list[torch.optim.Optimizer] = [
+        torch.optim.AdamW(
+            others,
+            lr=config.learning_rate,
+            betas=config.betas,
+            eps=1e-8,
+            weight_decay=config.weight_decay,
+            fused=True,
+        )
+    ]
+    if config.muon_learning_rate is not None:
+        optimizers.append(
+            torch.optim.Muon(
+                matrices,
+                lr=config.muon_learning_rate,
+                weight_decay=config.weight_decay,
+                adjust_lr_fn="original",
+            )
+        )
+    return optimizers
