@@ -9,13 +9,14 @@ import pytest
 from dexgarmentlab.evaluation.attempts import make_evaluation_runner
 from dexgarmentlab.evaluation.halo import (
     LEARNED,
+    Guide,
     HaloDriver,
     HaloMethod,
     check_checkpoints,
     count_chunks,
 )
 from dexgarmentlab.evaluation.methods import MethodOptions, check_method
-from dgl_collect.demonstration import load_demonstration
+from dgl_collect.demonstration import load_demonstration, retarget_waypoints
 from dgl_sadp import (
     DiffusionPolicy,
     EnvironmentDriver,
@@ -77,8 +78,9 @@ class Recorder:
         assert points.shape == (5, 3)
         return dict.fromkeys(self.empty - self.low, 0.3)
 
-    def approach(self, stage, points):
+    def approach(self, stage, points, rehearse=None):
         self.told.append(("approach", stage.name, points))
+        self.rehearse = rehearse
 
     def execute(self, actions):
         self.told.append(("execute", actions.shape))
@@ -145,9 +147,44 @@ def test_one_hand_works_and_the_other_stays():
     assert parked.told == []
 
 
+def test_hands_are_turned_so_that_all_of_the_demonstrated_stage_is_within_reach(setup, monkeypatch):
+    cloud = np.random.default_rng(0).uniform(-0.3, 0.3, (2048, 3)).astype(np.float32)
+    demonstrated, asked = setup.demonstration, []
+
+    class Matcher:
+        """Finds the first points of the cloud."""
+
+        def match(self, source_cloud, source_points, target_cloud):
+            count = len(source_points)
+            return np.arange(count), np.eye(count, len(target_cloud))
+
+    setup.find_matcher = lambda env: Matcher()
+    monkeypatch.setattr(
+        "dexgarmentlab.evaluation.halo.rehearse_stage", lambda *args: asked.append(args)
+    )
+    driver = Recorder()
+    driver.motion, driver.see_garment = object(), lambda: cloud
+    halo = HaloDriver(driver, Guide(setup))
+    halo.begin_stage(1)
+    halo.move_hands(cloud[7], None)
+    orientation = np.array([1.0, 0.0, 0.0, 0.0])
+    driver.rehearse("left", orientation)
+    ((motion, stage, side, turned, grasp, waypoints),) = asked
+    assert (motion, stage, side) == (driver.motion, TASK.stages[0], "left")
+    assert turned is orientation
+    np.testing.assert_allclose(grasp[:2], cloud[7, :2])
+    points = dict(zip(demonstrated.points, cloud.astype(float), strict=False))
+    wanted = retarget_waypoints(demonstrated.get_stage(TASK.stages[0].name), points)
+    for waypoint, other in zip(waypoints, wanted, strict=True):
+        np.testing.assert_array_equal(waypoint.targets["left"], other.targets["left"])
+
+
 def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found():
     driver, asked = Recorder(), []
-    halo = HaloDriver(driver, lambda cloud: asked.append(cloud.shape) or {"hem": np.ones(3)})
+    guide = SimpleNamespace(
+        points={"hem": np.ones(3)}, look=lambda cloud: asked.append(cloud.shape)
+    )
+    halo = HaloDriver(driver, guide)
     halo.begin_stage(1)
     halo.begin_stage(2)  # what lies folded does not say any more where it was
     assert asked == [(2048, 3)]
@@ -257,7 +294,9 @@ def test_a_method_that_cannot_go_on_ends_and_says_why(tmp_path, setup, monkeypat
     class Failing(Recorder):
         seed, events, measurements = 3, [], {}
 
-        def approach(self, stage, points):
+        motion = None
+
+        def approach(self, stage, points, rehearse=None):
             raise cause
 
     training = {"with_approach": False}
@@ -269,6 +308,7 @@ def test_a_method_that_cannot_go_on_ends_and_says_why(tmp_path, setup, monkeypat
         driver.move_hands(np.zeros(3), None)
 
     monkeypatch.setattr(halo, "run", run)
+    monkeypatch.setattr(Guide, "plan", lambda *_: None)
     driver = Failing()
     made.run(driver)
     assert driver.events == [(reason, str(cause))]

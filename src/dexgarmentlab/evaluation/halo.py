@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
+from dgl_collect.demonstration import retarget_waypoints
 from dgl_collect.point_finder import PointFinder
+from dgl_collect.rehearsal import rehearse_stage
 from dgl_sadp import (
     HALO,
     HaloStage,
@@ -20,9 +22,10 @@ from dgl_sadp import (
     read_card,
 )
 from dgl_tasks import perception as see
-from dgl_tasks.declaration import Task
+from dgl_tasks.declaration import Stage, Task
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.motion import BimanualMotion
 
 if TYPE_CHECKING:
     from dgl_collect.execution import Setup
@@ -58,18 +61,18 @@ class HaloDriver:
     def __init__(
         self,
         driver: Driver,
-        find_points: Callable[[np.ndarray], Mapping[str, np.ndarray]] | None = None,
+        guide: "Guide | None" = None,
     ) -> None:
         """Take over an episode.
 
         Args:
             driver: After its start.
-            find_points: Finds the places that the task's rule names, each of shape (3,), in a cloud of the garment,
-                shape (N, 3) [m], world frame. Only asked where there may be further rounds, and where the rule names any.
+            guide: Says where the demonstration's points are: those of the task's rule, and of where the hands will have
+                to go. None where nothing is matched: the hands are not brought anywhere then.
         """
         self._driver = driver
-        self._find_points = find_points
-        self._points: Mapping[str, np.ndarray] = {}
+        self._guide = guide
+        self._cloud = np.zeros((0, 3))
         self._stages = driver.env.task.stages
         self._stage = self._stages[0]
         self._were_down: set[Side] = set()
@@ -81,8 +84,9 @@ class HaloDriver:
         self._were_down, self._empty = set(), set()
         driver = self._driver
         seen = {"garment_point_cloud": driver.see_garment()}
-        if stage == 1 and self._find_points is not None:
-            self._points = self._find_points(seen["garment_point_cloud"])
+        self._cloud = seen["garment_point_cloud"]
+        if stage == 1 and self._guide is not None:
+            self._guide.look(self._cloud)
         if driver.env.props:
             picture = see.take_picture(driver.env, "environment_camera")
             seed = driver.cloud_seed
@@ -91,6 +95,8 @@ class HaloDriver:
 
     def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
         """Go above the points, down to the height at which the stage grasps, and wait.
+
+        The hands are turned as they were for the policy's data: so that all of the demonstrated stage is within reach.
 
         Raises:
             StageError: If an arm cannot reach its point.
@@ -101,8 +107,11 @@ class HaloDriver:
             for side, point in wanted.items()
             if point is not None
         }
+        rehearse = None
+        if self._guide is not None:
+            rehearse = self._guide.plan(self._driver.motion, self._stage, self._cloud, points)
         try:
-            self._driver.approach(self._stage, points)
+            self._driver.approach(self._stage, points, rehearse)
         except UnreachableError as err:
             raise StageError(str(err)) from err
 
@@ -139,7 +148,47 @@ class HaloDriver:
     def is_done(self) -> bool:
         """Wait for the garment to come to rest, and apply the task's rule to what the camera sees, as collection does."""
         self._driver.settle()
-        return self._driver.judge(self._points).reason is None
+        points = {} if self._guide is None else self._guide.points
+        return self._driver.judge(points).reason is None
+
+
+class Guide:
+    """What the demonstration says about the garment of an episode."""
+
+    def __init__(self, setup: "Setup") -> None:
+        self._setup = setup
+        self._finder = PointFinder(setup.env.task, setup.demonstration, setup.demo_cloud)
+
+    @property
+    def points(self) -> Mapping[str, np.ndarray]:
+        """All its points, where they lay when the garment was last looked at as a whole [m], shape (3,), world frame."""
+        return self._finder.points
+
+    def look(self, cloud: np.ndarray) -> None:
+        """Find the points in a cloud of the garment [m], shape (N, 3), world frame."""
+        self._finder.look(cloud, self._setup.find_matcher(self._setup.env))
+
+    def plan(
+        self,
+        motion: BimanualMotion,
+        stage: Stage,
+        cloud: np.ndarray,
+        grasp: Mapping[Side, np.ndarray],
+    ) -> Callable[[Side, np.ndarray], None]:
+        """Give what rehearses a stage for a hand, see `dgl_collect.rehearsal`.
+
+        Args:
+            motion: Plans.
+            stage: The stage.
+            cloud: What is seen of the garment now [m], shape (N, 3), world frame.
+            grasp: Where each working hand grasps [m], shape (3,), world frame.
+        """
+        points = self.points
+        if stage.looks_again:
+            points = self._finder.find_points(cloud, self._setup.find_matcher(self._setup.env))
+        demonstrated = self._setup.demonstration.get_stage(stage.name)
+        waypoints = retarget_waypoints(demonstrated, points)
+        return lambda side, q: rehearse_stage(motion, stage, side, q, grasp[side], waypoints)
 
 
 class _PresentMatcher:
@@ -219,7 +268,8 @@ class HaloMethod:
     def run(self, driver: Driver) -> None:
         """Carry out all stages, or end where one cannot be carried out, which is an event of the driver's."""
         is_asked = self.halo.rounds > 1 and self._setup.env.task.success.points
-        halo_driver = HaloDriver(driver, self._find_points if is_asked else None)
+        guide = Guide(self._setup) if self.halo.use_gam or is_asked else None
+        halo_driver = HaloDriver(driver, guide)
         try:
             records = self.halo.run(halo_driver, seed=driver.seed)
         except (StageError, PerceptionError) as err:
@@ -231,12 +281,6 @@ class HaloMethod:
             "further_rounds": records[-1].round - 1,
         }
         driver.measurements |= {name: float(count) for name, count in further.items() if count}
-
-    def _find_points(self, cloud: np.ndarray) -> Mapping[str, np.ndarray]:
-        setup = self._setup
-        finder = PointFinder(setup.env.task, setup.demonstration, setup.demo_cloud)
-        finder.look(cloud, setup.find_matcher(setup.env))
-        return finder.points
 
 
 def check_checkpoints(task: Task, checkpoints: Path, *, use_gam: bool) -> None:

@@ -18,11 +18,11 @@ from dgl_collect.episodes import FINAL_PARTICLES, Episode, Points, StageRecord
 from dgl_collect.matching import FindMatcher
 from dgl_collect.point_finder import PointFinder
 from dgl_collect.recording import StageRecorder, StageStart
+from dgl_collect.rehearsal import rehearse_stage
 from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
 from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
-from dgl_tasks.approach import plan_approach, plan_leave
 from dgl_tasks.declaration import Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
@@ -272,7 +272,7 @@ class Execution:
         orientations = self.driver.approach(
             stage,
             grasp,
-            lambda side, q: self._plan_hand(stage, side, q, grasp[side], waypoints),
+            lambda side, q: rehearse_stage(self.motion, stage, side, q, grasp[side], waypoints),
             recorder if self._recorded == "approaches" else None,
         )
         if recorder is not None:
@@ -342,22 +342,6 @@ class Execution:
                 break  # it slides out of a hand instead
         span = float(np.linalg.norm(targets["right"] - targets["left"]))
         return {"half_span": span / 2, "hanging": hanging.length}
-
-    def _plan_hand(
-        self,
-        stage: Stage,
-        side: Side,
-        orientation: np.ndarray,
-        grasp: np.ndarray,
-        waypoints: list[RetargetedWaypoint],
-    ) -> None:
-        """Plan one hand's whole stage; raises where it cannot go."""
-        orientations: dict[Side, np.ndarray] = {side: orientation}
-        plan_approach(self.motion, {side: grasp}, orientations)
-        for waypoint in waypoints:
-            target: dict[Side, np.ndarray] = {side: waypoint.targets[side]}
-            self.motion.move(target, orientations, spacing=waypoint.spacing)
-        plan_leave(self.motion, {side: waypoints[-1].targets[side]}, orientations, stage.leave)
 
     def _describe(self, points: Mapping[str, np.ndarray]) -> Points:
         return {
