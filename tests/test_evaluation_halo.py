@@ -78,9 +78,9 @@ class Recorder:
         assert points.shape == (5, 3)
         return dict.fromkeys(self.empty - self.low, 0.3)
 
-    def approach(self, stage, points, rehearse=None):
+    def approach(self, stage, points, rehearsals=()):
         self.told.append(("approach", stage.name, points))
-        self.rehearse = rehearse
+        self.rehearsals = rehearsals
 
     def execute(self, actions):
         self.told.append(("execute", actions.shape))
@@ -147,7 +147,9 @@ def test_one_hand_works_and_the_other_stays():
     assert parked.told == []
 
 
-def test_hands_are_turned_so_that_all_of_the_demonstrated_stage_is_within_reach(setup, monkeypatch):
+def test_hands_are_turned_so_that_as_much_as_can_be_of_the_stage_is_within_reach(
+    setup, monkeypatch
+):
     cloud = np.random.default_rng(0).uniform(-0.3, 0.3, (2048, 3)).astype(np.float32)
     demonstrated, asked = setup.demonstration, []
 
@@ -160,7 +162,8 @@ def test_hands_are_turned_so_that_all_of_the_demonstrated_stage_is_within_reach(
 
     setup.find_matcher = lambda env: Matcher()
     monkeypatch.setattr(
-        "dexgarmentlab.evaluation.halo.rehearse_stage", lambda *args: asked.append(args)
+        "dexgarmentlab.evaluation.halo.rehearse_stage",
+        lambda *args, leaves: asked.append((*args, leaves)),
     )
     driver = Recorder()
     driver.motion, driver.see_garment = object(), lambda: cloud
@@ -168,8 +171,10 @@ def test_hands_are_turned_so_that_all_of_the_demonstrated_stage_is_within_reach(
     halo.begin_stage(1)
     halo.move_hands(cloud[7], None)
     orientation = np.array([1.0, 0.0, 0.0, 0.0])
-    driver.rehearse("left", orientation)
-    ((motion, stage, side, turned, grasp, waypoints),) = asked
+    for rehearse in driver.rehearsals:
+        rehearse("left", orientation)
+    motion, stage, side, turned, grasp, waypoints, leaves = asked[0]
+    assert leaves
     assert (motion, stage, side) == (driver.motion, TASK.stages[0], "left")
     assert turned is orientation
     np.testing.assert_allclose(grasp[:2], cloud[7, :2])
@@ -177,6 +182,11 @@ def test_hands_are_turned_so_that_all_of_the_demonstrated_stage_is_within_reach(
     wanted = retarget_waypoints(demonstrated.get_stage(TASK.stages[0].name), points)
     for waypoint, other in zip(waypoints, wanted, strict=True):
         np.testing.assert_array_equal(waypoint.targets["left"], other.targets["left"])
+    # what is left of it where that cannot be: ever fewer waypoints, in the end the approach alone
+    assert [part for *_, part, _ in asked[1:]] == [
+        waypoints[:count] for count in range(len(waypoints), -1, -1)
+    ]
+    assert not any(leaves for *_, leaves in asked[1:])
 
 
 def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found():
@@ -296,7 +306,7 @@ def test_a_method_that_cannot_go_on_ends_and_says_why(tmp_path, setup, monkeypat
 
         motion = None
 
-        def approach(self, stage, points, rehearse=None):
+        def approach(self, stage, points, rehearsals=()):
             raise cause
 
     training = {"with_approach": False}

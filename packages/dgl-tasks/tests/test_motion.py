@@ -221,6 +221,28 @@ def test_when_no_turn_helps_the_message_is_that_of_the_wanted_orientation(motion
     np.testing.assert_array_equal(motion.target, before)
 
 
+def test_where_no_turn_can_do_what_is_wanted_what_has_to_do_decides(motion):
+    tried = []
+
+    def wanted(side, orientation):
+        raise UnreachableError("wanted", distance=0.1)
+
+    def least(side, orientation):
+        tried.append(orientation)
+        if len(tried) < 3:
+            raise UnreachableError(f"least {len(tried)}", distance=0.1)
+
+    chosen = motion.choose_turns("standard", ("right",), wanted, least)
+    expected = turn_inward(STANDARD["right"], TURNS[2], "right")
+    np.testing.assert_array_equal(chosen["right"], expected)
+
+    def nothing(side, orientation):
+        raise UnreachableError("least", distance=0.1)
+
+    with pytest.raises(UnreachableError, match="least"):
+        motion.choose_turns("standard", ("right",), wanted, nothing)
+
+
 @pytest.mark.parametrize(("name", "ahead"), [("sides", "standard"), ("heap_sides", "heap")])
 def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name, ahead):
     for side, inwards in (("left", 1), ("right", -1)):

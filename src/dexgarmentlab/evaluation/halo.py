@@ -1,8 +1,9 @@
 """HALO and its ablations in the laboratory: policies from their checkpoints, and the driver that they ask for."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from dgl_tasks import perception as see
 from dgl_tasks.declaration import Stage, Task
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
-from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.motion import BimanualMotion, Rehearsal
 
 if TYPE_CHECKING:
     from dgl_collect.execution import Setup
@@ -96,7 +97,8 @@ class HaloDriver:
     def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
         """Go above the points, down to the height at which the stage grasps, and wait.
 
-        The hands are turned as they were for the policy's data: so that all of the demonstrated stage is within reach.
+        The hands are turned as they were for the policy's data: so that all of the demonstrated stage is within reach, or
+        as much of it as can be. The policy goes its own way.
 
         Raises:
             StageError: If an arm cannot reach its point.
@@ -107,11 +109,11 @@ class HaloDriver:
             for side, point in wanted.items()
             if point is not None
         }
-        rehearse = None
+        rehearsals: list[Rehearsal] = []
         if self._guide is not None:
-            rehearse = self._guide.plan(self._driver.motion, self._stage, self._cloud, points)
+            rehearsals = self._guide.plan(self._driver.motion, self._stage, self._cloud, points)
         try:
-            self._driver.approach(self._stage, points, rehearse)
+            self._driver.approach(self._stage, points, rehearsals)
         except UnreachableError as err:
             raise StageError(str(err)) from err
 
@@ -174,8 +176,8 @@ class Guide:
         stage: Stage,
         cloud: np.ndarray,
         grasp: Mapping[Side, np.ndarray],
-    ) -> Callable[[Side, np.ndarray], None]:
-        """Give what rehearses a stage for a hand, see `dgl_collect.rehearsal`.
+    ) -> list[Rehearsal]:
+        """Give what rehearses a stage for a hand: all of it, and ever less of it, down to the approach.
 
         Args:
             motion: Plans.
@@ -188,7 +190,14 @@ class Guide:
             points = self._finder.find_points(cloud, self._setup.find_matcher(self._setup.env))
         demonstrated = self._setup.demonstration.get_stage(stage.name)
         waypoints = retarget_waypoints(demonstrated, points)
-        return lambda side, q: rehearse_stage(motion, stage, side, q, grasp[side], waypoints)
+
+        def rehearse(side: Side, q: np.ndarray, *, count: int, leaves: bool = False) -> None:
+            part = waypoints[:count]
+            rehearse_stage(motion, stage, side, q, grasp[side], part, leaves=leaves)
+
+        count = len(waypoints)
+        beginnings = [partial(rehearse, count=number) for number in range(count, -1, -1)]
+        return [partial(rehearse, count=count, leaves=True), *beginnings]
 
 
 class _PresentMatcher:

@@ -272,7 +272,7 @@ class Execution:
         orientations = self.driver.approach(
             stage,
             grasp,
-            lambda side, q: rehearse_stage(self.motion, stage, side, q, grasp[side], waypoints),
+            [lambda side, q: rehearse_stage(self.motion, stage, side, q, grasp[side], waypoints)],
             recorder if self._recorded == "approaches" else None,
         )
         if recorder is not None:

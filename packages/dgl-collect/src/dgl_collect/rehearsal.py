@@ -20,6 +20,8 @@ def rehearse_stage(
     orientation: np.ndarray,
     grasp: np.ndarray,
     waypoints: Sequence[RetargetedWaypoint],
+    *,
+    leaves: bool = True,
 ) -> None:
     """Plan one hand's whole stage, for `BimanualMotion.choose_turns`: approach, waypoints and leave.
 
@@ -29,7 +31,9 @@ def rehearse_stage(
         side: The hand.
         orientation: Of its `ee`, wxyz, shape (4,).
         grasp: Where it grasps [m], shape (3,), world frame.
-        waypoints: The demonstration's, carried over to this garment.
+        waypoints: The demonstration's, carried over to this garment; the first of them, or none, for the stage's
+            beginning alone.
+        leaves: Whether the hand leaves the cloth after the last of them.
 
     Raises:
         UnreachableError: If it cannot go there.
@@ -38,4 +42,6 @@ def rehearse_stage(
     plan_approach(motion, {side: grasp}, orientations)
     for waypoint in waypoints:
         motion.move({side: waypoint.targets[side]}, orientations, spacing=waypoint.spacing)
-    plan_leave(motion, {side: waypoints[-1].targets[side]}, orientations, stage.leave)
+    if leaves:
+        end = waypoints[-1].targets[side]
+        plan_leave(motion, {side: end}, orientations, stage.leave)

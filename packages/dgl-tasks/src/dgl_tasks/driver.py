@@ -1,7 +1,7 @@
 """One episode in an environment: what is scripted, seen and judged alike for every method."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,7 +16,7 @@ from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.leaving import LeaveName
-from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.motion import BimanualMotion, Rehearsal
 from dgl_tasks.observation import STEPS_PER_FRAME, Observation
 from dgl_tasks.success import Before, Verdict
 
@@ -183,7 +183,7 @@ class Driver:
         self,
         stage: Stage,
         points: Mapping[Side, np.ndarray],
-        rehearse: Callable[[Side, np.ndarray], object] | None = None,
+        rehearsals: Sequence[Rehearsal] = (),
         listener: StepListener | None = None,
     ) -> dict[Side, np.ndarray]:
         """Bring hands to grasp points: above them, straight down, and a wait.
@@ -191,8 +191,8 @@ class Driver:
         Args:
             stage: Names the orientation; a hand is turned about the vertical as little as needed.
             points: Grasp point of each working hand [m], shape (3,), world frame.
-            rehearse: Plans what one hand has to be able to do with an orientation, see
-                `BimanualMotion.choose_turns`; the approach alone when None.
+            rehearsals: What each hand has to be able to do, from the best to what has to do, see
+                `BimanualMotion.choose_turns`; the approach alone when there are none.
             listener: Is told before every step of whole frames, counted from the end.
 
         Returns:
@@ -205,7 +205,9 @@ class Driver:
         def come(side: Side, orientation: np.ndarray) -> None:
             plan_approach(self.motion, {side: points[side]}, {side: orientation})
 
-        orientations = self.motion.choose_turns(stage.orientation, tuple(points), rehearse or come)
+        orientations = self.motion.choose_turns(
+            stage.orientation, tuple(points), *(rehearsals or (come,))
+        )
         rows = plan_approach(self.motion, points, orientations)
         before = len(rows) % STEPS_PER_FRAME
         self._pass(rows[:before])

@@ -24,6 +24,9 @@ TURNS: tuple[float, ...] = tuple(
 )
 """Inward turns about the vertical that are tried when a grasp is out of reach [rad]."""
 
+Rehearsal = Callable[[Side, np.ndarray], object]
+"""Plans one hand's motion with an orientation of its `ee`, wxyz, shape (4,), using the object that it is given to; raises
+`UnreachableError` if the hand cannot do it."""
 
 PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side in SIDES}
 """Joint positions of each UR10e [rad], shape (6,), out of the cameras' way."""
@@ -146,39 +149,38 @@ class BimanualMotion:
         return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
 
     def choose_turns(
-        self,
-        name: GraspName,
-        sides: tuple[Side, ...],
-        rehearse: Callable[[Side, np.ndarray], object],
+        self, name: GraspName, sides: tuple[Side, ...], *rehearsals: Rehearsal
     ) -> dict[Side, np.ndarray]:
         """Choose each hand's orientation: the named one, or the nearest turn that can be done.
 
         Args:
             name: Wanted orientation.
             sides: Working hands.
-            rehearse: Plans one hand's whole motion with an orientation, using this object; nothing
+            rehearsals: What is wanted of each hand, and what has to do where no turn can do that, and so on. Nothing
                 is sent and the targets are put back afterwards.
 
         Raises:
-            UnreachableError: If a hand can do it with no turn; the message is that of no turn.
+            UnreachableError: If a hand can do not even the last with any turn; the message is that of no turn.
         """
-        chosen = {}
-        for side in sides:
-            first: UnreachableError | None = None
-            for turn in TURNS:
-                orientation = turn_inward(GRASP_ORIENTATIONS[name][side], turn, side)
+        return {side: self._choose_turn(name, side, rehearsals) for side in sides}
+
+    def _choose_turn(
+        self, name: GraspName, side: Side, rehearsals: tuple[Rehearsal, ...]
+    ) -> np.ndarray:
+        orientations = [turn_inward(GRASP_ORIENTATIONS[name][side], t, side) for t in TURNS]
+        first: UnreachableError | None = None
+        for rehearse in rehearsals:
+            first = None
+            for orientation in orientations:
                 try:
                     with self.rehearsal():
                         rehearse(side, orientation)
                 except UnreachableError as err:
                     first = first or err
                 else:
-                    chosen[side] = orientation
-                    break
-            else:
-                assert first is not None
-                raise first
-        return chosen
+                    return orientation
+        assert first is not None
+        raise first
 
     @contextmanager
     def rehearsal(self) -> Iterator[None]:
