@@ -8,6 +8,7 @@ import pytest
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
 from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
+from dgl_collect.execution import TRIES
 from dgl_tasks import get_task
 
 TASK_ID = "FoldTops-v1"
@@ -132,9 +133,10 @@ def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path):
     finally:
         runner.env.task = get_task(TASK_ID)
     assert not result.success
-    # fingers may shovel cloth up by a few centimetres, but not carry it
-    assert result.reason in ("missed grasp", "slipped"), result.detail
-    assert "left_sleeve, waypoint" in result.detail
+    # fingers may shovel cloth up by a few centimetres, or in several tries away from where it lay, but not carry it
+    assert result.reason in ("missed grasp", "slipped", "perception"), result.detail
+    # the first stage was begun again as often as can be: the hand was seen to hold nothing each time
+    assert result.measurements["further_tries"] >= TRIES - 1
     assert "episode" not in result.files
 
 

@@ -270,7 +270,7 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     def run_stage(stage, *, is_final):
         assert is_final == (course.count("look") == rounds - 1)
         course.append(stage.name)
-        execution.records.append(stage.name)
+        execution.records[stage.name] = len(course)
         driver.events.append(("slipped", f"in round {course.count(stage.name)}"))
         return True
 
@@ -280,7 +280,8 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     assert course == [*names, *["look", *names] * (gone_through - 1)]
     assert next(judged, None) is None
     # what came before the last round is neither recorded nor held against it
-    assert execution.records == names
+    last = len(course) - len(names) + 1
+    assert execution.records == {name: last + k for k, name in enumerate(names)}
     assert {where for _, where in driver.events} == {f"in round {gone_through}"}
     assert driver.measurements.get("further_rounds", 0.0) == gone_through - 1
 
@@ -299,7 +300,7 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
         # no further round would mend the first stage
         assert is_final == (stage is TASK.stages[0])
         course.append(stage.name)
-        execution.records.append((stage.name, len(course)))
+        execution.records[stage.name] = len(course)
         driver.events.append(("slipped", f"{stage.name}, {len(course)}"))
         return True
 
@@ -307,7 +308,7 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
     execution.perform()
     first, *others = [stage.name for stage in TASK.stages]
     assert course == [first, *others, *others]
-    assert execution.records == [(first, 1), (others[0], 4), (others[1], 5)]
+    assert execution.records == {first: 1, others[0]: 4, others[1]: 5}
     # what went wrong in the stage that was kept still counts
     kept = [f"{first}, 1", f"{others[0]}, 4", f"{others[1]}, 5"]
     assert [where for _, where in driver.events] == kept
@@ -339,11 +340,47 @@ def unreachable(stage, **_):
     raise UnreachableError(f"{stage.name} is out of reach", distance=0.1)
 
 
-@pytest.mark.parametrize("fail", [lambda stage: False, unreachable], ids=["lost", "out of reach"])
 @pytest.mark.parametrize("number", [0, 1])
-def test_a_round_that_cannot_be_finished_ends_at_once(dry, fail, number):
+def test_a_round_in_which_the_garment_is_lost_ends_at_once(dry, number):
+    execution, course = go_through(dry, rounds=2, fails={(1, number)}, fail=lambda stage: False)
+    execution.perform()
+    names = [stage.name for stage in TASK.stages]
+    assert course == [*names[: number + 1], "look", *names]
+
+
+@pytest.mark.parametrize(
+    ("rounds", "fails", "reasons", "gone_through"),
+    [
+        (2, {(1, 0)}, [], 2),  # what has not been carried out as a whole cannot be done
+        (2, {(1, 1), (1, 2)}, [], 2),
+        (3, {(1, 0), (2, 0)}, [], 3),
+        (3, {(1, 0)}, [None], 2),
+        (3, {(2, 0)}, ["below the threshold", None], 2),  # it was carried out in the first round
+        (2, {(1, 0), (1, 1), (1, 2)}, [], None),  # nothing changes for the next round
+        (2, {(2, 1)}, ["below the threshold"], None),  # there is no further round
+        (1, {(1, 0)}, [], None),
+    ],
+)
+def test_what_is_out_of_reach_is_left_out_of_all_but_the_last_round(
+    dry, rounds, fails, reasons, gone_through
+):
+    execution, course = go_through(dry, rounds=rounds, fails=fails, fail=unreachable)
+    judged = iter(reasons)
+    execution.driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    if gone_through is None:
+        with pytest.raises(UnreachableError):
+            execution.perform()
+    else:
+        execution.perform()
+        names = [stage.name for stage in TASK.stages]
+        assert course == [*names, *["look", *names] * (gone_through - 1)]
+    assert list(judged) == []
+
+
+def go_through(dry, *, rounds, fails, fail):
+    """An attempt whose stages fail in `fails`, pairs of the round and the stage, and what it does."""
     setup, driver = dry
-    setup.env.task = dataclasses.replace(TASK, rounds=2)
+    setup.env.task = dataclasses.replace(TASK, rounds=rounds)
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     driver.settle = lambda: None
     driver.send(driver.motion.hold(1))
@@ -352,12 +389,11 @@ def test_a_round_that_cannot_be_finished_ends_at_once(dry, fail, number):
 
     def run_stage(stage, *, is_final):
         course.append(stage.name)
-        return True if is_final or stage is not TASK.stages[number] else fail(stage)
+        failing = (course.count("look") + 1, TASK.stages.index(stage)) in fails
+        return fail(stage) if failing else True
 
     execution._run_stage = run_stage
-    execution.perform()
-    names = [stage.name for stage in TASK.stages]
-    assert course == [*names[: number + 1], "look", *names]
+    return execution, course
 
 
 @pytest.mark.parametrize("again", [{}, {"rounds": 2, "again_from": 1}])

@@ -110,7 +110,7 @@ class DemonstrationAttempts:
             criteria=_to_criteria(outcome),
             garment_id=self._setup.env.garment.name,
             seconds=time.perf_counter() - started,
-            frames=sum(record.frame_count for record in execution.records),
+            frames=sum(record.frame_count for record in execution.records.values()),
             stage_seconds=execution.stage_seconds,
             files=files,
             randomisation=dict(self._setup.env.draws),

@@ -114,11 +114,13 @@ class Execution:
         self.demonstration = setup.demonstration
         film = None if video is None else video.add
         self.driver = driver or Driver(setup.env, setup.motion, seed=seed, film=film)
-        self.records: list[StageRecord] = []
+        self.records: dict[str, StageRecord] = {}
+        """How each stage was carried out the last time, by name."""
         self.stage_seconds: dict[str, float] = {}
         self.finder = PointFinder(setup.env.task, setup.demonstration, setup.demo_cloud)
         """Knows where the demonstration's points are."""
         self._recorded = recorded
+        self._carried_out: set[str] = set()
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
@@ -157,8 +159,12 @@ class Execution:
             self._begin_again()
 
     def _go_through(self, first: int, *, is_last: bool) -> bool:
-        """Run the stages from `first` on; false as soon as it is clear that a further round has to follow."""
+        """Run the stages from `first` on; false as soon as it is clear that a further round has to follow.
+
+        What is out of reach now is left out while there are further rounds: the stages after it may bring the garment nearer.
+        """
         clock = time.perf_counter()
+        refused: list[UnreachableError] = []
         for number, stage in enumerate(self.env.task.stages):
             if number < first:
                 continue
@@ -166,28 +172,35 @@ class Execution:
                 self._kept_events = len(self.driver.events)
             # what goes wrong before the stage that a round begins with, the next round would not mend
             is_final = is_last or number < self.env.task.again_from
+            goes_on = is_left_out = False
             try:
                 goes_on = self._run_stage(stage, is_final=is_final)
-            except UnreachableError:
+            except UnreachableError as err:
                 if is_final:
                     raise
-                goes_on = False
+                refused.append(err)
+                is_left_out = True
             clock = self._note_time(stage.name, clock)
-            if not goes_on:
-                if not self.driver.is_parked:
-                    self.driver.retreat(tuple(stage.grasp), stage.leave)
-                self.driver.settle()
+            if goes_on:
+                self._carried_out.add(stage.name)
+                continue
+            if not self.driver.is_parked:
+                self.driver.retreat(tuple(stage.grasp), stage.leave)
+            self.driver.settle()
+            if not is_left_out:
                 return False
-        return is_last or self._is_done()
+        if len(refused) == len(self.env.task.stages) - first:
+            raise refused[0]  # and would be again
+        is_whole = len(self._carried_out) == len(self.env.task.stages)
+        return is_last or (is_whole and self._is_done())
 
     def _is_done(self) -> bool:
         self.driver.settle()
         return self.driver.judge(self.finder.points).reason is None
 
     def _begin_again(self) -> None:
-        """Forget what will be done again, which does not count any more, and look how the garment lies now."""
+        """Forget what went wrong in what will be done again, and look how the garment lies now."""
         first = self.env.task.again_from
-        del self.records[first:]
         del self.driver.events[self._kept_events :]
         self._count("further_rounds")
         if first:
@@ -293,8 +306,8 @@ class Execution:
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
-        if recorder is not None:
-            self.records.append(recorder.finish())
+        if recorder is not None and is_held:
+            self.records[stage.name] = recorder.finish()
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
         return is_held
 
@@ -388,7 +401,7 @@ class Execution:
             matcher=self.setup.matcher,
             success=outcome.success,
             success_value=outcome.verdict.value,
-            stages=tuple(self.records),
+            stages=tuple(self.records[stage.name] for stage in self.env.task.stages),
             randomisation=dict(self.env.draws),
             measurements=dict(self.driver.measurements),
             package_versions=package_versions(),

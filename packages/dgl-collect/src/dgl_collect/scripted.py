@@ -52,7 +52,7 @@ class LiftAndDrop:
             plan_approach(motion, {side: grasp[side]}, {side: orientation})
             motion.move({side: lifted[side]}, {side: orientation})
 
-        orientations = driver.approach(stage, grasp, rehearse)
+        orientations = driver.approach(stage, grasp, [rehearse])
         demonstrated = self.setup.demonstration.get_stage(stage.name)
         driver.send(motion.set_hands(dict.fromkeys(grasp, demonstrated.grasp_pose)))
         driver.send(motion.move(lifted, orientations))

@@ -101,7 +101,7 @@ class HALO:
             A record of each stage in each round.
 
         Raises:
-            StageError: If a stage cannot be carried out, and no further round begins with it or before it.
+            StageError: If a stage cannot be carried out, and no further round goes through it; or no stage of a round.
         """
         course = _Course(self, driver, seed, on_chunk)
         for number in range(1, self.rounds + 1):
@@ -125,24 +125,36 @@ class _Course:
         self._halo, self._driver, self._seed, self._on_chunk = halo, driver, seed, on_chunk
         self._stages = list(halo.stages)
         self._places: list[np.ndarray] = []  # of the points of each stage, when the first one began
+        self._carried_out: set[int] = set()
 
     def go_through(self, round_: int, *, is_last: bool) -> bool:
-        """Carry out the stages of a round; whether no further one has to follow."""
+        """Carry out the stages of a round; whether no further one has to follow.
+
+        What cannot be carried out now is left out while there are further rounds: the stages after it may bring the
+        garment nearer.
+        """
         halo = self._halo
-        for number in range(1 if round_ == 1 else halo.again_from, len(self._stages) + 1):
+        refused: list[StageError] = []
+        numbers = range(1 if round_ == 1 else halo.again_from, len(self._stages) + 1)
+        for number in numbers:
             # What the next round begins with is not begun twice in this one.
             has_next = not is_last and number == halo.again_from
             tries = 1 if has_next else halo.tries
             try:
                 is_held = self._try(number, round_, tries, to_the_end=not has_next)
-            except StageError:
+            except StageError as err:
                 if is_last or number < halo.again_from:
                     raise
                 self._driver.end_stage(number)
-                is_held = False
+                refused.append(err)
+                continue
             if not is_held:
                 return False
-        return is_last or self._driver.is_done()
+            self._carried_out.add(number)
+        if len(refused) == len(numbers):
+            raise refused[0]  # and would be again
+        is_whole = len(self._carried_out) == len(self._stages)
+        return is_last or (is_whole and self._driver.is_done())
 
     def _try(self, number: int, round_: int, tries: int, *, to_the_end: bool) -> bool:
         """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held."""
