@@ -230,6 +230,21 @@ def test_a_stage_out_of_reach_is_left_out_of_all_but_the_last_round(
     assert [told[1] for told in driver.told if told[0] == "begin"] == begun
 
 
+def test_a_further_try_that_cannot_begin_leaves_the_stage_as_it_is():
+    class Short(Recorder):
+        def move_hands(self, left, right):
+            super().move_hands(left, right)
+            if [told[0] for told in self.told].count("move") == 2:
+                raise StageError("nothing of it lies where it lay")
+
+    driver = Short(losses=(4,))
+    stages = [make_stage(Listener(), chunks=2) for _ in range(2)]
+    records = HALO(NearestMatcher(), stages).run(driver)
+    assert [told[1] for told in driver.told if told[0] == "begin"] == [1, 1, 2]
+    assert [told[1] for told in driver.told if told[0] == "end"] == [1, 1, 2]
+    assert [(r.stage, r.tries, r.targets) for r in records] == [(1, 1, 4), (2, 1, 8)]
+
+
 def test_each_round_looks_anew_on_which_side_the_garment_lies():
     class Turning(Recorder):
         """Lies mirrored whenever it has been looked at once."""

@@ -157,10 +157,20 @@ class _Course:
         return is_last or (is_whole and self._driver.is_done())
 
     def _try(self, number: int, round_: int, tries: int, *, to_the_end: bool) -> bool:
-        """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held."""
+        """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held.
+
+        Where a further try cannot find the points, or not reach them, the stage counts as carried out: a hand seen empty may
+        have let go at the end of its way, and what it has folded does not lie where it lay.
+        """
         for attempt in range(1, tries + 1):
             is_final = to_the_end and attempt == tries
-            if self._carry_out(number, round_, attempt, to_the_end=is_final):
+            try:
+                if self._carry_out(number, round_, attempt, to_the_end=is_final):
+                    return True
+            except StageError:
+                if attempt == 1:
+                    raise
+                self._driver.end_stage(number)
                 return True
         return False
 
