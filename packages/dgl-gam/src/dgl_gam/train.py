@@ -208,14 +208,7 @@ def train(
             category = torch.tensor(numbers, device=device)[batch.category]
             losses = _compute_losses(network, batch, category, config)
             _descend(losses.total, optimizer, config, step)
-            progress = Progress(
-                step=step + 1,
-                steps=config.steps,
-                loss=losses.match.item(),
-                accuracy=losses.accuracy.item(),
-                yaw_loss=losses.yaw.item(),
-                seconds=time.perf_counter() - began,
-            )
+            progress = losses.report(step, config, seconds=time.perf_counter() - began)
             log.write(json.dumps(dataclasses.asdict(progress)) + "\n")
             if on_progress is not None:
                 on_progress(progress)
@@ -225,14 +218,9 @@ def train(
                 save_state(out, described, parameters, optimizer, step + 1)
             if step + 1 == stop_after:
                 break
-    card = {
-        "train": config.to_dict(),
-        "earlier": [] if start is None else _describe_earlier(start),
-        "steps_done": min(config.steps, stop_after or config.steps),
-        **_describe_data(folder),
-        "categories": list(folder.categories),
-        "versions": {name: metadata.version(name) for name in ("torch", "numpy", "safetensors")},
-    }
+    card = _make_card(
+        folder, config, start, steps_done=min(config.steps, stop_after or config.steps)
+    )
     path = out / NETWORK_FILE
     save_checkpoint(path, Checkpoint(network=network.eval(), card=card))
     return path
@@ -245,6 +233,17 @@ class _Losses(NamedTuple):
     match: Tensor
     accuracy: Tensor
     yaw: Tensor
+
+    def report(self, step: int, config: TrainConfig, *, seconds: float) -> Progress:
+        """What is said of the step."""
+        return Progress(
+            step=step + 1,
+            steps=config.steps,
+            loss=self.match.item(),
+            accuracy=self.accuracy.item(),
+            yaw_loss=self.yaw.item(),
+            seconds=seconds,
+        )
 
 
 def _choose_parameters(network: GarmentNetwork, config: TrainConfig) -> dict[str, Tensor]:
@@ -281,6 +280,20 @@ def _descend(
     if not torch.isfinite(norm):
         raise FloatingPointError(f"the gradient of step {step + 1} is not finite")
     optimizer.step()
+
+
+def _make_card(
+    folder: GarmentFolder, config: TrainConfig, start: Path | None, *, steps_done: int
+) -> dict[str, Any]:
+    """What the model card says of a run."""
+    return {
+        "train": config.to_dict(),
+        "earlier": [] if start is None else _describe_earlier(start),
+        "steps_done": steps_done,
+        **_describe_data(folder),
+        "categories": list(folder.categories),
+        "versions": {name: metadata.version(name) for name in ("torch", "numpy", "safetensors")},
+    }
 
 
 def _describe_data(folder: GarmentFolder) -> dict[str, Any]:

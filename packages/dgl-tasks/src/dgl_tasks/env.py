@@ -12,10 +12,11 @@ from mani_skill.utils.structs.types import SimConfig
 from dgl_assets import Garment, garment_ids, load_garment
 from dgl_assets.garments.catalogue import Split
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
-from dgl_assets.robots import DEFAULT_ROBOT, SIDES, BasePlacement, Robot
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_physics import SolverConfig
-from dgl_physics.sapien_bridge import GarmentVisual, SapienCloth, find_colliders
+from dgl_physics.sapien_bridge import SapienCloth, find_colliders
+from dgl_tasks.appearance import Appearance
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import RenderingUnavailableError
@@ -25,15 +26,12 @@ from dgl_tasks.props import SceneProp
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import let_robot_pass, make_agent_class
 from dgl_tasks.scene import (
-    STUDIO,
     FloorLook,
-    FloorPicture,
     build_floor,
     light_scene,
     sample_floor_look,
     sample_studio_fabric,
 )
-from dgl_tasks.shadows import FloorShadow
 from dgl_tasks.success import Before, Verdict, compute_covered_area
 from dgl_tasks.tasks import get_task
 
@@ -99,17 +97,13 @@ class GarmentEnv(BaseEnv):
         self.task: Task = task if isinstance(task, Task) else get_task(task)
         self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)
-        self._garment_visual: GarmentVisual | None = None
-        self._shadow: FloorShadow | None = None
-        self._floor: FloorPicture | None = None
-        self._is_drawn = False
+        self._appearance: Appearance
         self.before: Before
         self._start_value = 0.0
         self._has_collided = False
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
-        self.floor_look: FloorLook = STUDIO
         self.props: dict[str, SceneProp] = {}
         self.draws: dict[str, float | str] = {}
         if robot_uids is None:
@@ -148,25 +142,18 @@ class GarmentEnv(BaseEnv):
         self._has_collided = False
         self.ground = build_floor(self.scene)
         let_robot_pass(self.ground)
-        self._garment_visual = self._shadow = self._floor = None
         self.props = {p.name: SceneProp(self.scene, p) for p in self.task.props}
-        self.floor_look = STUDIO
-        if self.scene.can_render():
-            self._floor = FloorPicture(
-                self.scene,
-                self.ground,
-                mat_centre=self._mat_centre,
-                pedestals=[b[:3] for b in self._bases],
-            )
-            self._floor.draw(self.floor_look)
+        self._appearance = Appearance(
+            self.scene,
+            self.ground,
+            mat_centre=(float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))),
+            pedestals=[base[:3] for base in (self.task.left_base, self.task.right_base)],
+        )
 
     @property
-    def _mat_centre(self) -> tuple[float, float]:
-        return float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))
-
-    @property
-    def _bases(self) -> tuple[BasePlacement, BasePlacement]:
-        return self.task.left_base, self.task.right_base
+    def floor_look(self) -> FloorLook:
+        """What the floor looks like."""
+        return self._appearance.floor_look
 
     def _load_lighting(self, options: dict) -> None:
         light_scene(self.scene)
@@ -203,7 +190,9 @@ class GarmentEnv(BaseEnv):
         for prop in self.props.values():
             self.draws |= prop.draw(rng)
         if self._look == "random":
-            self._change_floor(sample_floor_look([seed, 8]))
+            look = sample_floor_look([seed, 8])
+            self.draws["floor"] = look.material.name if look.material is not None else "studio"
+            self._appearance.lay_floor(look)
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
@@ -215,15 +204,6 @@ class GarmentEnv(BaseEnv):
             if limit is None or self._start_value < limit or roll >= steepest:
                 break
             roll = min(roll + STEEPER, steepest)
-
-    def _change_floor(self, look: FloorLook) -> None:
-        self.floor_look = look
-        self.draws["floor"] = look.material.name if look.material is not None else "studio"
-        if self._floor is not None:
-            self._floor.draw(look)
-            if self._shadow is not None:
-                self.scene.sub_scenes[0].remove_entity(self._shadow.entity)
-                self._shadow = None
 
     def _make_garment(self, garment_id: str) -> Garment:
         garment = load_garment(garment_id)
@@ -271,10 +251,7 @@ class GarmentEnv(BaseEnv):
             material=self.task.material,
         )
         self.cloth.build()
-        if self._garment_visual is not None:
-            scene.remove_entity(self._garment_visual.entity)
-            self._garment_visual = None
-        self._is_drawn = False
+        self._appearance.remove_garment()
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
@@ -296,7 +273,7 @@ class GarmentEnv(BaseEnv):
 
     def _after_control_step(self) -> None:
         self.cloth.step()
-        self._is_drawn = False
+        self._appearance.mark_moved()
 
     def advance(self, action: np.ndarray | torch.Tensor) -> None:
         """Make one control step without observation, reward and evaluation.
@@ -436,57 +413,28 @@ class GarmentEnv(BaseEnv):
         self.cloth.state.set_memory(garment["memory"].cpu().numpy().reshape(-1))
         self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
         self.cloth.sync_bodies(is_jump=True)
-        self._is_drawn = False
+        self._appearance.mark_moved()
 
     def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:
         """Restore a state from `get_state`'s flat vector, shape (1, D)."""
-        template, offset = self.get_state_dict(), 0
-
-        def take(node: dict) -> dict:
-            nonlocal offset
-            out = {}
-            for key, value in node.items():
-                if isinstance(value, dict):
-                    out[key] = take(value)
-                else:
-                    width = value.shape[-1]
-                    out[key] = state[..., offset : offset + width]
-                    offset += width
-            return out
-
-        self.set_state_dict(take(template), env_idx)
+        self.set_state_dict(_split_state(state, self.get_state_dict()))
 
     # Pictures ------------------------------------------------------------------------------
 
     def draw_garment(self) -> None:
         """Bring the garment in pictures to its present shape."""
-        if self._is_drawn:
-            return
-        if self._garment_visual is None:
-            maps = self.fabric.render()
-            flat = self.garment.rest_vertices[:, :2]  # of shells, as seen from above
-            self._garment_visual = GarmentVisual(
-                self.scene.sub_scenes[0],
-                self.garment.faces,
-                colour=maps.mean_colour,
-                roughness=maps.mean_roughness,
-                uvs=maps.compute_uvs(flat),
-                texture=maps.base_colour,
-            )
-        if self._shadow is None:
-            assert self._floor is not None
-            self._shadow = self._floor.build_shadow(self.cloth.bodies[0])
-        particles = self.get_particles()
-        self._garment_visual.update(particles)
-        self._shadow.update(particles, self.garment.faces)
-        self._is_drawn = True
+        self._appearance.draw_garment(
+            self.get_particles(),
+            self.garment.faces,
+            flat=self.garment.rest_vertices[:, :2],  # of shells, as seen from above
+            fabric=self.fabric,
+            bodies=self.cloth.bodies[0],
+        )
 
     @property
     def garment_segment(self) -> int:
         """Segmentation id of the garment in pictures; it must have been drawn."""
-        if self._garment_visual is None:
-            raise RuntimeError("draw_garment() must be called before its segment is known")
-        return self._garment_visual.entity.per_scene_id
+        return self._appearance.garment_segment
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:  # noqa: FBT001, FBT002 - ManiSkill's signature
         self.draw_garment()
@@ -512,3 +460,19 @@ def _is_between_moving(contact: sapien.physx.PhysxContact) -> bool:
     return not any(
         isinstance(body, sapien.physx.PhysxRigidStaticComponent) for body in contact.bodies
     )
+
+
+def _split_state(state: torch.Tensor, template: dict) -> dict:
+    """Cut a flat state, shape (1, D), into the pieces of a dictionary of states."""
+    pieces = {}
+    for key, value in template.items():
+        width = _count_values(value)
+        piece, state = state[..., :width], state[..., width:]
+        pieces[key] = _split_state(piece, value) if isinstance(value, dict) else piece
+    return pieces
+
+
+def _count_values(state: dict | torch.Tensor) -> int:
+    if isinstance(state, dict):
+        return sum(map(_count_values, state.values()))
+    return state.shape[-1]
