@@ -127,7 +127,7 @@ def test_the_stages_of_the_shipped_weights_narrow_their_margins():
 
 def test_the_shipped_yaw_is_trained_by_itself_as_its_preset_says():
     *features, last = get_schedule("shipped").configure(seed=0)
-    assert [c.parts for c in features] == ["all"] * 4 + ["features"] * 4
+    assert [c.parts for c in features] == ["all"] * 4 + ["features"] * 6
     preset = get_train_config("yaw")
     assert (last.parts, last.lr) == ("yaw", preset.lr)
     batch = dataclasses.replace(preset.batch, positives=last.batch.positives)

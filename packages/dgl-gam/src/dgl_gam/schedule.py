@@ -116,6 +116,16 @@ class Schedule:
 
 _MARGINS = {"margin": 0.03, "max_distance": 0.015, "near_share": 0.5}
 """Of the stages that refine: narrower ones, and nearer negatives."""
+_STATES = (
+    ("crumpled", 2.0),
+    ("flung", 2.0),
+    ("over_bar", 1.5),
+    ("hung_two", 1.5),
+    ("side_folded", 1.5),
+    ("leg_folded", 1.5),
+    ("end_folded", 1.5),
+)
+"""How often views of these are drawn, once the ones that lie flat are learned."""
 _YAW = TRAIN_PRESETS["yaw"]
 
 SCHEDULES: Mapping[str, Schedule] = {
@@ -132,11 +142,29 @@ SCHEDULES: Mapping[str, Schedule] = {
             Stage(name="6_narrow", steps=1400, lr=9e-4, parts="features", **_MARGINS),
             Stage(name="7_fine", steps=700, lr=5e-4, parts="features", **_MARGINS),
             Stage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5, **_MARGINS),
+            # Five times as many garments with all their states, and the hard ones among these more often.
             Stage(
-                name="9_yaw",
+                name="9_states",
+                steps=3200,
+                lr=1.2e-3,
+                parts="features",
+                flat_share=0.25,
+                state_weights=_STATES,
+            ),
+            Stage(
+                name="10_fine",
+                steps=1400,
+                lr=6e-4,
+                parts="features",
+                state_weights=_STATES,
+                **_MARGINS,
+            ),
+            Stage(
+                name="11_yaw",
                 steps=9000,
                 lr=_YAW.lr,
                 parts="yaw",
+                new_yaw=YawConfig(bins=72, rings=16, width=96),
                 groups=_YAW.batch.groups,
                 flat_share=_YAW.batch.flat_share,
                 state_weights=_YAW.batch.state_weights,
