@@ -1,4 +1,5 @@
 import dataclasses
+import json
 import math
 
 import numpy as np
@@ -160,6 +161,10 @@ def test_averaging_over_views_is_repeatable(checkpoint, cloud):
         (lambda c: c[:, :2], r"target_cloud must have shape \(N, 3\); got \(600, 2\)"),
         (lambda c: np.where(c == c[5, 0], np.nan, c), "target_cloud must be finite"),
         (np.zeros_like, "extent above"),
+        (lambda c: c * 1e30, "extent below 1e[+]06 m; got"),
+        (lambda c: c + 1j, "target_cloud must be real numbers .*: they are complex"),
+        (lambda c: c.astype(str).astype(object) + "?", "target_cloud must be real numbers"),
+        (lambda c: [[0, 0, 0], [0, 0]], "target_cloud must be real numbers"),
     ],
 )
 def test_bad_clouds_are_refused_in_one_line(model, cloud, change, message):
@@ -174,12 +179,25 @@ def test_bad_clouds_are_refused_in_one_line(model, cloud, change, message):
 def test_unknown_categories_and_missing_weights_are_refused(checkpoint, tmp_path):
     with pytest.raises(ValueError, match="category must be one of Shirt; got 'Hat'"):
         GarmentAffordanceModel(checkpoint, category="Hat")
-    with pytest.raises(WeightsNotFoundError, match="no trained weights for 'Flying_Carpet'"):
+    with pytest.raises(
+        WeightsNotFoundError, match=r"for 'Flying_Carpet' .* Glove, Scarf, .*Trousers\."
+    ):
         GarmentAffordanceModel.load("Flying_Carpet")
+    with pytest.raises(WeightsNotFoundError, match="the nearest is 'Trousers'"):
+        GarmentAffordanceModel.load("trousers")
+    with pytest.raises(ValueError, match="category must be 'Scarf' or left out; got 'Glove'"):
+        GarmentAffordanceModel.load("Scarf", category="Glove")
     with pytest.raises(CheckpointError, match=r"none\.safetensors cannot be read"):
         GarmentAffordanceModel.load(tmp_path / "none.safetensors")
     with pytest.raises(ValueError, match="source_views must be at least 1"):
         GarmentAffordanceModel(checkpoint, source_views=0)
+
+
+@pytest.mark.parametrize("device", ["gpu", "cuda:9", "meta:x"])
+def test_a_device_that_is_not_there_is_refused_in_one_line(checkpoint, device):
+    with pytest.raises(ValueError, match=f"device must be one .* got '{device}'") as caught:
+        GarmentAffordanceModel(checkpoint, device=device)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.gpu
@@ -262,6 +280,16 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
     refuse("version must be '1'; got '9'")
     save_file(tensors, path, metadata={**metadata, "network": "{}"})
     refuse("metadata are damaged")
+    config = json.loads(metadata["network"])
+    for key, value in (("features", "many"), ("features", -3), ("attention_heads", 0)):
+        changed = json.dumps({**config, key: value})
+        save_file(tensors, path, metadata={**metadata, "network": changed})
+        refuse("metadata are damaged")
+    huge = json.dumps({**config, "head_width": 10**9})  # not to be allocated before it is compared
+    save_file(tensors, path, metadata={**metadata, "network": huge})
+    refuse("do not fit its configuration")
+    save_file(tensors, path, metadata={**metadata, "card": "[1]"})
+    refuse("metadata are damaged: a card must be an object")
     save_file(dict(list(tensors.items())[1:]), path, metadata=metadata)
     refuse("do not fit its configuration")
     name = "position.weight"

@@ -14,9 +14,15 @@ def check_cloud(cloud: np.ndarray, name: str, *, min_points: int = 1) -> np.ndar
         min_points: Smallest number of points that is allowed.
 
     Raises:
-        ValueError: If the shape, the number of points or a value is wrong.
+        ValueError: If it holds no real numbers, or the shape, the number of points or a value is wrong.
     """
-    points = np.asarray(cloud, dtype=np.float64)
+    try:
+        given = np.asarray(cloud)
+        if given.dtype.kind == "c":
+            raise TypeError("they are complex")
+        points = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as err:
+        raise ValueError(f"{name} must be real numbers of shape (N, 3): {err}") from err
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"{name} must have shape (N, 3); got {points.shape}")
     if points.shape[0] < min_points:

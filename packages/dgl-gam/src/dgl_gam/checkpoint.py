@@ -90,10 +90,13 @@ def load_checkpoint(path: Path) -> Checkpoint:
         config = NetworkConfig.from_json(metadata["network"])
         calibration = Calibration.from_json(metadata["calibration"])
         card = json.loads(metadata["card"])
-    except (KeyError, ValueError) as err:
-        raise CheckpointError(f"{path}: its metadata are damaged: {err}") from err
-    network = GarmentNetwork(config)
-    wanted = network.state_dict()
+        if not isinstance(card, dict):
+            raise ValueError(f"a card must be an object; got {metadata['card'][:60]}")
+        with torch.device("meta"):  # whatever sizes it claims, nothing is allocated
+            wanted = GarmentNetwork(config).state_dict()
+    except (KeyError, ValueError, TypeError, RuntimeError) as err:
+        reason = " ".join(str(err).split())
+        raise CheckpointError(f"{path}: its metadata are damaged: {reason}") from err
     differing = sorted(set(wanted) ^ set(found)) or sorted(
         name for name in wanted if wanted[name].shape != found[name].shape
     )
@@ -104,6 +107,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     bad = sorted(name for name, t in found.items() if not torch.isfinite(t).all())
     if bad:
         raise CheckpointError(f"{path}: its tensors must be finite; not so: {', '.join(bad[:4])}")
+    network = GarmentNetwork(config)
     network.load_state_dict({name: t.to(torch.float32) for name, t in found.items()})
     network.eval()
     return Checkpoint(network=network, calibration=calibration, card=card)

@@ -87,7 +87,7 @@ class NetworkConfig:
                     f"centres must fall from level to level; got {finer.centres}, {coarser.centres}"
                 )
         width = self.levels[-1].widths[-1]
-        if self.attention_blocks and width % self.attention_heads:
+        if self.attention_heads < 1 or (self.attention_blocks and width % self.attention_heads):
             raise ValueError(f"attention_heads must divide {width}; got {self.attention_heads}")
         if len(set(self.categories)) != len(self.categories):
             raise ValueError(f"categories must differ; got {self.categories}")

@@ -1,6 +1,7 @@
 """The model as it is used: clouds in, corresponding points out."""
 
 import copy
+import difflib
 import hashlib
 import math
 from collections import OrderedDict
@@ -14,6 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from dgl_gam._arrays import check_cloud
+from dgl_gam._device import find_device
 from dgl_gam._sampling import find_three_nearest, gather_points, interpolate
 from dgl_gam._yaw import rotate_yaw
 from dgl_gam.affordance import compute_affordance
@@ -29,8 +31,10 @@ MIN_POINTS = 16
 NETWORK_POINTS = 2048
 """Larger clouds are reduced to so many points, and the features interpolated back."""
 WEIGHTS = Path(__file__).parent / "weights"
+_TOGETHER = "garments"  # name of weights for several categories
 _SOURCES_HELD = 8
 _MIN_EXTENT_M = 1e-6
+_MAX_EXTENT_M = 1e6  # far above a garment in any unit; squares still fit into 32 bits
 _RIVAL = 0.15  # share of the best yaw's probability from which the second best is tried too
 _BETTER = 0.01  # by which the second best must explain the demonstrated garment better
 _OPEN = 0.25  # share of the best yaw's probability from which on the shape does not tell the yaw
@@ -87,8 +91,8 @@ class GarmentAffordanceModel:
             source_views: Views of the demonstrated cloud, bent a little, that its features are averaged over.
 
         Raises:
-            ValueError: If the category is not one of the network's, or an argument is out of range.
-            RuntimeError: If the device is not there.
+            ValueError: If the category is not one of the network's, an argument is out of range, or the device is not
+                there.
         """
         config = checkpoint.network.config
         if category is None and len(config.categories) == 1:
@@ -103,7 +107,7 @@ class GarmentAffordanceModel:
         """The network and what is known about it."""
         self.category = category
         """Category of the garments."""
-        self.device = torch.empty(0, device=device).device  # "cuda" becomes "cuda:0"
+        self.device = find_device(device)  # "cuda" becomes "cuda:0"
         """Where it computes."""
         self.source_views = source_views
         """Views of the demonstrated cloud that its features are averaged over."""
@@ -133,10 +137,12 @@ class GarmentAffordanceModel:
         Raises:
             WeightsNotFoundError: If no weights for the category come with this package.
             CheckpointError: If a file is missing, damaged or foreign.
-            ValueError: If the category is not one of the network's.
+            ValueError: If the category is not one of the network's, or two different ones are named.
         """
         if isinstance(what, Path) or what.endswith(".safetensors"):
             path = Path(what)
+        elif category not in (None, what):
+            raise ValueError(f"category must be {what!r} or left out; got {category!r}")
         else:
             path, category = _find_weights(what), what
         checkpoint = load_checkpoint(path)
@@ -313,6 +319,10 @@ class GarmentAffordanceModel:
                 raise ValueError(
                     f"a cloud must have an extent above {_MIN_EXTENT_M} m; got {extent} m"
                 )
+            if extent > _MAX_EXTENT_M:
+                raise ValueError(
+                    f"a cloud must have an extent below {_MAX_EXTENT_M:g} m; got {extent:g} m"
+                )
             groups.setdefault(len(cloud), []).append(number)
         results: dict[int, Encoded] = {}
         for numbers in groups.values():
@@ -413,11 +423,16 @@ def _find_weights(category: str) -> Path:
     own = WEIGHTS / f"{category}.safetensors"
     if own.is_file():
         return own
-    together = WEIGHTS / "garments.safetensors"
-    if together.is_file() and category in load_checkpoint(together).network.config.categories:
-        return together
-    there = sorted(path.stem for path in WEIGHTS.glob("*.safetensors"))
+    known = sorted({path.stem for path in WEIGHTS.glob("*.safetensors")} - {_TOGETHER})
+    together = WEIGHTS / f"{_TOGETHER}.safetensors"
+    if together.is_file():
+        categories = load_checkpoint(together).network.config.categories
+        if category in categories:
+            return together
+        known = sorted({*known, *categories})
+    near = difflib.get_close_matches(category, known, n=1)
+    hint = f"; the nearest is {near[0]!r}" if near else ""
     raise WeightsNotFoundError(
-        f"no trained weights for {category!r} come with dgl_gam; there are: "
-        f"{', '.join(there) or 'none'}. Train with `dgl train gam` and load the file by its path"
+        f"no trained weights for {category!r} come with dgl_gam; there are: {', '.join(known) or 'none'}{hint}. "
+        "Weights of your own, from `dgl train gam`, are loaded by their path, ending in .safetensors"
     )

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 import torch
 from torch import Tensor
 
+from dgl_gam._device import find_device
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
@@ -182,9 +183,10 @@ def train(
     Raises:
         CheckpointError: If there is nothing to resume, the run had another configuration, or `start` does not fit.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
+        ValueError: If the device is not there.
         FloatingPointError: If the loss is not finite.
     """
-    device = torch.device(device)
+    device = find_device(device)
     out = Path(out)
     if not is_resumed and (out / CONFIG_FILE).exists():
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
