@@ -89,9 +89,9 @@ def test_batches_depend_on_seed_and_step_alone(folder):
     assert not torch.equal(again.make(6).points[:, :500], first.points[:, :500])
 
 
-def test_positives_of_a_batch_are_the_same_place(shirts):
-    """Seen by the canonical coordinates of the points, which the batch itself does not hold."""
-    config = dataclasses.replace(SMALL, missing=0.0, bend=0.0, stretch=0.0, noise=0.0, yaw=0.0)
+def make_plain_batch(shirts, config):
+    """A batch of views as they are, and of each cloud the canonical coordinates, which the batch itself does not hold."""
+    config = dataclasses.replace(config, missing=0.0, bend=0.0, stretch=0.0, noise=0.0, yaw=0.0)
     folder = GarmentFolder(shirts)
     batch = BatchMaker(folder, config, seed=0).make(0)
     views = [(g, w) for g in map(folder.load, range(len(folder))) for w in range(6)]
@@ -100,7 +100,11 @@ def test_positives_of_a_batch_are_the_same_place(shirts):
     )
     radii = normal.norm(dim=2)  # a turn does not change them
     owners = [int((radii - c.norm(dim=1)).abs().sum(dim=1).argmin()) for c in batch.points]
-    canonical = [views[o][0].canonical[views[o][0].view_vertices[views[o][1]]] for o in owners]
+    return batch, [views[o][0].canonical[views[o][0].view_vertices[views[o][1]]] for o in owners]
+
+
+def test_positives_of_a_batch_are_the_same_place(shirts):
+    batch, canonical = make_plain_batch(shirts, SMALL)
     wrong = []
     for pair, (a, b) in enumerate(batch.clouds.tolist()):
         used = batch.is_used[pair]
@@ -112,6 +116,20 @@ def test_positives_of_a_batch_are_the_same_place(shirts):
         assert np.linalg.norm(far - from_a[:, None], axis=2).min() > 0.03
     assert batch.is_used.float().mean() > 0.8
     assert max(wrong) < 0.2
+
+
+def test_a_batch_tells_left_from_right(shirts):
+    """If there is room for one negative only, it is the place with left and right swapped."""
+    batch, canonical = make_plain_batch(shirts, dataclasses.replace(SMALL, negatives=1))
+    apart = []
+    for pair, (a, b) in enumerate(batch.clouds.tolist()):
+        used = batch.is_used[pair] & batch.is_negative[pair, :, 0]
+        from_a = canonical[a][batch.source[pair][used]]
+        swapped = canonical[b][batch.negative[pair, :, 0][used]]
+        off_axis = np.abs(from_a[:, 0]) > 0.3
+        apart += np.linalg.norm(swapped - from_a * [-1, 1, 1], axis=1)[off_axis].tolist()
+    assert len(apart) > 10
+    assert np.median(apart) < 0.1
 
 
 def test_the_yaw_of_a_batch_turns_its_clouds_back(folder):

@@ -114,8 +114,11 @@ class Schedule:
         return dataclasses.replace(self, stages=tuple(stages))
 
 
-_MARGINS = {"margin": 0.03, "max_distance": 0.015, "near_share": 0.5}
-"""Of the stages that refine: narrower ones, and nearer negatives."""
+def _refine(stage: Stage) -> Stage:
+    """Give a stage narrower margins, and nearer negatives."""
+    return dataclasses.replace(stage, margin=0.03, max_distance=0.015, near_share=0.5)
+
+
 _STATES = (
     ("crumpled", 2.0),
     ("flung", 2.0),
@@ -135,13 +138,13 @@ SCHEDULES: Mapping[str, Schedule] = {
             # The first run was to go on for 12,000 steps; more garments had been made by step 1,900.
             Stage(name="1_begin", steps=1900, lr=1.5e-3, decay=12_000),
             Stage(name="2_long", steps=3600, lr=1.5e-3),
-            Stage(name="3_narrow", steps=1500, lr=1e-3, **_MARGINS),
-            Stage(name="4_fine", steps=750, lr=6e-4, **_MARGINS),
+            _refine(Stage(name="3_narrow", steps=1500, lr=1e-3)),
+            _refine(Stage(name="4_fine", steps=750, lr=6e-4)),
             # Once more, with more garments; the yaw, which shares nothing with the features, by itself at the end.
             Stage(name="5_more", steps=3300, lr=1.2e-3, parts="features"),
-            Stage(name="6_narrow", steps=1400, lr=9e-4, parts="features", **_MARGINS),
-            Stage(name="7_fine", steps=700, lr=5e-4, parts="features", **_MARGINS),
-            Stage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5, **_MARGINS),
+            _refine(Stage(name="6_narrow", steps=1400, lr=9e-4, parts="features")),
+            _refine(Stage(name="7_fine", steps=700, lr=5e-4, parts="features")),
+            _refine(Stage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5)),
             # Five times as many garments with all their states, and the hard ones among these more often.
             Stage(
                 name="9_states",
@@ -151,13 +154,8 @@ SCHEDULES: Mapping[str, Schedule] = {
                 flat_share=0.25,
                 state_weights=_STATES,
             ),
-            Stage(
-                name="10_fine",
-                steps=1400,
-                lr=6e-4,
-                parts="features",
-                state_weights=_STATES,
-                **_MARGINS,
+            _refine(
+                Stage(name="10_fine", steps=1400, lr=6e-4, parts="features", state_weights=_STATES)
             ),
             Stage(
                 name="11_yaw",
