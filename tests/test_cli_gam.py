@@ -8,6 +8,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from dexgarmentlab.cli import main
+from dexgarmentlab.gam.axes import turn_up
 from dexgarmentlab.gam.clouds import load_cloud, see_from_above
 from dgl_assets import garment_ids, load_garment
 from dgl_gam.data import GarmentFolder, write_garment
@@ -85,12 +86,22 @@ def test_all_stages_of_the_shipped_weights_run_with_one_command(data, tmp_path, 
     assert "begun with other stages" in capsys.readouterr().err
 
 
+def test_training_of_the_yaw_alone_is_told_by_its_own_loss(data, runs, tmp_path, capsys):
+    command = ["train", "gam", "--data", str(data), "--out", str(tmp_path), "--preset", "yaw"]
+    command += ["--start", str(runs / CATEGORY / "network.safetensors"), "--steps", "1"]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "1 steps, cross entropy of the yaw" in out
+    assert "InfoNCE" not in out
+
+
 def test_what_cannot_be_trained_is_said_in_one_line(data, tmp_path, capsys):
     command = ["train", "gam", "--data", str(data), "--out", str(tmp_path)]
     for words, message in (
         (["--preset", "tune"], "name them with --start"),
         (["--preset", "yaw"], "name them with --start"),
         (["--resume"], "holds no run to resume"),
+        (["--device", "gpu"], "device must be one that torch can use here"),
         (["--category", "Hat"], "no garments of Hat; it has ['Trousers']"),
         (["--start", str(tmp_path / "none.safetensors")], "none.safetensors cannot be read"),
     ):
@@ -137,6 +148,71 @@ def test_files_of_every_kind_are_clouds(data, runs, tmp_path, capsys):
     assert main([*words, "--category", CATEGORY]) == 0
 
 
+def find_crotch(words, capsys):
+    """Run `gam match`; where the crotch was found, and what was assumed of B."""
+    assert main([*words, "--landmark", "crotch", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    return np.array(result["matches"][0]["target"]), " ".join(result["assumptions"]["B"])
+
+
+def test_points_say_which_axis_is_taken_to_be_up(tmp_path, capsys):
+    """A cloud in centimetres whose y is up: wrong unless that is said, and that it may be so is said."""
+    shown, seen = "Trousers/008000", load_cloud("Trousers/008001")
+    file = tmp_path / "y_up.npy"
+    np.save(file, 100 * seen.points[:, [0, 2, 1]] * [1, 1, -1])
+    words = ["gam", "match", shown, str(file), "--out", str(tmp_path / "m.png")]
+    assert "it is thinnest along y" in find_crotch(words, capsys)[1]
+    found, assumed = find_crotch([*words, "--up", "y"], capsys)
+    assert "y is taken to be up" in assumed
+    assert "thinnest" not in assumed
+    assert np.linalg.norm(found - 100 * seen.landmarks["crotch"]) < 4
+    assert main([*words, "--up", "x", "y", "z"]) == 1
+    assert "--up must be one axis or two; got 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
+def test_turning_an_axis_up_keeps_left_and_right(up):
+    turned = turn_up(np.eye(3), up)
+    axis = np.eye(3)["xyz".index(up[-1])] * (-1 if up.startswith("-") else 1)
+    np.testing.assert_array_equal(turn_up(axis[None], up)[0], [0, 0, 1])
+    assert np.linalg.det(turned) == pytest.approx(1)
+
+
+def test_meshes_of_others_are_brought_into_the_garment_frame(tmp_path, capsys):
+    """An OBJ in centimetres, y up; the same faces in a PLY; and the folder of an asset."""
+    import trimesh
+
+    from dgl_assets.importing import import_garment
+
+    garment = load_garment("Trousers/008001", spacing=0.02)
+    vertices = 100 * garment.vertices.astype(np.float64)[:, [0, 2, 1]] * [1, 1, -1]
+    mesh = trimesh.Trimesh(vertices, garment.faces, process=False)
+    crotch = garment.vertices[garment.landmarks["crotch"]]
+    for name in ("a.obj", "a.ply"):
+        mesh.export(tmp_path / name)
+        words = ["gam", "match", "Trousers/008000", str(tmp_path / name)]
+        found, assumed = find_crotch([*words, "--out", str(tmp_path / "m.png")], capsys)
+        assert "unit cm" in assumed
+        assert "up axis y" in assumed
+        assert np.linalg.norm(found - crotch) < 0.05
+    report = import_garment(tmp_path / "a.obj", out=tmp_path / "assets")
+    cloud = load_cloud(str(report.folder))
+    assert cloud.category == "Trousers"
+    assert (np.abs(np.ptp(cloud.points, axis=0) - np.ptp(garment.vertices, axis=0)) < 0.02).all()
+    (tmp_path / "b.obj").write_text("v 0 0 0\n")
+    words = ["gam", "match", "Trousers/008000", str(tmp_path / "b.obj"), "--out", "m.png"]
+    assert main(words) == 1
+    assert "b.obj" in capsys.readouterr().err
+
+
+def test_garments_of_two_categories_do_not_correspond(tmp_path, capsys):
+    words = ["gam", "match", "Trousers/000001", "Scarf/000001", "--out", str(tmp_path / "m.png")]
+    assert main(words) == 1
+    assert "A is of Trousers and B of Scarf" in capsys.readouterr().err
+    assert not (tmp_path / "m.png").exists()
+    assert main([*words, "--category", "Trousers"]) == 0
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -159,6 +235,10 @@ def test_weights_that_are_missing_are_said(tmp_path, capsys):
     words = ["gam", "match", "Glove/000001", "Glove/000002", "--out", str(tmp_path / "m.png")]
     assert main([*words, "--weights", str(tmp_path)]) == 1
     assert "has no weights for Glove" in capsys.readouterr().err
+    assert main([*words, "--weights", str(tmp_path / "none")]) == 1
+    assert "none does not exist" in capsys.readouterr().err
+    assert main([*words, "--device", "gpu"]) == 1
+    assert "got 'gpu'" in capsys.readouterr().err
 
 
 def test_points_seen_from_above_are_on_the_upper_layer():
@@ -218,7 +298,8 @@ def test_the_speed_is_measured_with_a_bar_for_a_pair(capsys, monkeypatch):
     monkeypatch.setattr("dexgarmentlab.gam.speed._BATCH", 2)
     assert main(["bench", "gam", "--network", "small", "--repeats", "1", "--json"]) == 0
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
-    assert rows["small, pair, cpu"]["bar"] == "<= 40"
+    assert rows["small, pair, cpu"]["bar"] == rows["shipped, pair, cpu"]["bar"] == "<= 40"
+    assert rows["shipped, batch of 2, cpu"]["value"] > 0
     assert rows["small, batch of 2, cpu"]["value"] > 0
     assert "small, pair, cuda" in rows or "small, pair, source known, cuda" in rows
     assert not any(name.startswith("paper") for name in rows)

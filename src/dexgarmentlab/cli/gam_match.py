@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro  # noqa: TID253 - marks the positional arguments; the command line imports it anyway
 
@@ -22,7 +22,9 @@ _SPREAD = 8
 class MatchOptions:
     """Find points of one garment on another, and draw both with the matches and a heat map.
 
-    A garment is a cloud in a file .npy, .ply or .safetensors, or an id of the catalogue, seen lying flat.
+    A garment is a cloud in a file .npy, .ply or .safetensors; a mesh in a file .obj, .ply, .stl, .glb, .gltf or .usd,
+    or the folder of an imported one; or an id of the catalogue. Meshes are seen from above. What is found out or
+    assumed about a file (its unit, which way is up, what it is) is said.
 
     Example: dgl gam match Trousers/000001 Trousers/000002 --out match.png
     """
@@ -42,7 +44,10 @@ class MatchOptions:
     weights: Path | None = None
     """File of weights, or a folder of them; those that come along when not given."""
     category: str | None = None
-    """Category of the garments, where the files do not tell it."""
+    """Category of the garments, where the files do not tell it, or another one whose network is to be used."""
+    up: tuple[Literal["x", "y", "z", "-x", "-y", "-z"], ...] = ()
+    """Up axis of the files, towards the camera, one for both or one for A and one for B. When not given, z of points; of a
+    mesh it is found from its openings."""
     device: str = "cpu"
     """Where to compute: cpu or cuda."""
     json: bool = False
@@ -57,13 +62,18 @@ def match(options: MatchOptions) -> int:
 
     if options.out.suffix.lower() != ".png":
         raise ValueError(f"--out must be a file .png; got {options.out}")
-    source, target = load_cloud(options.source), load_cloud(options.target, seed=1)
+    if len(options.up) > 2:
+        raise ValueError(f"--up must be one axis or two; got {len(options.up)}")
+    up_a, up_b = (options.up[0], options.up[-1]) if options.up else (None, None)
+    source = load_cloud(options.source, up=up_a, category=options.category)
+    target = load_cloud(options.target, seed=1, up=up_b, category=options.category)
+    for cloud in (source, target):
+        for text in cloud.assumptions:
+            console.info(f"{cloud.name}: {text}")
     names, points = _choose(options, source)
     if not 0 <= options.heat < len(points):
         raise ValueError(f"--heat must be in [0, {len(points)}); got {options.heat}")
-    category = options.category or source.category or target.category
-    if category is None:
-        raise ValueError("the files do not tell the category: name it with --category")
+    category = _find_category(options, source, target)
     model = load_models(options.weights, [category], device=options.device)[category]
     matches = model.locate(source.points, points, target.points)
     draw_matches(options.out, source, points, target, matches, heat=options.heat)
@@ -79,10 +89,18 @@ def match(options: MatchOptions) -> int:
         for number, name in enumerate(names)
     ]
     if options.json:
-        console.out_json({"picture": str(options.out), "matches": found})
+        assumed = {"A": list(source.assumptions), "B": list(target.assumptions)}
+        console.out_json(
+            {
+                "picture": str(options.out),
+                "category": category,
+                "assumptions": assumed,
+                "matches": found,
+            }
+        )
         return EXIT_OK
     console.out_table(
-        ("", "point", "found at [m]", "similarity", "confidence"),
+        ("", "point", "found at, z up", "similarity", "confidence"),
         [
             (
                 number,
@@ -96,6 +114,21 @@ def match(options: MatchOptions) -> int:
     )
     console.out(f"picture: {options.out}")
     return EXIT_OK
+
+
+def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> str:
+    """The category of both, or the one that the user names."""
+    known = {cloud.category for cloud in (source, target) if cloud.category is not None}
+    if options.category is not None:
+        return options.category
+    if not known:
+        raise ValueError("the files do not tell the category: name it with --category")
+    if len(known) > 1:
+        raise ValueError(
+            f"A is of {source.category} and B of {target.category}, and places correspond within a category only; "
+            "to try the network of one of them on both, name it with --category"
+        )
+    return known.pop()
 
 
 def _choose(options: MatchOptions, source: "Cloud") -> tuple[list[str], "np.ndarray"]:

@@ -88,13 +88,23 @@ def train_gam(options: TrainGamOptions) -> int:
         console.out_json({"runs": results})
     else:
         for result in results:
-            console.out(
-                f"{result['network']}: {result['garments']} garments, {result['steps']} steps, "
-                f"InfoNCE {result['loss']:.3f}, {result['accuracy']:.1%} of the points right"
-                if result["loss"] is not None
-                else f"{result['network']}: finished before"
-            )
+            console.out(_describe(result))
     return EXIT_OK
+
+
+def _describe(result: dict[str, Any]) -> str:
+    """One line of a run."""
+    if result["loss"] is None:
+        return f"{result['network']}: finished before"
+    head = f"{result['network']}: {result['garments']} garments, {result['steps']} steps, "
+    if _is_yaw_alone(result["loss"]):
+        return head + f"cross entropy of the yaw {result['yaw_loss']:.3f}"
+    return head + f"InfoNCE {result['loss']:.3f}, {result['accuracy']:.1%} of the points right"
+
+
+def _is_yaw_alone(loss: float) -> bool:
+    """Whether the yaw alone was trained: then there is no InfoNCE to speak of, and it is given as 0."""
+    return loss == 0.0
 
 
 def _configure(options: TrainGamOptions) -> "TrainConfig | Schedule":
@@ -125,10 +135,14 @@ def _train_one(
 
         def show(progress: "Progress") -> None:
             nonlocal shown
+            if recent and _is_yaw_alone(recent[-1].loss) != _is_yaw_alone(progress.loss):
+                recent.clear()
             recent.append(progress)
             del recent[:-50]
             loss = sum(p.loss for p in recent) / len(recent)
-            note = f"InfoNCE {loss:.3f}, {progress.seconds:.2f} s a step"
+            yaw_loss = sum(p.yaw_loss for p in recent) / len(recent)
+            kind = f"yaw {yaw_loss:.3f}" if _is_yaw_alone(loss) else f"InfoNCE {loss:.3f}"
+            note = f"{kind}, {progress.seconds:.2f} s a step"
             bar.advance(progress.step - shown, note=note)
             shown = progress.step
 
@@ -161,5 +175,6 @@ def _train_one(
         "garments": len(garments),
         "steps": config.steps,
         "loss": sum(p.loss for p in recent) / count if count else None,
+        "yaw_loss": sum(p.yaw_loss for p in recent) / count if count else None,
         "accuracy": sum(p.accuracy for p in recent) / count if count else None,
     }

@@ -1,13 +1,26 @@
-"""Clouds of garments, from files or from the catalogue."""
+"""Clouds of garments, from files, imported assets or the catalogue."""
 
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from dexgarmentlab.gam.axes import Up, describe_axes, turn_up
+
+if TYPE_CHECKING:
+    from dgl_assets import Garment
+    from dgl_assets.importing import ImportedGarment
 
 __all__ = ["Cloud", "load_cloud", "see_from_above"]
 
 POINTS = 2048
+_POINT_FILES = (".npy", ".ply", ".safetensors")
+_MESH_FILES = (".obj", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 _DENSE = 100_000
 _CELL = 0.01  # raster that decides what is uppermost [m]
 _LAYER = 0.006  # points so far below the uppermost one still count as it [m]
@@ -25,45 +38,55 @@ class Cloud:
     """Category of the garment, where it is known."""
     landmarks: dict[str, np.ndarray] | None = None
     """Positions of the landmarks [m], each of shape (3,), where they are known."""
+    assumptions: tuple[str, ...] = ()
+    """What was found out or assumed about a file: its unit, which way is up, what it is."""
 
 
-def load_cloud(what: str, *, seed: int = 0) -> Cloud:
+def load_cloud(
+    what: str, *, seed: int = 0, up: Up | None = None, category: str | None = None
+) -> Cloud:
     """Load the cloud that a word on the command line means.
 
     Args:
-        what: A file .npy (points), .ply (vertices), or .safetensors (a garment's training data, lying flat, or a tensor
-            named "points"); or an id of the catalogue, such as Trousers/000003, seen from above.
+        what: A file .npy or .ply (points), or .safetensors (a garment's training data, lying flat, or a tensor named
+            "points"); a mesh file (.obj, .ply with faces, .stl, .glb, .gltf, .usd), or the folder of an imported asset,
+            or an id of the catalogue, such as Trousers/000003: these are seen from above.
         seed: Of the points that are drawn from a garment.
+        up: Up axis of a file. Without it, z of points; of a mesh it is found from its openings.
+        category: Category of a mesh file; found from its openings when None.
 
     Raises:
         ValueError: If it is neither, or the file holds no cloud.
         FileNotFoundError: If the file does not exist.
+        AssetImportError: If a mesh is none of a garment.
     """
     path = Path(what)
-    if path.suffix.lower() in (".npy", ".ply", ".safetensors"):
+    suffix = path.suffix.lower()
+    if suffix in (*_POINT_FILES, *_MESH_FILES):
         if not path.is_file():
             raise FileNotFoundError(f"{what} does not exist")
-        if path.suffix.lower() == ".npy":
-            return Cloud(name=what, points=_read_npy(path))
-        if path.suffix.lower() == ".ply":
-            return Cloud(name=what, points=_read_ply(path))
-        return _read_safetensors(path)
-    from dgl_assets import load_garment
+        if suffix in _MESH_FILES:
+            return _import_mesh(path, seed=seed, up=up, category=category)
+        if suffix == ".npy":
+            return _turn(path, _read_npy(path), up)
+        if suffix == ".ply":
+            points = _read_ply(path)
+            if points is None:
+                return _import_mesh(path, seed=seed, up=up, category=category)
+            return _turn(path, points, up)
+        return _read_safetensors(path, up)
+    if (path / "meta.json").is_file():
+        from dgl_assets.importing import load_asset
 
+        return _see(path.name, load_asset(path), seed)
     if "/" not in what:
         raise ValueError(
-            "a cloud must be a file .npy, .ply or .safetensors, or an id such as Trousers/000003; "
-            f"got {what!r}"
+            f"a cloud must be a file {', '.join((*_POINT_FILES, *_MESH_FILES))}, the folder of an imported asset, "
+            f"or an id such as Trousers/000003; got {what!r}"
         )
-    garment = load_garment(what)
-    vertices = garment.vertices.astype(np.float64)
-    points = see_from_above(vertices, garment.faces, np.random.default_rng(seed))[0]
-    return Cloud(
-        name=what,
-        points=points,
-        category=garment.category,
-        landmarks={name: vertices[vertex] for name, vertex in garment.landmarks.items()},
-    )
+    from dgl_assets import load_garment
+
+    return _see(what, load_garment(what), seed)
 
 
 def see_from_above(
@@ -99,6 +122,37 @@ def see_from_above(
     return points[chosen], faces[face[chosen], weights[chosen].argmax(axis=1)]
 
 
+def _see(
+    name: str, garment: Garment | ImportedGarment, seed: int, assumptions: tuple[str, ...] = ()
+) -> Cloud:
+    """A garment as a camera above it sees it."""
+    vertices = garment.vertices.astype(np.float64)
+    landmarks: Mapping[str, int] = garment.landmarks
+    return Cloud(
+        name=name,
+        points=see_from_above(vertices, garment.faces, np.random.default_rng(seed))[0],
+        category=garment.category,
+        landmarks={name: vertices[vertex] for name, vertex in landmarks.items()},
+        assumptions=assumptions,
+    )
+
+
+def _import_mesh(path: Path, *, seed: int, up: Up | None, category: str | None) -> Cloud:
+    """A mesh file, brought into metres and the garment frame as `dgl assets import` does."""
+    from dgl_assets.importing import import_garment, load_asset
+
+    with tempfile.TemporaryDirectory(prefix="dgl-match-") as folder:
+        report = import_garment(path, out=folder, category=category, up=up, use_textures=False)
+        asset = load_asset(report.folder)
+    return _see(path.name, asset, seed, report.assumptions)
+
+
+def _turn(path: Path, points: np.ndarray, up: Up | None) -> Cloud:
+    """Points of a file, with the axis that is up as z."""
+    turned = turn_up(points, up or "z")
+    return Cloud(name=path.name, points=turned, assumptions=describe_axes(turned, up))
+
+
 def _read_npy(path: Path) -> np.ndarray:
     try:
         array = np.load(path, allow_pickle=False)
@@ -107,17 +161,20 @@ def _read_npy(path: Path) -> np.ndarray:
     return _check(path, array)
 
 
-def _read_ply(path: Path) -> np.ndarray:
+def _read_ply(path: Path) -> np.ndarray | None:
+    """Points of a cloud; None of a mesh."""
     import trimesh
 
     try:
         loaded = trimesh.load(path, process=False)
     except Exception as err:  # trimesh has no exception of its own for damaged files
         raise ValueError(f"{path} cannot be read as PLY: {err}") from err
+    if len(getattr(loaded, "faces", ())):
+        return None
     return _check(path, getattr(loaded, "vertices", None))
 
 
-def _read_safetensors(path: Path) -> Cloud:
+def _read_safetensors(path: Path, up: Up | None) -> Cloud:
     from safetensors import SafetensorError, safe_open
 
     from dgl_gam.data import read_garment
@@ -129,7 +186,7 @@ def _read_safetensors(path: Path) -> Cloud:
     except SafetensorError as err:
         raise ValueError(f"{path} cannot be read as safetensors: {err}") from err
     if points is not None:
-        return Cloud(name=str(path), points=_check(path, points))
+        return _turn(path, _check(path, points), up)
     garment = read_garment(path)
     flat = garment.get_views("flat")
     view = int(flat[0]) if len(flat) else 0

@@ -36,7 +36,10 @@ def load_models(
 
     Raises:
         ValueError: If the folder has no weights for a category.
+        FileNotFoundError: If there is no such file or folder.
     """
+    if weights is not None and not weights.exists():
+        raise FileNotFoundError(f"{weights} does not exist")
     models = {}
     for category in categories:
         if weights is None:

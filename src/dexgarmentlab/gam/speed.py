@@ -11,23 +11,26 @@ from dgl_gam import GarmentAffordanceModel
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import get_network_config
 from dgl_gam.network import GarmentNetwork
+from dgl_gam.samples import load_samples
 
 __all__ = ["measure_speed"]
 
 _POINTS = 2048
 _BATCH = 32
 _PAIR_BAR_MS = 40.0
+_SAMPLE = "Tops_LongSleeve"
 _CERTAIN = 1e4  # factor on the scores of the yaw that leaves one angle
 
 
 def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: int) -> list[Row]:
-    """Measure networks on the CPU, and on CUDA where there is a device.
+    """Measure the weights that come along, and networks of random weights, on the CPU, and on CUDA where there is a device.
 
-    Weights are random. They change one thing only: whether the yaw is in doubt, so that a second one is tried. It is
-    made certain, as it nearly always is on garments, and measured in doubt as a row of its own.
+    Random weights change one thing only: whether the yaw is in doubt, so that a second one is tried. It is made certain,
+    as it nearly always is on garments, and measured in doubt as a row of its own. The weights that come along, whose
+    network of the yaw is larger than the presets', see garments that come along.
 
     Args:
-        networks: Presets of the network.
+        networks: Presets of the network; the weights that come along are measured in any case.
         repeats: Timed pairs; the median counts.
         threads: Threads of the CPU.
         seed: Of weights and clouds.
@@ -41,10 +44,10 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
         raise ValueError(f"repeats and threads must be positive; got {repeats} and {threads}")
     rng = np.random.default_rng(seed)
     clouds = rng.uniform(-1, 1, (_BATCH, _POINTS, 3)) * [0.5, 0.4, 0.02]
-    rows: list[Row] = []
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
+        rows = _measure_shipped(repeats, f"{threads} thread(s)")
         for name in networks:
             config = get_network_config(name)
             with torch.random.fork_rng():
@@ -53,10 +56,12 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
             with torch.no_grad():
                 network.yaw.last.weight *= _CERTAIN
             checkpoint = Checkpoint(network=network)
-            rows += _measure(name, checkpoint, "cpu", clouds, repeats, f"{threads} thread(s)")
+            rows += _measure_random(
+                name, checkpoint, "cpu", clouds, repeats, f"{threads} thread(s)"
+            )
             if torch.cuda.is_available():
                 found = torch.cuda.get_device_name()
-                rows += _measure(name, checkpoint, "cuda", clouds, repeats, found)
+                rows += _measure_random(name, checkpoint, "cuda", clouds, repeats, found)
             else:
                 note = "no CUDA device"
                 rows += [
@@ -73,23 +78,60 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
     return rows
 
 
-def _measure(
+def _measure_shipped(repeats: int, note: str) -> list[Row]:
+    """Measure the weights that come along, on flat garments that come along, turned anyhow."""
+    import torch
+
+    shown, seen = load_samples(_SAMPLE)
+    clouds = np.stack([shown.view_points[0], *([seen.view_points[0]] * (_BATCH - 1))])
+    angles = np.linspace(0, 2 * np.pi, _BATCH, endpoint=False)
+    turns = np.zeros((_BATCH, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
+    turns[:, 1, 0] = np.sin(angles)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[:, 2, 2] = 1
+    clouds = clouds.astype(np.float64) @ turns.transpose(0, 2, 1)
+    devices = {"cpu": note}
+    if torch.cuda.is_available():
+        devices["cuda"] = torch.cuda.get_device_name()
+    rows: list[Row] = []
+    checkpoint = GarmentAffordanceModel.load(_SAMPLE).checkpoint
+    for device, found in devices.items():
+        rows += _measure("shipped", checkpoint, device, clouds, repeats, found, category=_SAMPLE)
+    return rows
+
+
+def _measure_random(
     name: str, checkpoint: Checkpoint, device: str, clouds: np.ndarray, repeats: int, note: str
 ) -> list[Row]:
-    points = clouds[0][:2]
-
-    def match_new() -> None:
-        GarmentAffordanceModel(checkpoint, device=device).match(clouds[0], points, clouds[1])
-
-    held = GarmentAffordanceModel(checkpoint, device=device)
-    is_barred = name == "small" and device == "cpu"
-    new = _time(match_new, repeats)
+    """Measure a network of random weights, also where the yaw is in doubt."""
+    pair, *others = _measure(name, checkpoint, device, clouds, repeats, note)
     last = checkpoint.network.yaw.last.weight.data
     last /= _CERTAIN
-    doubtful = _time(match_new, repeats)
+    doubtful = _time(lambda: _match_new(checkpoint, device, clouds, None), repeats)
     last *= _CERTAIN
+    row = Row(
+        name=f"{name}, pair, yaw in doubt, {device}", value=doubtful * 1e3, unit="ms", note=note
+    )
+    return [pair, row, *others]
+
+
+def _measure(
+    name: str,
+    checkpoint: Checkpoint,
+    device: str,
+    clouds: np.ndarray,
+    repeats: int,
+    note: str,
+    *,
+    category: str | None = None,
+) -> list[Row]:
+    points = clouds[0][:2]
+    held = GarmentAffordanceModel(checkpoint, category=category, device=device)
+    new = _time(lambda: _match_new(checkpoint, device, clouds, category), repeats)
     known = _time(lambda: held.match(clouds[0], points, clouds[1]), repeats)
     batch = _time(lambda: held.locate_batch(clouds[0], points, list(clouds)), max(1, repeats // 10))
+    is_barred = name in ("shipped", "small") and device == "cpu"
     return [
         Row(
             name=f"{name}, pair, {device}",
@@ -97,9 +139,6 @@ def _measure(
             unit="ms",
             bar=f"<= {_PAIR_BAR_MS:g}" if is_barred else "",
             note=note,
-        ),
-        Row(
-            name=f"{name}, pair, yaw in doubt, {device}", value=doubtful * 1e3, unit="ms", note=note
         ),
         Row(name=f"{name}, pair, source known, {device}", value=known * 1e3, unit="ms", note=note),
         Row(
@@ -109,6 +148,14 @@ def _measure(
             note=note,
         ),
     ]
+
+
+def _match_new(
+    checkpoint: Checkpoint, device: str, clouds: np.ndarray, category: str | None
+) -> None:
+    """Match a pair, both clouds computed anew."""
+    model = GarmentAffordanceModel(checkpoint, category=category, device=device)
+    model.match(clouds[0], clouds[0][:2], clouds[1])
 
 
 def _time(work: Callable[[], object], repeats: int) -> float:
