@@ -1,5 +1,6 @@
 """The weights and clouds that come with the package: everything here runs with nothing but its wheel installed."""
 
+import importlib.util
 import re
 from pathlib import Path
 
@@ -95,3 +96,15 @@ def test_the_examples_of_the_readme_run(capsys):
     assert names["left_and_right"].shape == (2048, 2)
     assert 0 <= names["left_and_right"].min() <= names["left_and_right"].max() <= 1
     assert "| Tops_LongSleeve | flat_30 | 4 |" in capsys.readouterr().out
+
+
+def test_corners_of_garments_that_the_generator_never_drew_are_found():
+    path = Path(__file__).parents[1] / "examples" / "drawn_garments.py"
+    spec = importlib.util.spec_from_file_location("drawn_garments", path)
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    for category, errors in example.main().items():
+        assert errors["all"] < 0.045, category
+        assert errors["PCK@.10"] > 0.9, category
