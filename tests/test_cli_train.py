@@ -66,12 +66,26 @@ def test_what_cannot_be_trained_is_said_in_one_line(episodes, tmp_path, capsys):
         (["--epochs", "0"], "epochs must be at least 1; got 0"),
         (["--memory", "-1"], "--memory must be at least 0 GiB; got -1.0"),
         (["--data", str(tmp_path / "none")], "no episode files (*.h5) in"),
+        (["--devices", "3"], "batch must be a multiple of the 3 devices; got 64"),
+        (["--devices", "auto"], "on the CPU give a number of processes"),
     ):
         assert main([*command, *words]) == 1
         error = capsys.readouterr().err.splitlines()
         assert message in error[-1]
 
 
+@pytest.mark.slow
+def test_devices_share_the_batches(episodes, tmp_path, capfd):
+    out = tmp_path / "run"
+    command = ["train", "sadp-g", "--data", str(episodes), "--out", str(out), "--epochs", "2"]
+    assert main([*command, "--devices", "2", "--json"]) == 0
+    result = json.loads(capfd.readouterr().out)  # Of two processes, whose output is one's.
+    assert (result["episodes"], result["steps"]) == (2, 2)
+    assert load_policy(result["policy"]).config.method == "sadp-g"
+
+
 def test_help_has_an_example(capsys):
     assert main(["train", "sadp-g", "--help"]) == 0
-    assert "Example: dgl train sadp-g --data" in " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.replace("│", "").split())
+    assert "Example: dgl train sadp-g --data" in text
+    assert "Example: --device cuda --devices 4" in text

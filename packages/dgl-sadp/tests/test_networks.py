@@ -7,6 +7,7 @@ from torch.nn import functional
 
 from dgl_sadp._clouds import Augmentation, thin_cloud
 from dgl_sadp._pointnet import GarmentNet, PointsNet, find_neighbours, sample_farthest
+from dgl_sadp._random import Draws
 from dgl_sadp._resnet import ImageNet18
 from dgl_sadp._unet import ConditionalUNet, _TimeConv
 from dgl_sadp.config import PointsConfig, UNetConfig
@@ -115,7 +116,7 @@ def test_pictures_are_scaled_by_areas(tiny_config):
 @pytest.mark.parametrize(("size", "count"), [(10, 4), (10, 10), (4, 10), (1, 3)])
 def test_thinning_takes_points_of_the_cloud_evenly(size, count, seeded):
     cloud = torch.arange(size).reshape(1, size, 1).expand(2, size, 4).float()
-    thinned = thin_cloud(cloud, count, seeded())
+    thinned = thin_cloud(cloud, count, Draws(seeded()))
     assert thinned.shape == (2, count, 4)
     times = torch.bincount(thinned[0, :, 0].long(), minlength=size)
     assert set(times.tolist()) <= {count // size, -(-count // size)}
@@ -124,22 +125,22 @@ def test_thinning_takes_points_of_the_cloud_evenly(size, count, seeded):
 
 def test_thinning_is_decided_by_its_generator(seeded):
     cloud = draw(2, 3, 50, 6)
-    first, again, other = (thin_cloud(cloud, 20, seeded(seed)) for seed in (1, 1, 2))
+    first, again, other = (thin_cloud(cloud, 20, Draws(seeded(seed))) for seed in (1, 1, 2))
     assert torch.equal(first, again)
     assert not torch.equal(first, other)
 
 
 def test_augmentation_moves_points_a_little_and_leaves_other_channels(seeded):
     cloud = draw(64, 40, 5)
-    plain = thin_cloud(cloud, 40, seeded())
-    varied = thin_cloud(cloud, 40, seeded(), Augmentation(jitter=0.01, dropout=0.0))
+    plain = thin_cloud(cloud, 40, Draws(seeded()))
+    varied = thin_cloud(cloud, 40, Draws(seeded()), Augmentation(jitter=0.01, dropout=0.0))
     torch.testing.assert_close((varied - plain)[..., :3].std().item(), 0.01, rtol=0.1, atol=0.0)
     assert torch.equal(varied[..., 3:], plain[..., 3:])
 
 
 def test_dropout_leaves_out_up_to_its_share_of_the_points(seeded):
     cloud = draw(200, 100, 3)
-    thinned = thin_cloud(cloud, 100, seeded(), Augmentation(jitter=0.0, dropout=0.5))
+    thinned = thin_cloud(cloud, 100, Draws(seeded()), Augmentation(jitter=0.0, dropout=0.5))
     distinct = torch.tensor([len(each.unique(dim=0)) for each in thinned])
     assert 50 <= distinct.min() < 60
     assert 90 < distinct.max() <= 100

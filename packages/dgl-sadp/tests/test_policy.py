@@ -7,6 +7,7 @@ from torch import nn
 
 from dgl_sadp import DiffusionPolicy
 from dgl_sadp._clouds import Augmentation
+from dgl_sadp._random import Draws
 from dgl_sadp.normalizer import Range
 
 
@@ -121,9 +122,9 @@ def test_without_decay_the_ema_copy_encodes_as_the_trained_model_does(policy, ra
     batch = random_batch(policy.config, seed=9)
     conditions = []
     for model in (policy, copied):
-        generator = seeded(4)
-        stage = model.encoder.encode_stage(batch, model.normalizer, generator)
-        conditions.append(model.encoder.encode(batch, stage, model.normalizer, generator))
+        draws = Draws(seeded(4))
+        stage = model.encoder.encode_stage(batch, model.normalizer, draws)
+        conditions.append(model.encoder.encode(batch, stage, model.normalizer, draws))
     # The average is formed as x - (x - y), which rounds; a norm that did not come along would be off by far more.
     torch.testing.assert_close(*conditions, rtol=1e-3, atol=1e-3)
 

@@ -49,10 +49,13 @@ class TrainPolicyOptions:
     """Of the weights and of everything drawn."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to compute."""
+    devices: int | Literal["auto"] = 1
+    """How many share each batch, which they must divide; each has a process of its own. auto: all CUDA devices. Example:
+    --device cuda --devices 4. On the CPU it is the number of processes."""
     threads: int | None = None
-    """Threads of the CPU; torch decides when not given. Resume with the same number."""
+    """Threads of the CPU, shared by the devices' processes; torch decides when not given. Resume with the same number."""
     workers: int = 0
-    """Processes that read episodes beside this one."""
+    """Processes that read episodes beside each one that trains."""
     memory: float = 1.0
     """Memory for frames of episodes [GiB]; those that do not fit are read again each time."""
     resume: bool = False
@@ -152,6 +155,7 @@ def train_policy(options: TrainPolicyOptions) -> int:
             stage=options.stage,
             is_resumed=options.resume,
             device=options.device,
+            devices=options.devices,
             workers=options.workers,
             keep_bytes=int(options.memory * 2**30),
             on_progress=show,

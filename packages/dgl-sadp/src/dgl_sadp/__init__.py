@@ -13,6 +13,7 @@ from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
 from dgl_sadp.errors import StageError as StageError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
+from dgl_sadp.errors import TrainingProcessError as TrainingProcessError
 from dgl_sadp.halo import HALO as HALO
 from dgl_sadp.halo_parts import EnvironmentDriver as EnvironmentDriver
 from dgl_sadp.halo_parts import HaloStage as HaloStage
@@ -47,6 +48,7 @@ __all__ = [
     "TrainConfig",
     "TrainResult",
     "TrainingDivergedError",
+    "TrainingProcessError",
     "get_policy_config",
     "get_train_config",
     "load_policy",

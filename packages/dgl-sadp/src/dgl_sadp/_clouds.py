@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dgl_sadp._random import Draws
+
 __all__ = ["Augmentation", "thin_cloud"]
 
 
@@ -30,7 +32,7 @@ class Augmentation:
 def thin_cloud(
     cloud: Tensor,
     count: int,
-    generator: torch.Generator,
+    draws: Draws,
     augmentation: Augmentation | None = None,
 ) -> Tensor:
     """Take points of clouds by chance, and vary them if asked to.
@@ -38,29 +40,26 @@ def thin_cloud(
     Args:
         cloud: Position [m] and further channels, shape (B, N, C) or (B, To, N, C), with N >= 1.
         count: Points wanted. From fewer, points are repeated, each as often as the others or once more.
-        generator: What draws.
+        draws: What draws.
         augmentation: How to vary; None leaves the points as they are.
 
     Returns:
         Shape (B, count, C) or (B, To, count, C).
     """
     size = cloud.shape[-2]
-    device = generator.device
     rounds = -(-count // size)
-    drawn = [torch.randperm(size, generator=generator, device=device) for _ in range(rounds)]
+    chosen = torch.cat([draws.permutation(size) for _ in range(rounds)])[:count]
     # The order of a cloud carries nothing, so one choice serves the whole batch.
-    thinned = cloud.index_select(-2, torch.cat(drawn)[:count].to(cloud.device))
+    thinned = cloud.index_select(-2, chosen.to(cloud.device))
     if augmentation is None:
         return thinned
     if augmentation.dropout > 0.0:
-        shape = thinned.shape[:-2]
-        share = torch.rand(shape, generator=generator, device=device) * augmentation.dropout
+        share = draws.uniform(thinned.shape[:-2]) * augmentation.dropout
         kept = ((1.0 - share) * count).ceil().clamp(1, count).to(torch.int64).to(cloud.device)
         index = torch.arange(count, device=cloud.device) % kept.unsqueeze(-1)  # (B, [To,] count)
         thinned = thinned.gather(-2, index.unsqueeze(-1).expand_as(thinned))
     if augmentation.jitter > 0.0:
-        shape = (*thinned.shape[:-1], 3)
-        noise = torch.randn(shape, generator=generator, device=device).to(cloud.device)
+        noise = draws.normal((*thinned.shape[:-1], 3)).to(cloud.device)
         positions = thinned[..., :3] + augmentation.jitter * noise
         thinned = torch.cat([positions, thinned[..., 3:]], dim=-1)
     return thinned

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dgl_sadp._random import ORDER
+from dgl_sadp._random import ORDER, Share
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.dataset import EpisodeDataset, split_episodes
 from dgl_sadp.errors import CorruptEpisodeError
@@ -85,20 +85,37 @@ class TrainData:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
 class Batches:
-    """The batches of a whole run from some step on, as lists of windows; each epoch has its own order."""
+    """The batches of a whole run, of which one process reads its share; each epoch has its own order."""
 
-    def __init__(self, windows: int, config: TrainConfig, start: int) -> None:
-        self.windows, self.config, self.start = windows, config, start
-        self.in_epoch = -(-windows // config.batch)
+    windows: int
+    config: TrainConfig
+    process: int = 0
+    processes: int = 1
 
-    def __len__(self) -> int:
-        return self.in_epoch * self.config.epochs - self.start
+    @property
+    def in_epoch(self) -> int:
+        """Batches in an epoch."""
+        return -(-self.windows // self.config.batch)
 
-    def __iter__(self) -> Iterator[list[int]]:
-        for epoch in range(self.start // self.in_epoch, self.config.epochs):
+    @property
+    def steps(self) -> int:
+        """Batches in all."""
+        return self.in_epoch * self.config.epochs
+
+    def get_share(self, step: int) -> Share:
+        """Return which rows of the batch of a step, from 0, the process has."""
+        before = step % self.in_epoch * self.config.batch
+        return Share.of(min(self.config.batch, self.windows - before), self.process, self.processes)
+
+    def iterate(self, start: int) -> Iterator[list[int]]:
+        """Iterate over the process's windows of each batch, from the batch of step `start` on."""
+        for epoch in range(start // self.in_epoch, self.config.epochs):
             rng = np.random.default_rng([self.config.seed, ORDER, epoch])
             order = rng.permutation(self.windows).tolist()
-            first = max(0, self.start - epoch * self.in_epoch)
-            for number in range(first, self.in_epoch):
-                yield order[number * self.config.batch : (number + 1) * self.config.batch]
+            before = epoch * self.in_epoch
+            for step in range(max(start, before), before + self.in_epoch):
+                share = self.get_share(step)
+                first = (step - before) * self.config.batch
+                yield order[first + share.start : first + share.stop]

@@ -1,4 +1,4 @@
-"""One training in its folder."""
+"""One training in its folder, as one process does it, alone or with others beside it."""
 
 import dataclasses
 import json
@@ -6,6 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -17,7 +18,8 @@ from torch.utils.data import DataLoader
 
 from dgl_sadp._random import STEP, draw_seed
 from dgl_sadp._train_data import Batches, TrainData
-from dgl_sadp._train_state import TrainState, hold_interrupts
+from dgl_sadp._train_result import Progress, TrainResult
+from dgl_sadp._train_state import TrainState
 from dgl_sadp.checkpoint import save_policy
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import TrainingDivergedError
@@ -29,7 +31,7 @@ from dgl_sadp.validation import Validation, compute_validation
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-__all__ = ["CONFIG_FILE", "POLICY_FILE", "Progress", "TrainRun"]
+__all__ = ["CONFIG_FILE", "TrainJob", "run_job"]
 
 POLICY_FILE = "policy.safetensors"
 STATE_FILE = "state.safetensors"
@@ -39,52 +41,58 @@ KEPT_FOLDER = "policies"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How training goes, after a step."""
+class TrainJob:
+    """What is to be trained, where, and on how many devices; see `train_policy`."""
 
-    step: int
-    """Steps done."""
-    steps: int
-    """Steps to do in all."""
-    epoch: int
-    """Number of the present epoch, from 1."""
-    epochs: int
-    """Epochs in all."""
-    loss: float
-    """Loss of the last batch."""
-    seconds_left: float
-    """Time that the rest will take [s], from the mean of this run's steps."""
-    validation: Validation | None
-    """The last validation."""
+    out: Path
+    policy: PolicyConfig
+    config: TrainConfig
+    data: TrainData
+    device: str
+    devices: int
+    """Processes that share each batch."""
+    workers: int
+    is_resumed: bool
+    stop_after: int | None
+
+
+def run_job(
+    job: TrainJob,
+    on_progress: Callable[[Progress], None] | None,
+    is_asked_to_stop: Callable[[], bool],
+) -> TrainResult | None:
+    """Do the part of this process; return None if it was asked to stop, and did when everything was saved."""
+    run = TrainRun(job)
+    run.begin(is_resumed=job.is_resumed)
+    is_whole = run.train(on_progress, job.stop_after, is_asked_to_stop)
+    return run.result if is_whole else None
 
 
 class TrainRun:
-    """One training in its folder."""
+    """One training in its folder. Of several processes, all hold the same state, and the first alone writes."""
 
-    def __init__(
-        self,
-        out: Path,
-        policy: PolicyConfig,
-        config: TrainConfig,
-        data: TrainData,
-        *,
-        device: str,
-        workers: int,
-    ) -> None:
+    def __init__(self, job: TrainJob) -> None:
         from accelerate import Accelerator
         from diffusers.optimization import get_cosine_schedule_with_warmup
         from diffusers.training_utils import EMAModel
 
-        self.out, self.config, self.data, self.workers = out, config, data, workers
-        self.in_epoch = -(-len(data.train) // config.batch)
-        self.steps = self.in_epoch * config.epochs
-        self.accelerator = Accelerator(cpu=device == "cpu", mixed_precision=config.precision)
-        if self.accelerator.num_processes != 1:
+        self.out, self.config, self.data, self.workers = job.out, job.config, job.data, job.workers
+        config = job.config
+        self.accelerator = Accelerator(cpu=job.device == "cpu", mixed_precision=config.precision)
+        if self.accelerator.num_processes != job.devices:
             raise ValueError(
-                f"training runs in one process; got {self.accelerator.num_processes} of them"
+                f"training starts its {job.devices} process(es) itself; "
+                f"got {self.accelerator.num_processes}, started by another program"
             )
-        model = DiffusionPolicy.make(policy, seed=config.seed)
-        model.normalizer.fit(data.ranges)
+        self.batches = Batches(
+            windows=len(job.data.train),
+            config=config,
+            process=self.accelerator.process_index,
+            processes=job.devices,
+        )
+        self.in_epoch, self.steps = self.batches.in_epoch, self.batches.steps
+        model = DiffusionPolicy.make(job.policy, seed=config.seed)
+        model.normalizer.fit(job.data.ranges)
         model.to(self.accelerator.device).train()
         optimizers = make_optimizers(model, config)
         warmup = min(config.warmup_steps, self.steps // 10)
@@ -105,9 +113,9 @@ class TrainRun:
         self.described = json.loads(
             json.dumps(
                 {
-                    "policy": dataclasses.asdict(policy),
+                    "policy": dataclasses.asdict(job.policy),
                     "training": dataclasses.asdict(config),
-                    "data": data.describe(),
+                    "data": job.data.describe(),
                 }
             )
         )
@@ -115,43 +123,64 @@ class TrainRun:
     def begin(self, *, is_resumed: bool) -> None:
         """Make the folder, or go on from what it holds."""
         if not is_resumed:
-            self.out.mkdir(parents=True, exist_ok=True)
-            _write_whole(self.out / CONFIG_FILE, json.dumps(self.described, indent=1))
+            if self.accelerator.is_main_process:
+                self.out.mkdir(parents=True, exist_ok=True)
+                _write_whole(self.out / CONFIG_FILE, json.dumps(self.described, indent=1))
         elif (self.out / STATE_FILE).exists():  # Or else it was interrupted before its first state.
             self.state.load(self.out / STATE_FILE, self.described)
 
-    def train(self, on_progress: Callable[[Progress], None] | None, stop_after: int | None) -> None:
-        """Do the steps that are left."""
+    def train(
+        self,
+        on_progress: Callable[[Progress], None] | None,
+        stop_after: int | None,
+        is_asked_to_stop: Callable[[], bool],
+    ) -> bool:
+        """Do the steps that are left; return whether it was not asked to stop before."""
         from torch.utils.tensorboard import SummaryWriter
 
         state = self.state
         if state.step >= self.steps:
-            return
+            return True
         loader = DataLoader(
             self.data.train,  # type: ignore[arg-type] - has the methods of a map-style dataset
-            batch_sampler=Batches(len(self.data.train), self.config, state.step),
+            batch_sampler=self.batches.iterate(state.step),
             num_workers=self.workers,
             pin_memory=self.accelerator.device.type == "cuda",
             generator=torch.Generator().manual_seed(self.config.seed),
         )
+        is_stopped = False
         began, first = time.perf_counter(), state.step
-        writer = SummaryWriter(str(self.out / LOG_FOLDER), purge_step=state.step)
-        try:
-            with hold_interrupts() as interrupts:
-                for batch in loader:
-                    loss = self._step(batch)
-                    self._log(writer, loss)
-                    is_last = state.step in (self.steps, stop_after)
-                    self._end_epoch(writer, is_last=is_last or interrupts.is_asked)
+        log = nullcontext()
+        if self.accelerator.is_main_process:
+            log = SummaryWriter(str(self.out / LOG_FOLDER), purge_step=first)
+        with log as writer:
+            for batch in loader:
+                loss, is_stopped = self._step(batch, is_asked_to_stop)
+                is_last = is_stopped or state.step in (self.steps, stop_after)
+                if writer is not None:
+                    self._record(writer, loss, is_last=is_last)
                     if on_progress is not None:
                         mean = (time.perf_counter() - began) / (state.step - first)
                         on_progress(self._tell(loss, mean))
-                    if interrupts.is_asked:
-                        raise KeyboardInterrupt
-                    if is_last:
-                        break
-        finally:
-            writer.close()
+                if is_last:
+                    break
+        self.accelerator.wait_for_everyone()  # None ends before everything is written.
+        return not is_stopped
+
+    @property
+    def result(self) -> TrainResult:
+        """What it came to."""
+        held_out = self.data.validation
+        return TrainResult(
+            policy=self.out / POLICY_FILE,
+            steps=self.state.step,
+            loss=self.state.last.get("loss", math.nan),
+            validation=self.validation,
+            episodes=len(self.data.train.episodes),
+            validation_episodes=0 if held_out is None else len(held_out.episodes),
+            windows=len(self.data.train),
+            refused=self.data.refused,
+        )
 
     @property
     def validation(self) -> Validation | None:
@@ -159,12 +188,21 @@ class TrainRun:
         found = self.state.last.get("validation")
         return None if found is None else Validation(**found)
 
-    def _step(self, batch: Mapping[str, Tensor]) -> float:
+    def _step(
+        self, batch: Mapping[str, Tensor], is_asked_to_stop: Callable[[], bool]
+    ) -> tuple[float, bool]:
+        """Do a step; return the loss of the whole batch, and whether any process was asked to stop."""
         state, device = self.state, self.accelerator.device
+        share = self.batches.get_share(state.step)
         seed = draw_seed(self.config.seed, STEP, state.step)
         generator = torch.Generator(device).manual_seed(seed)
-        loss = self.model(_to(batch, device), generator, self.config.augmentation)
-        value = loss.item()
+        loss = self.model(_to(batch, device), generator, self.config.augmentation, share)
+        loss = loss * share.weight
+        # All processes learn the same of it, so that all go on or none does.
+        shared = torch.stack([loss.detach(), loss.new_tensor(float(is_asked_to_stop()))])
+        means = self.accelerator.reduce(shared, "mean")
+        assert isinstance(means, Tensor)
+        value, asked = means.tolist()
         if not math.isfinite(value):
             raise TrainingDivergedError(
                 f"the loss of step {state.step + 1} is not finite; lower learning_rate "
@@ -177,12 +215,14 @@ class TrainRun:
             optimizer.zero_grad(set_to_none=True)
         state.ema.step(state.policy.parameters())
         state.step += 1
-        state.loss_sum += value
-        return value
+        return value, asked > 0
 
-    def _end_epoch(self, writer: "SummaryWriter", *, is_last: bool) -> None:
-        """At the end of an epoch, and when training stops: validate and save, as far as it is time."""
+    def _record(self, writer: "SummaryWriter", loss: float, *, is_last: bool) -> None:
+        """After a step: log it; at the end of an epoch, and of the training, validate and save as far as it is time."""
         state, config = self.state, self.config
+        writer.add_scalar("loss/step", loss, state.step)
+        writer.add_scalar("learning_rate", state.schedules[0].get_last_lr()[0], state.step)
+        state.loss_sum += loss
         is_epoch = state.step % self.in_epoch == 0
         epoch = state.step // self.in_epoch
         if is_epoch:
@@ -228,11 +268,6 @@ class TrainRun:
         }
         with self.state.averaged() as policy:
             save_policy(path, policy, card)
-
-    def _log(self, writer: "SummaryWriter", loss: float) -> None:
-        writer.add_scalar("loss/step", loss, self.state.step)
-        rate = self.state.schedules[0].get_last_lr()[0]
-        writer.add_scalar("learning_rate", rate, self.state.step)
 
     def _tell(self, loss: float, seconds: float) -> Progress:
         step = self.state.step

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from dgl_sadp._clouds import Augmentation, thin_cloud
 from dgl_sadp._pointnet import GarmentNet, PointsNet
+from dgl_sadp._random import Draws
 from dgl_sadp._resnet import ImageNet18
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.normalizer import Normalizer
@@ -65,7 +66,7 @@ class ObservationEncoder(nn.Module):
         self,
         observation: Mapping[str, Tensor],
         normalizer: Normalizer,
-        generator: torch.Generator,
+        draws: Draws,
         augmentation: Augmentation | None = None,
     ) -> Tensor:
         """Encode what is observed once a stage.
@@ -74,7 +75,7 @@ class ObservationEncoder(nn.Module):
             observation: `garment_point_cloud` [m], world frame, shape (B, N, 3); `points_affordance_feature`, shape
                 (B, N, 2); `object_point_cloud` [m], world frame, shape (B, M, 3); as far as the policy observes them.
             normalizer: Ranges of the data.
-            generator: Draws which points are looked at.
+            draws: Draws which points are looked at.
             augmentation: How clouds are varied, in training.
 
         Returns:
@@ -85,13 +86,13 @@ class ObservationEncoder(nn.Module):
             cloud = observation["garment_point_cloud"]
             if self.config.garment.use_affordance:
                 cloud = torch.cat([cloud, observation["points_affordance_feature"]], dim=2)
-            cloud = thin_cloud(cloud, self.config.garment.points, generator, augmentation)
+            cloud = thin_cloud(cloud, self.config.garment.points, draws, augmentation)
             positions = normalizer.of("garment_point_cloud").normalize(cloud[..., :3])
             parts.append(self.garment(torch.cat([positions, cloud[..., 3:]], dim=2)))
         if self.object is not None and self.config.object is not None:
             scaler = normalizer.of("object_point_cloud")
             cloud = observation["object_point_cloud"][..., : len(scaler.centre)]
-            cloud = thin_cloud(cloud, self.config.object.points, generator, augmentation)
+            cloud = thin_cloud(cloud, self.config.object.points, draws, augmentation)
             parts.append(self.object(scaler.normalize(cloud)))
         if not parts:
             any_observed = next(iter(observation.values()))
@@ -103,7 +104,7 @@ class ObservationEncoder(nn.Module):
         observation: Mapping[str, Tensor],
         stage: Tensor,
         normalizer: Normalizer,
-        generator: torch.Generator,
+        draws: Draws,
         augmentation: Augmentation | None = None,
     ) -> Tensor:
         """Encode consecutive observations.
@@ -114,7 +115,7 @@ class ObservationEncoder(nn.Module):
                 (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; as far as the policy observes them.
             stage: What `encode_stage` returned, shape (B, S).
             normalizer: Ranges of the data.
-            generator: Draws which points are looked at.
+            draws: Draws which points are looked at.
             augmentation: How clouds are varied, in training.
 
         Returns:
@@ -126,7 +127,7 @@ class ObservationEncoder(nn.Module):
         if self.environment is not None and self.config.environment is not None:
             scaler = normalizer.of("env_point_cloud")
             cloud = observation["env_point_cloud"][..., : len(scaler.centre)]
-            cloud = thin_cloud(cloud, self.config.environment.points, generator, augmentation)
+            cloud = thin_cloud(cloud, self.config.environment.points, draws, augmentation)
             found = self.environment(scaler.normalize(cloud).flatten(0, 1))
             parts.append(found.unflatten(0, (batch, steps)))
         if self.image is not None:

@@ -9,6 +9,7 @@ __all__ = [
     "SadpError",
     "StageError",
     "TrainingDivergedError",
+    "TrainingProcessError",
 ]
 
 
@@ -30,6 +31,10 @@ class StageError(SadpError):
 
 class TrainingDivergedError(SadpError):
     """The loss of a training is no longer finite."""
+
+
+class TrainingProcessError(SadpError):
+    """A process of a training on several devices has ended without having said why."""
 
 
 class CorruptEpisodeError(SadpError):

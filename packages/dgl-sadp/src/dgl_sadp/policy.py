@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from dgl_sadp._clouds import Augmentation
+from dgl_sadp._random import Draws, Share
 from dgl_sadp._unet import ConditionalUNet
 from dgl_sadp.config import DiffusionConfig, PolicyConfig
 from dgl_sadp.encoders import ObservationEncoder
@@ -62,6 +63,7 @@ class DiffusionPolicy(nn.Module):
         window: Mapping[str, Tensor],
         generator: torch.Generator,
         augmentation: Augmentation | None = None,
+        share: Share | None = None,
     ) -> Tensor:
         """Compute the loss of a batch: mean squared error of what the network should predict.
 
@@ -70,19 +72,19 @@ class DiffusionPolicy(nn.Module):
                 [rad], shape (B, D), and `action` [rad], shape (B, T, D).
             generator: Draws points, noise and its levels.
             augmentation: How clouds are varied.
+            share: Which rows of a batch these are; all of them when None. What is drawn for a row depends on its place.
 
         Returns:
             Scalar.
         """
-        stage = self.encoder.encode_stage(window, self.normalizer, generator, augmentation)
-        condition = self.encoder.encode(window, stage, self.normalizer, generator, augmentation)
+        draws = Draws(generator, share)
+        stage = self.encoder.encode_stage(window, self.normalizer, draws, augmentation)
+        condition = self.encoder.encode(window, stage, self.normalizer, draws, augmentation)
         origin = self.encoder.find_origin(window).unsqueeze(1)
         clean = self.normalizer.of("action").normalize(window["action"] - origin)
-        noise = _draw_normal(clean.shape, generator, clean.device)
+        noise = draws.normal(clean.shape).to(clean.device)
         levels = self.config.diffusion.training_steps
-        step = torch.randint(
-            levels, (len(clean),), generator=generator, device=generator.device
-        ).to(clean.device)
+        step = draws.integers(levels, (len(clean),)).to(clean.device)
         noisy = self._scheduler.add_noise(clean, noise, step)  # type: ignore[arg-type]
         target = clean if self.config.diffusion.prediction == "sample" else noise
         predicted = self.unet(noisy, step, self.unet.project(condition))
@@ -91,7 +93,7 @@ class DiffusionPolicy(nn.Module):
     @torch.no_grad()
     def encode_stage(self, observation: Mapping[str, Tensor], generator: torch.Generator) -> Tensor:
         """Encode what is observed once a stage, for `predict`; see `ObservationEncoder.encode_stage`."""
-        return self.encoder.encode_stage(observation, self.normalizer, generator)
+        return self.encoder.encode_stage(observation, self.normalizer, Draws(generator))
 
     @torch.no_grad()
     def predict(
@@ -107,10 +109,11 @@ class DiffusionPolicy(nn.Module):
         Returns:
             Joint targets [rad], shape (B, T, D). `config.executed` says which of them are for execution.
         """
-        condition = self.encoder.encode(observation, stage, self.normalizer, generator)
+        draws = Draws(generator)
+        condition = self.encoder.encode(observation, stage, self.normalizer, draws)
         projected = self.unet.project(condition)
         shape = (len(condition), self.config.horizon, self.config.joints)
-        actions = _draw_normal(shape, generator, condition.device)
+        actions = draws.normal(shape).to(condition.device)
         scheduler = self._scheduler
         scheduler.set_timesteps(self.config.diffusion.inference_steps)
         for step in scheduler.timesteps:
@@ -141,9 +144,3 @@ def _make_scheduler(config: DiffusionConfig) -> "DDIMScheduler | DDPMScheduler":
     from diffusers.schedulers.scheduling_ddpm import DDPMScheduler
 
     return DDPMScheduler(**shared, variance_type="fixed_small")
-
-
-def _draw_normal(
-    shape: torch.Size | tuple[int, ...], generator: torch.Generator, device: torch.device
-) -> Tensor:
-    return torch.randn(shape, generator=generator, device=generator.device).to(device)

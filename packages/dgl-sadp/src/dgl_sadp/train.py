@@ -1,43 +1,22 @@
 """Training: a run is a folder with its configuration, its log, the state to go on from, and the policy."""
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import torch
 
 from dgl_sadp._train_data import TrainData
-from dgl_sadp._train_run import CONFIG_FILE, POLICY_FILE, Progress, TrainRun
+from dgl_sadp._train_processes import run_in_processes
+from dgl_sadp._train_result import Progress, TrainResult
+from dgl_sadp._train_run import CONFIG_FILE, TrainJob, run_job
+from dgl_sadp._train_state import hold_interrupts
 from dgl_sadp.config import PolicyConfig
-from dgl_sadp.errors import CheckpointError, CorruptEpisodeError
+from dgl_sadp.errors import CheckpointError
 from dgl_sadp.train_config import TrainConfig
-from dgl_sadp.validation import Validation
 
 __all__ = ["Progress", "TrainResult", "train_policy"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainResult:
-    """What a training came to."""
-
-    policy: Path
-    """The policy's file."""
-    steps: int
-    """Steps done, over all resumptions."""
-    loss: float
-    """Mean loss of the last whole epoch; NaN if none was finished."""
-    validation: Validation | None
-    """The last validation."""
-    episodes: int
-    """Episodes trained on."""
-    validation_episodes: int
-    """Episodes validated on."""
-    windows: int
-    """Windows in an epoch."""
-    refused: tuple[CorruptEpisodeError, ...]
-    """What is wrong with the files that were left out."""
 
 
 def train_policy(
@@ -49,6 +28,7 @@ def train_policy(
     stage: int,
     is_resumed: bool = False,
     device: str = "cpu",
+    devices: int | Literal["auto"] = 1,
     workers: int = 0,
     keep_bytes: int = 2**30,
     on_progress: Callable[[Progress], None] | None = None,
@@ -58,7 +38,11 @@ def train_policy(
 
     Files that are damaged or hold values that are not finite are left out, logged and listed in the result.
 
-    Ctrl-C ends the step in progress, saves, and raises `KeyboardInterrupt`; a second one stops at once.
+    On several devices each has a process of its own, with the same weights and its share of each batch. What is drawn for a
+    window depends on its place in the batch, so that the gradients, but for their rounding, are those of one device. A script
+    that does so needs `if __name__ == "__main__":`, since the processes import it. The calling process itself does not train.
+
+    Ctrl-C ends the step in progress, or the one after it, saves, and raises `KeyboardInterrupt`; a second one stops at once.
 
     Args:
         directory: Folder of episode files.
@@ -68,9 +52,11 @@ def train_policy(
         config: How it is trained.
         stage: Number of the stage, from 1.
         is_resumed: Whether to go on with the run in `out`. It ends as it would have without the interruption, bitwise on a
-            CPU with the same number of threads.
+            CPU with the same numbers of devices and threads.
         device: "cpu" or "cuda".
-        workers: Processes that read episodes beside this one.
+        devices: How many divide each batch, which they must do without remainder: CUDA devices, "auto" for all that there
+            are, or processes on the CPU, among which torch's threads are divided.
+        workers: Processes that read episodes beside each that trains.
         keep_bytes: Memory for frames of episodes, in all processes [byte]; what does not fit is read each time.
         on_progress: Called after each step.
         stop_after: Save and stop after this step, as an interruption would.
@@ -81,41 +67,57 @@ def train_policy(
         FileExistsError: If `out` holds a run and `is_resumed` is false.
         CheckpointError: If there is nothing to resume, or it was begun with something else.
         TrainingDivergedError: If the loss is not finite.
+        TrainingProcessError: If the process of one of several devices ends without having said why.
     """
     out = Path(out)
-    if device not in ("cpu", "cuda"):
-        raise ValueError(f"device must be 'cpu' or 'cuda'; got {device!r}")
-    if device == "cuda" and not torch.cuda.is_available():
-        raise ValueError("device 'cuda': torch finds no CUDA device here")
+    count = _count_devices(device, devices)
+    if config.batch % count:
+        raise ValueError(f"batch must be a multiple of the {count} devices; got {config.batch}")
     if workers < 0:
         raise ValueError(f"workers must be at least 0; got {workers}")
     if (out / CONFIG_FILE).exists() != is_resumed:
         if is_resumed:
             raise CheckpointError(f"{out} holds no run to resume")
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
-    data = TrainData.open(
-        directory, policy, config, stage, keep_bytes=keep_bytes // max(1, workers)
+    readers = count * max(1, workers)
+    job = TrainJob(
+        out=out,
+        policy=policy,
+        config=config,
+        data=TrainData.open(directory, policy, config, stage, keep_bytes=keep_bytes // readers),
+        device=device,
+        devices=count,
+        workers=workers,
+        is_resumed=is_resumed,
+        stop_after=stop_after,
     )
-    with _own_accelerator():
-        run = TrainRun(out, policy, config, data, device=device, workers=workers)
-        run.begin(is_resumed=is_resumed)
-        run.train(on_progress, stop_after)
-        return _describe(run)
+    if count > 1:
+        result = run_in_processes(job, on_progress)
+    else:
+        with hold_interrupts() as interrupts, _own_accelerator():
+            result = run_job(job, on_progress, lambda: interrupts.is_asked)
+    if result is None:
+        raise KeyboardInterrupt
+    return result
 
 
-def _describe(run: TrainRun) -> TrainResult:
-    """Say what a training came to."""
-    held_out = run.data.validation
-    return TrainResult(
-        policy=run.out / POLICY_FILE,
-        steps=run.state.step,
-        loss=run.state.last.get("loss", math.nan),
-        validation=run.validation,
-        episodes=len(run.data.train.episodes),
-        validation_episodes=0 if held_out is None else len(held_out.episodes),
-        windows=len(run.data.train),
-        refused=run.data.refused,
-    )
+def _count_devices(device: str, devices: int | str) -> int:
+    """Return on how many devices to train, if there are as many."""
+    if device not in ("cpu", "cuda"):
+        raise ValueError(f"device must be 'cpu' or 'cuda'; got {device!r}")
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ValueError("device 'cuda': torch finds no CUDA device here")
+    if devices == "auto":
+        if device == "cpu":
+            raise ValueError("devices 'auto' is for 'cuda'; on the CPU give a number of processes")
+        return torch.cuda.device_count()
+    if not isinstance(devices, int) or devices < 1:
+        raise ValueError(f"devices must be at least 1, or 'auto'; got {devices!r}")
+    if device == "cuda" and devices > torch.cuda.device_count():
+        raise ValueError(
+            f"devices must be at most the {torch.cuda.device_count()} CUDA device(s) here; got {devices}"
+        )
+    return devices
 
 
 @contextmanager

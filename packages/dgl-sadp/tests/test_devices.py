@@ -1,0 +1,237 @@
+"""Several devices compute what one does: the same draws, gradients and weights, the same run."""
+
+import dataclasses
+import math
+import multiprocessing
+import os
+import shutil
+import signal
+
+import pytest
+import torch
+
+from dgl_sadp import (
+    CorruptEpisodeError,
+    DiffusionPolicy,
+    TrainConfig,
+    TrainingProcessError,
+    load_policy,
+    train_policy,
+)
+from dgl_sadp._clouds import Augmentation
+from dgl_sadp._random import Draws, Share
+from dgl_sadp._tensor_file import read_tensors
+from dgl_sadp._train_data import Batches
+from dgl_sadp.synthetic import write_synthetic_episodes
+
+FRAMES = 7
+WINDOWS = 3 * (FRAMES + 2)  # An odd number, so that the last batch of an epoch does not divide.
+CONFIG = TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, validate_every=1)
+MUON = dataclasses.replace(CONFIG, muon_learning_rate=0.02)
+
+
+@pytest.fixture(scope="module")
+def episodes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("episodes")
+    write_synthetic_episodes(folder, 5, frames=FRAMES, points=32)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def train(episodes, tmp_path, tiny_config):
+    def call(out="run", directory=episodes, config=CONFIG, **options):
+        return train_policy(
+            directory, tmp_path / out, tiny_config("sadp"), config, stage=1, **options
+        )
+
+    return call
+
+
+def read_state(folder):
+    return read_tensors(folder / "state.safetensors", kind="dgl_sadp.training")[0]
+
+
+def shares_of(total, processes):
+    return [Share.of(total, process, processes) for process in range(processes)]
+
+
+@pytest.mark.parametrize("total", [1, 2, 7, 8])
+@pytest.mark.parametrize("processes", [1, 2, 3, 8])
+def test_shares_are_all_of_a_batch_and_as_even_as_can_be(total, processes):
+    shares = shares_of(total, processes)
+    counted = [row for each in shares if each.weight for row in range(each.start, each.stop)]
+    assert counted == list(range(total))
+    sizes = {each.stop - each.start if each.weight else 0 for each in shares}
+    assert sizes <= {total // processes, -(-total // processes)}
+    assert all(0 <= each.start < each.stop <= total for each in shares)
+    assert sum(each.weight for each in shares) == pytest.approx(processes)
+
+
+def test_a_share_draws_its_rows_of_what_the_whole_batch_draws(seeded):
+    def draw(draws, rows):
+        return [
+            draws.normal((rows, 3, 4)),
+            draws.permutation(6).expand(rows, 6),
+            draws.uniform((rows,)),
+            draws.integers(100, (rows, 2)),
+        ]
+
+    whole = draw(Draws(seeded()), 5)
+    parts = [draw(Draws(seeded(), each), each.stop - each.start) for each in shares_of(5, 2)]
+    for drawn, *of_shares in zip(whole, *parts, strict=True):
+        assert torch.equal(drawn, torch.cat(of_shares))
+    with pytest.raises(ValueError, match="must have its share of 2 rows; got 5"):
+        Draws(seeded(), Share.of(5, 0, 2)).normal((5,))
+
+
+@pytest.mark.parametrize("processes", [2, 3, 8])
+def test_gradients_of_the_shares_make_that_of_the_batch(
+    method, processes, tiny_config, random_batch, seeded
+):
+    config = tiny_config(method)
+    policy = DiffusionPolicy.make(config, seed=0)
+    rows = 5  # Which neither divides nor suffices for eight.
+    batch = random_batch(config, count=rows)
+    augmentation = Augmentation()
+
+    def find_gradients(share):
+        policy.zero_grad()
+        part = {key: values[share.start : share.stop] for key, values in batch.items()}
+        (policy(part, seeded(), augmentation, share) * share.weight).backward()
+        return [p.grad.double() for p in policy.parameters() if p.grad is not None]
+
+    whole = find_gradients(Share.of(rows))
+    parts = [find_gradients(each) for each in shares_of(rows, processes)]
+    scale = max(gradient.abs().max() for gradient in whole)
+    for wanted, *found in zip(whole, *parts, strict=True):
+        torch.testing.assert_close(sum(found) / processes, wanted, rtol=1e-4, atol=1e-6 * scale)
+
+
+def test_processes_read_the_batches_of_one_and_go_on_where_they_stopped():
+    whole = list(Batches(windows=WINDOWS, config=CONFIG).iterate(0))
+    assert [len(batch) for batch in whole] == [14, 13, 14, 13]
+    parts = [Batches(windows=WINDOWS, config=CONFIG, process=p, processes=2) for p in range(2)]
+    read = list(zip(*(part.iterate(0) for part in parts), strict=True))
+    assert [first + second for first, second in read] == whole
+    assert list(parts[1].iterate(3)) == [read[3][1]]
+
+
+def test_devices_that_do_not_fit_are_refused_before_anything_is_read(train, monkeypatch, tmp_path):
+    for options, message in (
+        ({"devices": 3}, "batch must be a multiple of the 3 devices; got 14"),
+        ({"devices": 0}, "devices must be at least 1, or 'auto'; got 0"),
+        ({"devices": "all"}, "devices must be at least 1, or 'auto'; got 'all'"),
+        ({"devices": "auto"}, "devices 'auto' is for 'cuda'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            train(directory=tmp_path / "nothing", **options)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
+    for devices, message in (
+        (4, r"devices must be at most the 3 CUDA device\(s\) here; got 4"),
+        ("auto", "batch must be a multiple of the 3 devices; got 14"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            train(directory=tmp_path / "nothing", device="cuda", devices=devices)
+
+
+@pytest.mark.slow
+def test_two_processes_come_to_the_weights_of_one(train, tmp_path):
+    told = []
+    one = train("one")
+    two = train("two", devices=2, on_progress=told.append)
+    assert [progress.step for progress in told] == [1, 2, 3, 4]
+    # Their sums round differently. An AdamW's step moves a weight by up to 1e-3.
+    first, second = (load_policy(result.policy).state_dict() for result in (one, two))
+    for name, weight in first.items():
+        torch.testing.assert_close(second[name], weight, rtol=1e-4, atol=5e-5)
+    assert two.loss == pytest.approx(one.loss, rel=1e-5)
+    assert two.validation.epoch == one.validation.epoch
+    assert two.validation.loss == pytest.approx(one.validation.loss, rel=1e-5)
+    assert two.validation.error == pytest.approx(one.validation.error, rel=1e-4)
+    assert dataclasses.replace(two, policy=one.policy, loss=0.0, validation=None) == (
+        dataclasses.replace(one, loss=0.0, validation=None)
+    )
+    files = {
+        out: {path.name.partition(".")[0] for path in (tmp_path / out).rglob("*")}
+        for out in ("one", "two")
+    }
+    assert files["two"] == files["one"]
+    assert len(list((tmp_path / "two" / "logs").iterdir())) == 1
+
+
+@pytest.mark.slow
+def test_gradients_of_two_processes_with_muon_are_those_of_one(train, tmp_path):
+    # Of the step itself little can be said: Muon's iterations round to bfloat16, and make a whole direction of what is
+    # next to nothing. Moments after one step are gradients, but for a factor.
+    for out, devices in (("one", 1), ("two", 2)):
+        train(out, config=MUON, devices=devices, stop_after=1)
+    one, two = (read_state(tmp_path / out) for out in ("one", "two"))
+    names = [name for name in one if name.startswith(("exp_avg/", "momentum_buffer/"))]
+    assert {name.partition("/")[0] for name in names} == {"exp_avg", "momentum_buffer"}
+    scale = max(one[name].abs().max() for name in names)
+    for name in names:
+        torch.testing.assert_close(two[name], one[name], rtol=1e-4, atol=1e-6 * scale)
+
+
+@pytest.mark.slow
+def test_two_processes_that_are_interrupted_go_on_to_the_same_weights(train, tmp_path):
+    def interrupt(progress):
+        if progress.step == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    whole = train("whole", config=MUON, devices=2)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        train("parts", config=MUON, devices=2, on_progress=interrupt)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert not multiprocessing.active_children()
+    shutil.copytree(tmp_path / "parts", tmp_path / "on_one")
+    told = []
+    resumed = train("parts", config=MUON, devices=2, is_resumed=True, on_progress=told.append)
+    assert 1 < told[0].step <= 4
+    # The weights of the second process, of which nothing is kept, were those of the first: it took them over.
+    states = [read_state(tmp_path / out) for out in ("whole", "parts")]
+    assert set(states[0]) == set(states[1])
+    assert all(torch.equal(tensor, states[1][name]) for name, tensor in states[0].items())
+    assert (resumed.loss, resumed.validation) == (whole.loss, whole.validation)
+    on_one = train("on_one", config=MUON, is_resumed=True)
+    assert on_one.steps == whole.steps
+    assert on_one.loss == pytest.approx(whole.loss, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_what_goes_wrong_in_a_process_is_raised_and_ends_all(train, tmp_path):
+    folder = tmp_path / "episodes"
+    paths = write_synthetic_episodes(folder, 5, frames=FRAMES, points=32)
+
+    def damage(progress):
+        for path in paths:
+            path.write_bytes(path.read_bytes()[:5000])
+
+    with pytest.raises(CorruptEpisodeError, match="remove the file"):
+        train("damaged", directory=folder, devices=2, keep_bytes=0, on_progress=damage)
+    assert not multiprocessing.active_children()
+
+    def kill(progress):
+        max(multiprocessing.active_children(), key=lambda process: process.pid).kill()
+
+    with pytest.raises(TrainingProcessError, match=r"device 1 ended unexpectedly \(exit status -9"):
+        train("killed", devices=2, on_progress=kill)
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
+def test_policies_of_pictures_train_on_two_processes_in_bfloat16(episodes, tmp_path, tiny_config):
+    config = dataclasses.replace(CONFIG, epochs=1, precision="bf16")
+    result = train_policy(episodes, tmp_path, tiny_config("dp"), config, stage=1, devices=2)
+    assert math.isfinite(result.loss)
+    assert load_policy(result.policy).config.method == "dp"
