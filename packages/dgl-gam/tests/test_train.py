@@ -148,6 +148,16 @@ def test_a_run_that_died_between_states_repeats_the_steps_since(folder, tmp_path
     assert len((tmp_path / "cut" / "log.jsonl").read_text().splitlines()) == 6
 
 
+def test_a_run_that_died_before_its_first_state_is_not_resumed_as_another(folder, tmp_path):
+    train(folder, tmp_path, CONFIG, stop_after=1)
+    (tmp_path / "state.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="begun with another train"):
+        train(folder, tmp_path, dataclasses.replace(CONFIG, steps=2), is_resumed=True)
+    (tmp_path / "config.json").write_text("rubbish")
+    with pytest.raises(CheckpointError, match=r"config\.json cannot be read"):
+        train(folder, tmp_path, CONFIG, is_resumed=True)
+
+
 def test_one_network_is_trained_for_several_categories(tmp_path, shirt_fields):
     for category in ("Gown", "Shirt"):
         for seed in (0, 1):

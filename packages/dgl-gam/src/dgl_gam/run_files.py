@@ -40,6 +40,11 @@ def begin_run(
         return 0
     if not (out / CONFIG_FILE).exists():
         raise CheckpointError(f"{out} holds no run to resume")
+    try:
+        before = json.loads((out / CONFIG_FILE).read_text(encoding="utf-8"))
+    except ValueError as err:
+        raise CheckpointError(f"{out / CONFIG_FILE} cannot be read: {err}") from err
+    _compare(out, before, described)
     done = 0
     if (out / STATE_FILE).exists():  # or else it was interrupted before its first state
         done = _load_state(out / STATE_FILE, described, parameters, optimizer)
@@ -84,12 +89,7 @@ def _load_state(
         raise CheckpointError(f"{path} cannot be read: {err}") from err
     if meta.get("format") != _FORMAT:
         raise CheckpointError(f"{path} is no state of a training; got {meta.get('format')!r}")
-    before, now = json.loads(meta["described"]), json.loads(json.dumps(described))
-    for part in now:
-        if before.get(part) != now[part]:
-            raise CheckpointError(
-                f"{path.parent} was begun with another {part}; resume it with the same, or start anew"
-            )
+    _compare(path.parent, json.loads(meta["described"]), described)
     wanted = {f"weight/{name}" for name in parameters}
     if not wanted <= set(tensors):
         raise CheckpointError(f"{path} lacks weights of the network")
@@ -102,6 +102,16 @@ def _load_state(
                 for key in ("step", "exp_avg", "exp_avg_sq")
             }
     return int(meta["step"])
+
+
+def _compare(out: Path, before: Any, described: Mapping[str, Any]) -> None:
+    """Refuse to go on with a run as another one."""
+    now = json.loads(json.dumps(described))
+    for part in now:
+        if not isinstance(before, dict) or before.get(part) != now[part]:
+            raise CheckpointError(
+                f"{out} was begun with another {part}; resume it with the same, or start anew"
+            )
 
 
 def _trim_log(path: Path, step: int) -> None:

@@ -203,7 +203,7 @@ def train(
     done = begin_run(out, described, parameters, optimizer, is_resumed=is_resumed)
     maker = BatchMaker(folder, config.batch, seed=config.seed)
     numbers = [network.config.categories.index(c) for c in folder.categories]
-    with (out / LOG_FILE).open("a", encoding="utf-8") as log:
+    with (out / LOG_FILE).open("a", encoding="utf-8", buffering=1) as log:
         for step in range(done, config.steps):
             began = time.perf_counter()
             batch = maker.make(step, has_pairs=config.parts != "yaw").to(device)
@@ -216,7 +216,6 @@ def train(
                 on_progress(progress)
             is_last = step + 1 in (config.steps, stop_after)
             if is_last or (step + 1) % config.save_every == 0:
-                log.flush()
                 save_state(out, described, parameters, optimizer, step + 1)
             if step + 1 == stop_after:
                 break
