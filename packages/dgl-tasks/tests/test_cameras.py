@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from dgl_tasks import cameras
 from dgl_tasks.cameras import (
     FOLD_CAMERAS,
     CameraPlacement,
@@ -127,6 +128,14 @@ def test_dense_clouds_are_covered_evenly_and_repeatably():
     exact = points[_farthest_by_definition(points[::4], 512, 0) * 4]
     # Four times the points halve the gap of an even cover; half as much again is allowed.
     assert gap < 1.5 * cKDTree(exact).query(points)[0].max() / 2
+
+
+@pytest.mark.parametrize("spread", [(1, 1, 0), (1, 0.01, 0.3), (1, 1, 1)])
+def test_thinning_does_not_depend_on_how_voxels_are_counted(spread, monkeypatch):
+    points = np.random.default_rng(1).uniform(-1, 1, (20_000, 3)) * spread
+    counted = farthest_point_sample(points, 300, seed=0)
+    monkeypatch.setattr(cameras, "_TABLE_SIZE", 0)
+    np.testing.assert_array_equal(farthest_point_sample(points, 300, seed=0), counted)
 
 
 def test_sampling_survives_few_points_and_duplicates():

@@ -19,6 +19,8 @@ Vector3 = tuple[float, float, float]
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
 """Horizontal field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
 
+_TABLE_SIZE = 1 << 23
+"""Voxels up to which a table of them all is faster than sorting those with points."""
 _OPENCV_TO_SAPIEN = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -264,6 +266,31 @@ def _farthest(points: np.ndarray, count: int, first: int) -> np.ndarray:
     return chosen
 
 
+def _number_voxels(offset: np.ndarray, size: float) -> tuple[np.ndarray, int]:
+    """Number the voxels of points [m], shape (N, 3), none negative: that of each, and how many numbers there are."""
+    cells = np.floor(offset / size).astype(np.int64)
+    shape = cells.max(axis=0) + 1
+    return (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2], int(shape.prod())
+
+
+def _count_different(keys: np.ndarray, numbers: int) -> int:
+    if numbers > _TABLE_SIZE:
+        ordered = np.sort(keys)
+        return 1 + np.count_nonzero(ordered[1:] != ordered[:-1])
+    is_filled = np.zeros(numbers, dtype=bool)
+    is_filled[keys] = True
+    return np.count_nonzero(is_filled)
+
+
+def _find_first(keys: np.ndarray, numbers: int) -> np.ndarray:
+    """Find where each number appears first, in ascending order."""
+    if numbers > _TABLE_SIZE:
+        return np.sort(np.unique(keys, return_index=True)[1])
+    first = np.full(numbers, len(keys), dtype=np.int32)
+    first[keys[::-1]] = np.arange(len(keys), dtype=np.int32)[::-1]  # the last one written stays
+    return np.sort(first[first < len(keys)]).astype(np.int64)
+
+
 def _thin(points: np.ndarray, wanted: int) -> np.ndarray:
     """Keep the first point of each voxel, with voxels just small enough to keep `wanted` points."""
     if len(points) <= wanted:
@@ -274,16 +301,14 @@ def _thin(points: np.ndarray, wanted: int) -> np.ndarray:
     kept = None
     for _ in range(7):
         size = np.sqrt(low * high)
-        cells = np.floor(offset / size).astype(np.int64)
-        keys = (cells[:, 0] * 2048 + cells[:, 1]) * 2048 + cells[:, 2]
-        ordered = np.sort(keys)  # much faster than to look for the first of each at once
-        count = 1 + np.count_nonzero(ordered[1:] != ordered[:-1])
+        voxels = _number_voxels(offset, size)
+        count = _count_different(*voxels)
         if count < wanted:
             high = size
         else:
-            low, kept = size, keys
+            low, kept = size, voxels
             if count < 1.3 * wanted:
                 break
     if kept is None:
         return np.arange(len(points))
-    return np.sort(np.unique(kept, return_index=True)[1])
+    return _find_first(*kept)
