@@ -1,5 +1,6 @@
 """HALO in the laboratory: what it asks of an environment, and which policies it takes."""
 
+import dataclasses
 import functools
 from types import SimpleNamespace
 
@@ -53,7 +54,7 @@ class Recorder:
         self.told, self.is_parked = [], is_parked
         self.low, self.empty = {"left", "right"}, set()
         self.is_seen = True
-        self.reason = None
+        self.reason, self.value = None, 0.5
 
     def see_garment(self):
         return np.ones((2048, 3), np.float32)
@@ -93,7 +94,7 @@ class Recorder:
 
     def judge(self, points):
         self.told.append(("judge", points))
-        return SimpleNamespace(reason=self.reason)
+        return SimpleNamespace(reason=self.reason, verdict=SimpleNamespace(value=self.value))
 
 
 def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
@@ -198,17 +199,21 @@ def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found()
     halo.begin_stage(1)
     halo.begin_stage(2)  # what lies folded does not say any more where it was
     assert asked == [(2048, 3)]
-    assert halo.is_done()
+    assert halo.choose_next() is None
     assert [told[0] for told in driver.told] == ["settle", "judge"]
     assert set(driver.told[1][1]) == {"hem"}
     driver.reason = "below the threshold"
-    assert not halo.is_done()
+    task = driver.env.task
+    for value, nearly_done, expected in ((0.7, None, 1), (0.7, 0.72, 1), (0.72, 0.72, 2)):
+        driver.env.task = dataclasses.replace(task, nearly_done=nearly_done)
+        driver.value = value
+        assert halo.choose_next() == expected
 
 
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
     assert asked == {
-        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "is_done",
+        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "choose_next",
     }  # fmt: skip
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 

@@ -244,6 +244,10 @@ def test_a_round_before_the_last_ends_when_nothing_is_left_to_lay_down(dry, far,
     assert driver.measurements.get("further_tries", 0.0) == 0.0
 
 
+def make_judgement(reason, value=0.5):
+    return SimpleNamespace(reason=reason, verdict=SimpleNamespace(value=value))
+
+
 @pytest.mark.parametrize(
     ("rounds", "reasons", "gone_through"),
     [
@@ -263,7 +267,7 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     driver.settle = lambda: None
     judged = iter(reasons)
-    driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    driver.judge = lambda points: make_judgement(next(judged))
     course = []
     execution.look = lambda: course.append("look")
 
@@ -292,7 +296,7 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
     execution = Execution(setup, 0, driver=driver, recorded="nothing")
     driver.settle = lambda: None
     judged = iter(["below the threshold", None])
-    driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    driver.judge = lambda points: make_judgement(next(judged))
     execution.look = lambda: pytest.fail("the points are those of the garment as it first lay")
     course = []
 
@@ -313,6 +317,20 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
     kept = [f"{first}, 1", f"{others[0]}, 4", f"{others[1]}, 5"]
     assert [where for _, where in driver.events] == kept
     assert driver.measurements["further_rounds"] == 1.0
+
+
+def test_what_is_nearly_done_is_only_touched_up(dry):
+    execution, course = go_through(dry, rounds=4, fails={(2, 0)}, fail=lambda stage: False)
+    execution.env.task = dataclasses.replace(execution.env.task, nearly_done=0.72)
+    values = iter([0.71, 0.72, 0.85])
+    threshold = 0.8
+    execution.driver.judge = lambda points: make_judgement(
+        None if (value := next(values)) >= threshold else "below the threshold", value
+    )
+    execution.perform()
+    first, *others = [stage.name for stage in TASK.stages]
+    # far from it: all again, which is lost at once and so begins again; nearly done: without a look at where all lies
+    assert course == [first, *others, "look", first, "look", first, *others, *others]
 
 
 @pytest.mark.parametrize(
@@ -366,7 +384,7 @@ def test_what_is_out_of_reach_is_left_out_of_all_but_the_last_round(
 ):
     execution, course = go_through(dry, rounds=rounds, fails=fails, fail=unreachable)
     judged = iter(reasons)
-    execution.driver.judge = lambda points: SimpleNamespace(reason=next(judged))
+    execution.driver.judge = lambda points: make_judgement(next(judged))
     if gone_through is None:
         with pytest.raises(UnreachableError):
             execution.perform()

@@ -147,11 +147,14 @@ class HaloDriver:
         if not self._driver.is_parked:
             self._driver.retreat(sides, declared.leave)
 
-    def is_done(self) -> bool:
+    def choose_next(self) -> int | None:
         """Wait for the garment to come to rest, and apply the task's rule to what the camera sees, as collection does."""
         self._driver.settle()
         points = {} if self._guide is None else self._guide.points
-        return self._driver.judge(points).reason is None
+        judgement = self._driver.judge(points)
+        if judgement.reason is None:
+            return None
+        return self._driver.env.task.choose_beginning(judgement.verdict.value) + 1
 
 
 class Guide:

@@ -121,6 +121,7 @@ class Execution:
         """Knows where the demonstration's points are."""
         self._recorded = recorded
         self._carried_out: set[str] = set()
+        self._seen_value: float | None = None  # of the rule, at the end of a round
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
@@ -152,11 +153,12 @@ class Execution:
     def perform(self) -> None:
         """Run all stages; some or all of them again while the task is seen not to be done, see `Task.rounds`."""
         task = self.env.task
+        first = 0
         for number in range(1, task.rounds + 1):
-            first = 0 if number == 1 else task.again_from
             if self._go_through(first, is_last=number == task.rounds):
                 return
-            self._begin_again()
+            first = task.choose_beginning(self._seen_value)
+            self._begin_again(first)
 
     def _go_through(self, first: int, *, is_last: bool) -> bool:
         """Run the stages from `first` on; false as soon as it is clear that a further round has to follow.
@@ -164,6 +166,7 @@ class Execution:
         What is out of reach now is left out while there are further rounds: the stages after it may bring the garment nearer.
         """
         clock = time.perf_counter()
+        self._seen_value = None
         refused: list[UnreachableError] = []
         for number, stage in enumerate(self.env.task.stages):
             if number < first:
@@ -196,11 +199,12 @@ class Execution:
 
     def _is_done(self) -> bool:
         self.driver.settle()
-        return self.driver.judge(self.finder.points).reason is None
+        judgement = self.driver.judge(self.finder.points)
+        self._seen_value = judgement.verdict.value
+        return judgement.reason is None
 
-    def _begin_again(self) -> None:
-        """Forget what went wrong in what will be done again, and look how the garment lies now."""
-        first = self.env.task.again_from
+    def _begin_again(self, first: int) -> None:
+        """Forget what went wrong in what will be done again, from stage `first` on, and look how the garment lies now."""
         del self.driver.events[self._kept_events :]
         self._count("further_rounds")
         if first:

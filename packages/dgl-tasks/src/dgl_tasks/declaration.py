@@ -40,7 +40,8 @@ class Stage:
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
     short_by: float = 0.0
-    """How far before the grasp point the hand stops, along its fingers [m]: it takes less of what lies beyond."""
+    """How far before the grasp point the hand stops, along its fingers [m]: it takes less of what lies beyond.
+    Negative where it goes beyond the point, and takes more."""
     looks_again: bool = False
     """The points of the waypoints are found anew when the stage begins, instead of those on the initial
     garment: for a garment that the stages before have laid out differently."""
@@ -119,6 +120,9 @@ class Task:
     again_from: int = 0
     """Number of the stage with which a further round begins; the first is 0. Those before are not undone by what
     fails later."""
+    nearly_done: float | None = None
+    """The rule's value from which on a further round is a touch-up: it leaves out the stage `again_from`, which would
+    undo what lies well already, and begins with the next one. None begins with `again_from` each time."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
@@ -165,3 +169,20 @@ class Task:
             raise ValueError(
                 f"again_from must be in 0..{len(self.stages) - 1}; got {self.again_from}"
             )
+        if self.nearly_done is not None and self.again_from + 1 == len(self.stages):
+            raise ValueError(
+                f"nearly_done needs a stage after again_from ({self.again_from}); got {self.nearly_done}"
+            )
+
+    def choose_beginning(self, value: float | None) -> int:
+        """Choose the stage that a further round begins with.
+
+        Args:
+            value: Of the rule, for what is seen of the garment after the last stage; None where it did not get that far.
+
+        Returns:
+            Its number; the first is 0.
+        """
+        if value is None or self.nearly_done is None or value < self.nearly_done:
+            return self.again_from
+        return self.again_from + 1
