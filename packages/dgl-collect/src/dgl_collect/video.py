@@ -14,7 +14,8 @@ from dgl_collect.files import written_beside
 
 FRAME_RATE = 12
 """Recorded frames a second: one at every fifth control step of 1/60 s."""
-_ENCODER = {"preset": "veryfast", "crf": "23"}  # half the time of x264's default, and files of the same size
+# Takes half the time of x264's default, for files of the same size.
+_ENCODER = {"preset": "veryfast", "crf": "23"}
 
 
 class VideoWriter:
