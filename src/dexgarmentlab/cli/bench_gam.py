@@ -17,7 +17,7 @@ class GamOptions:
     """
 
     network: tuple[Literal["small", "paper"], ...] = ("small", "paper")
-    """Networks to time."""
+    """Networks to time, beside the one whose weights come along."""
     repeats: int = 20
     """Timed pairs; the median counts."""
     threads: int = 1
