@@ -1,6 +1,6 @@
 """Episode files made by hand, as small as the format allows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
@@ -21,6 +21,15 @@ from dgl_sadp.config import (
 
 POINTS = 5
 METHODS = ("sadp", "sadp-g", "dp3", "dp")
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """Sums come out equal, bit for bit, on one number of threads alone."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 def write_episode(

@@ -24,6 +24,8 @@ from dgl_sadp._tensor_file import read_tensors
 from dgl_sadp._train_data import Batches
 from dgl_sadp.synthetic import write_synthetic_episodes
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 FRAMES = 7
 WINDOWS = 3 * (FRAMES + 2)  # An odd number, so that the last batch of an epoch does not divide.
 CONFIG = TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, validate_every=1)
@@ -35,14 +37,6 @@ def episodes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("episodes")
     write_synthetic_episodes(folder, 5, frames=FRAMES, points=32)
     return folder
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture

@@ -16,15 +16,9 @@ from dgl_sadp.config import (
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 COUNT = 32
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.mark.slow

@@ -25,6 +25,8 @@ from dgl_sadp.normalizer import Range
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 FRAMES = 8
 CONFIG = TrainConfig(
     epochs=4,
@@ -42,14 +44,6 @@ def episodes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("episodes")
     write_synthetic_episodes(folder, 5, frames=FRAMES, points=32)
     return folder
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture
