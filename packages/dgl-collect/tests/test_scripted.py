@@ -9,7 +9,7 @@ import pytest
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_collect.attempt import make_setup
 from dgl_collect.demonstration import RetargetedWaypoint, Stretch, load_demonstration
-from dgl_collect.execution import TRIES, Execution, _HoldLost
+from dgl_collect.execution import PUT_DOWN_HEIGHT, TRIES, Execution, _HoldLost
 from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
@@ -224,8 +224,33 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, see
     else:
         assert execution._check_hold(stage, number, "lay down") == (seen == "held")
     if seen == "lost":
-        with pytest.raises(_HoldLost):
-            execution._check_hold(stage, number, "give up")
+        for on_loss in ("give up", "put down"):
+            with pytest.raises(_HoldLost):
+                execution._check_hold(stage, number, on_loss)
+
+
+@pytest.mark.parametrize("on_loss", ["lay down", "put down"])
+def test_what_one_hand_has_lost_is_put_down_where_it_hangs(dry, on_loss):
+    setup, _ = dry
+    driver = make_stage_driver(setup, [])
+    stage = dataclasses.replace(get_task("FlingDress-v1").stages[0], on_loss=on_loss)
+    setup.env.task = dataclasses.replace(
+        get_task("FlingDress-v1"), stages=(stage,), nearly_done=None
+    )
+    execution = Execution(setup, 0, driver=driver, recorded="nothing")
+    before: dict = {"left": np.array([-0.2, 0.5, 0.9]), "right": np.array([0.2, 0.5, 0.9])}
+
+    def lose(stage, *, on_loss):
+        assert on_loss == stage.on_loss
+        driver.send(setup.motion.reach(before, GRASP_ORIENTATIONS["heap_sides"]))
+        raise _HoldLost
+
+    execution._try_stage = lose
+    assert not execution._run_stage(stage, is_final=False)
+    for side in SIDES:
+        height = {"lay down": 0.9, "put down": PUT_DOWN_HEIGHT}[on_loss]
+        wanted = [*before[side][:2], height]
+        np.testing.assert_allclose(driver.get_grasp_point(side), wanted, atol=0.01)
 
 
 @pytest.mark.parametrize(("far", "goes_on"), [(0.2, False), (0.05, True)])

@@ -1,5 +1,6 @@
 """One attempt at a task: the demonstration retargeted, executed, recorded and judged."""
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,18 +24,23 @@ from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
 from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
-from dgl_tasks.declaration import Stage
+from dgl_tasks.declaration import LossName, Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import UnreachableError
+from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
+logger = logging.getLogger(__name__)
+
 Recorded = Literal["nothing", "stages", "approaches"]
 """What of an attempt is recorded: nothing; its stages; or these and the approaches before them."""
-OnLoss = Literal["give up", "lay down", "ignore"]
-"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
-down what one of them still holds; or nobody looks."""
+OnLoss = Literal["give up", "ignore"] | LossName
+"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; nobody looks; or what
+one of them still holds is brought to the ground first, see `LossName`."""
+PUT_DOWN_HEIGHT = 0.1
+"""Height of a grasp point over the ground at which the hand lets go of what it has put down [m]."""
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
@@ -248,8 +254,10 @@ class Execution:
         stages = self.env.task.stages
         if stage is stages[self.env.task.again_from] and not is_final:
             try:
-                return self._try_stage(stage, on_loss="lay down")
+                return self._try_stage(stage, on_loss=stage.on_loss)
             except _HoldLost:
+                if stage.on_loss == "put down":
+                    self._put_down(stage)
                 return False
         for _ in range(TRIES - 1):
             try:
@@ -324,9 +332,22 @@ class Execution:
         if on_loss == "ignore" or not (number == 0 or hangs):
             return True
         empty = self.driver.find_empty(stage, self.driver.see_points())
-        if empty and (on_loss == "give up" or len(empty) == len(stage.grasp)):
+        if empty and (on_loss != "lay down" or len(empty) == len(stage.grasp)):
             raise _HoldLost  # also where nothing is left to lay down
         return not empty
+
+    def _put_down(self, stage: Stage) -> None:
+        """Lower the hands of a stage straight to the ground, if they get there; whoever is next opens them."""
+        poses = self.motion.compute_poses()
+        orientations: dict[Side, np.ndarray] = {side: poses[side][3:] for side in stage.grasp}
+        points: dict[Side, np.ndarray] = {}
+        for side, q in orientations.items():
+            points[side] = wrist_to_grasp(poses[side][:3], q, side, robot=self.motion.robot)
+            points[side][2] = min(points[side][2], PUT_DOWN_HEIGHT)
+        try:
+            self.driver.send(self.motion.move(points, orientations))
+        except UnreachableError as err:
+            logger.info("what is held falls from where it is: %s", err)
 
     def _give_up(self, stage: Stage) -> None:
         self.driver.retreat(tuple(stage.grasp), stage.leave)

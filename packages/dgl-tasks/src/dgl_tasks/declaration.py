@@ -6,6 +6,7 @@ work is done, and what counts as success. The same declaration serves collection
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, point_along_fingers
 from dgl_tasks.leaving import LeaveName
 from dgl_tasks.success import SuccessRule
 
+LossName = Literal["lay down", "put down"]
+"""What is done with a garment that one of two hands has lost: the other one goes on and lays it down, or lowers it where it
+hangs. Laid down it is flatter, and turned by up to a right angle; put down it is a heap, as it first was."""
 Range = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
@@ -51,6 +55,8 @@ class Stage:
     moved them on purpose."""
     leave: LeaveName = "slide"
     """How the hands leave the cloth, see `dgl_tasks.leaving`."""
+    on_loss: LossName = "lay down"
+    """What is done with what one hand still holds, where this stage begins the next round."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
 
