@@ -233,7 +233,7 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, see
 def test_what_one_hand_has_lost_is_put_down_where_it_hangs(dry, on_loss):
     setup, _ = dry
     driver = make_stage_driver(setup, [])
-    stage = dataclasses.replace(get_task("FlingDress-v1").stages[0], on_loss=on_loss)
+    stage = dataclasses.replace(get_task("FlingDress-v1").stages[0], on_loss=(on_loss,))
     setup.env.task = dataclasses.replace(
         get_task("FlingDress-v1"), stages=(stage,), nearly_done=None
     )
@@ -241,7 +241,7 @@ def test_what_one_hand_has_lost_is_put_down_where_it_hangs(dry, on_loss):
     before: dict = {"left": np.array([-0.2, 0.5, 0.9]), "right": np.array([0.2, 0.5, 0.9])}
 
     def lose(stage, *, on_loss):
-        assert on_loss == stage.on_loss
+        assert (on_loss,) == stage.on_loss
         driver.send(setup.motion.reach(before, GRASP_ORIENTATIONS["heap_sides"]))
         raise _HoldLost
 

@@ -128,6 +128,7 @@ class Execution:
         self._recorded = recorded
         self._carried_out: set[str] = set()
         self._seen_value: float | None = None  # of the rule, at the end of a round
+        self._losses = 0  # rounds that ended with one
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
@@ -253,12 +254,15 @@ class Execution:
         """
         stages = self.env.task.stages
         if stage is stages[self.env.task.again_from] and not is_final:
+            on_loss = stage.on_loss[self._losses % len(stage.on_loss)]
             try:
-                return self._try_stage(stage, on_loss=stage.on_loss)
+                is_held = self._try_stage(stage, on_loss=on_loss)
             except _HoldLost:
-                if stage.on_loss == "put down":
+                is_held = False
+                if on_loss == "put down":
                     self._put_down(stage)
-                return False
+            self._losses += not is_held
+            return is_held
         for _ in range(TRIES - 1):
             try:
                 return self._try_stage(stage, on_loss="give up")

@@ -55,8 +55,8 @@ class Stage:
     moved them on purpose."""
     leave: LeaveName = "slide"
     """How the hands leave the cloth, see `dgl_tasks.leaving`."""
-    on_loss: LossName = "lay down"
-    """What is done with what one hand still holds, where this stage begins the next round."""
+    on_loss: tuple[LossName, ...] = ("lay down",)
+    """What is done with what one hand still holds, where this stage begins the next round; each time the next of these."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
 

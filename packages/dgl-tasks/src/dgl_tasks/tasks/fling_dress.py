@@ -26,7 +26,7 @@ TASK = Task(
             orientation="heap_sides",
             grasp_height=FLING_GRASP_HEIGHT,
             short_by=-0.02,
-            on_loss="put down",
+            on_loss=("lay down", "put down"),
             policy_loops=12,
         ),
         Stage(
