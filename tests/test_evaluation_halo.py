@@ -204,7 +204,13 @@ def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found()
     assert set(driver.told[1][1]) == {"hem"}
     driver.reason = "below the threshold"
     task = driver.env.task
-    for value, nearly_done, expected in ((0.7, None, 1), (0.7, 0.72, 1), (0.72, 0.72, 2)):
+    for value, nearly_done, expected in (
+        (0.7, None, 1),
+        (0.71, 0.72, 1),
+        (0.72, 0.72, 2),
+        (0.73, 0.72, 2),
+        (0.73, 0.72, 1),  # no gain
+    ):
         driver.env.task = dataclasses.replace(task, nearly_done=nearly_done)
         driver.value = value
         assert halo.choose_next() == expected

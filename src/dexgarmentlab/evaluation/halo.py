@@ -78,6 +78,7 @@ class HaloDriver:
         self._stage = self._stages[0]
         self._were_down: set[Side] = set()
         self._empty: set[Side] = set()
+        self._value: float | None = None  # of the rule, when it was last asked
 
     def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
         """Look at the garment, and at the props where there are some."""
@@ -154,7 +155,8 @@ class HaloDriver:
         judgement = self._driver.judge(points)
         if judgement.reason is None:
             return None
-        return self._driver.env.task.choose_beginning(judgement.verdict.value) + 1
+        before, self._value = self._value, judgement.verdict.value
+        return self._driver.env.task.choose_beginning(self._value, before) + 1
 
 
 class Guide:

@@ -162,9 +162,10 @@ class Execution:
         task = self.env.task
         first = 0
         for number in range(1, task.rounds + 1):
+            before = self._seen_value
             if self._go_through(first, is_last=number == task.rounds):
                 return
-            first = task.choose_beginning(self._seen_value)
+            first = task.choose_beginning(self._seen_value, before)
             self._begin_again(first)
 
     def _go_through(self, first: int, *, is_last: bool) -> bool:

@@ -127,8 +127,9 @@ class Task:
     """Number of the stage with which a further round begins; the first is 0. Those before are not undone by what
     fails later."""
     nearly_done: float | None = None
-    """The rule's value from which on a further round is a touch-up: it leaves out the stage `again_from`, which would
-    undo what lies well already, and begins with the next one. None begins with `again_from` each time."""
+    """The rule's value from which on a further round is a touch-up, as long as rounds gain: it leaves out the stage
+    `again_from`, which would undo what lies well already, and begins with the next one. None begins with `again_from`
+    each time."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
@@ -180,15 +181,16 @@ class Task:
                 f"nearly_done needs a stage after again_from ({self.again_from}); got {self.nearly_done}"
             )
 
-    def choose_beginning(self, value: float | None) -> int:
+    def choose_beginning(self, value: float | None, before: float | None) -> int:
         """Choose the stage that a further round begins with.
 
         Args:
             value: Of the rule, for what is seen of the garment after the last stage; None where it did not get that far.
+            before: The value of the round before that one; None where there was none.
 
         Returns:
             Its number; the first is 0.
         """
         if value is None or self.nearly_done is None or value < self.nearly_done:
             return self.again_from
-        return self.again_from + 1
+        return self.again_from + (before is None or value > before)
