@@ -1,6 +1,5 @@
 """HALO in the laboratory: what it asks of an environment, and which policies it takes."""
 
-import dataclasses
 import functools
 from types import SimpleNamespace
 
@@ -54,7 +53,7 @@ class Recorder:
         self.told, self.is_parked = [], is_parked
         self.low, self.empty = {"left", "right"}, set()
         self.is_seen = True
-        self.reason, self.value = None, 0.5
+        self.reason = None
 
     def see_garment(self):
         return np.ones((2048, 3), np.float32)
@@ -94,7 +93,7 @@ class Recorder:
 
     def judge(self, points):
         self.told.append(("judge", points))
-        return SimpleNamespace(reason=self.reason, verdict=SimpleNamespace(value=self.value))
+        return SimpleNamespace(reason=self.reason)
 
 
 def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
@@ -199,27 +198,17 @@ def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found()
     halo.begin_stage(1)
     halo.begin_stage(2)  # what lies folded does not say any more where it was
     assert asked == [(2048, 3)]
-    assert halo.choose_next() is None
+    assert halo.is_done()
     assert [told[0] for told in driver.told] == ["settle", "judge"]
     assert set(driver.told[1][1]) == {"hem"}
     driver.reason = "below the threshold"
-    task = driver.env.task
-    for value, nearly_done, expected in (
-        (0.7, None, 1),
-        (0.71, 0.72, 1),
-        (0.72, 0.72, 2),
-        (0.73, 0.72, 2),
-        (0.73, 0.72, 1),  # no gain
-    ):
-        driver.env.task = dataclasses.replace(task, nearly_done=nearly_done)
-        driver.value = value
-        assert halo.choose_next() == expected
+    assert not halo.is_done()
 
 
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
     assert asked == {
-        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "choose_next",
+        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "is_done",
     }  # fmt: skip
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 

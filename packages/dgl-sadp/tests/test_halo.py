@@ -23,12 +23,11 @@ class NearestMatcher:
 class Recorder:
     """An environment without a robot: it notes what it is told, and counts what it has executed."""
 
-    def __init__(self, losses=(), done_after=0, again_from=1):
+    def __init__(self, losses=(), done_after=0):
         self.told = []
         self.executed = 0
         self.losses = losses  # after how many targets a look says so
         self.done_after = done_after  # how many targets it takes
-        self.again_from = again_from
 
     def begin_stage(self, stage):
         self.told.append(("begin", stage))
@@ -55,9 +54,9 @@ class Recorder:
     def end_stage(self, stage):
         self.told.append(("end", stage, self.executed))
 
-    def choose_next(self):
+    def is_done(self):
         self.told.append(("look",))
-        return None if self.executed >= self.done_after else self.again_from
+        return self.executed >= self.done_after
 
 
 class Listener:
@@ -163,7 +162,7 @@ def test_a_stage_that_has_lost_the_garment_is_begun_again(losses, tries, ends, e
 def test_rounds_follow_while_the_task_is_seen_not_to_be_done(
     rounds, again_from, done_after, begun, looks
 ):
-    policy, driver = Listener(), Recorder(done_after=done_after, again_from=again_from)
+    policy, driver = Listener(), Recorder(done_after=done_after)
     stages = [make_stage(policy, chunks=1) for _ in range(2)]
     halo = HALO(NearestMatcher(), stages, rounds=rounds, again_from=again_from)
     records = halo.run(driver, seed=7)
@@ -175,16 +174,6 @@ def test_rounds_follow_while_the_task_is_seen_not_to_be_done(
     assert len(set(policy.seeds)) == len(begun)
 
 
-def test_the_driver_chooses_where_a_round_begins_that_follows_a_whole_one():
-    # Lost in the first stage of the first round; whole in the second; only touched up in the third.
-    driver = Recorder(losses=(4,), done_after=99, again_from=2)
-    stages = [make_stage(Listener(), chunks=1) for _ in range(3)]
-    records = HALO(NearestMatcher(), stages, rounds=3).run(driver)
-    assert [(r.round, r.stage) for r in records] == [
-        (1, 1), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3),
-    ]  # fmt: skip
-
-
 def test_what_a_further_round_begins_with_is_given_up_at_once_but_for_the_last_round():
     # Lost in the first round after 4 targets; in the second, the last one, twice, which is then gone through to the end.
     driver = Recorder(losses=(4, 8, 12, 16))
@@ -193,7 +182,7 @@ def test_what_a_further_round_begins_with_is_given_up_at_once_but_for_the_last_r
     assert [(r.round, r.tries, r.targets) for r in records] == [(1, 1, 4), (2, 3, 4 + 4 + 12)]
     assert ("look",) not in driver.told  # what was lost is not done
     # A stage that no round begins with has its tries in every round.
-    driver = Recorder(losses=(4,), done_after=99, again_from=2)
+    driver = Recorder(losses=(4,), done_after=99)
     stages = [make_stage(Listener(), chunks=1), make_stage(Listener(), chunks=1)]
     records = HALO(NearestMatcher(), stages, rounds=2, again_from=2).run(driver)
     assert [(r.stage, r.round, r.tries) for r in records] == [(1, 1, 2), (2, 1, 1), (2, 2, 1)]
@@ -227,7 +216,7 @@ def test_a_stage_out_of_reach_is_left_out_of_all_but_the_last_round(
             if [told[0] for told in self.told].count("move") in fails:
                 raise StageError("left arm cannot reach it")
 
-    driver = Short(done_after=99, again_from=again_from)
+    driver = Short(done_after=99)
     stages = [make_stage(Listener(), chunks=1) for _ in range(2)]
     halo = HALO(NearestMatcher(), stages, rounds=rounds, again_from=again_from)
     if looks is None:

@@ -78,7 +78,6 @@ class HaloDriver:
         self._stage = self._stages[0]
         self._were_down: set[Side] = set()
         self._empty: set[Side] = set()
-        self._value: float | None = None  # of the rule, when it was last asked
 
     def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
         """Look at the garment, and at the props where there are some."""
@@ -148,15 +147,11 @@ class HaloDriver:
         if not self._driver.is_parked:
             self._driver.retreat(sides, declared.leave)
 
-    def choose_next(self) -> int | None:
+    def is_done(self) -> bool:
         """Wait for the garment to come to rest, and apply the task's rule to what the camera sees, as collection does."""
         self._driver.settle()
         points = {} if self._guide is None else self._guide.points
-        judgement = self._driver.judge(points)
-        if judgement.reason is None:
-            return None
-        before, self._value = self._value, judgement.verdict.value
-        return self._driver.env.task.choose_beginning(self._value, before) + 1
+        return self._driver.judge(points).reason is None
 
 
 class Guide:

@@ -1,6 +1,5 @@
 """One attempt at a task: the demonstration retargeted, executed, recorded and judged."""
 
-import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,23 +23,18 @@ from dgl_collect.results import package_versions
 from dgl_collect.video import VideoWriter
 from dgl_gam import Matcher, compute_affordance
 from dgl_tasks import perception as see
-from dgl_tasks.declaration import LossName, Stage
+from dgl_tasks.declaration import Stage
 from dgl_tasks.driver import Driver
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.success import Verdict
 
-logger = logging.getLogger(__name__)
-
 Recorded = Literal["nothing", "stages", "approaches"]
 """What of an attempt is recorded: nothing; its stages; or these and the approaches before them."""
-OnLoss = Literal["give up", "ignore"] | LossName
-"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; nobody looks; or what
-one of them still holds is brought to the ground first, see `LossName`."""
-PUT_DOWN_HEIGHT = 0.1
-"""Height of a grasp point over the ground at which the hand lets go of what it has put down [m]."""
+OnLoss = Literal["give up", "lay down", "ignore"]
+"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
+down what one of them still holds; or nobody looks."""
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
@@ -127,8 +121,6 @@ class Execution:
         """Knows where the demonstration's points are."""
         self._recorded = recorded
         self._carried_out: set[str] = set()
-        self._seen_value: float | None = None  # of the rule, at the end of a round
-        self._losses = 0  # rounds that ended with one
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
@@ -160,13 +152,11 @@ class Execution:
     def perform(self) -> None:
         """Run all stages; some or all of them again while the task is seen not to be done, see `Task.rounds`."""
         task = self.env.task
-        first = 0
         for number in range(1, task.rounds + 1):
-            before = self._seen_value
+            first = 0 if number == 1 else task.again_from
             if self._go_through(first, is_last=number == task.rounds):
                 return
-            first = task.choose_beginning(self._seen_value, before)
-            self._begin_again(first)
+            self._begin_again()
 
     def _go_through(self, first: int, *, is_last: bool) -> bool:
         """Run the stages from `first` on; false as soon as it is clear that a further round has to follow.
@@ -174,7 +164,6 @@ class Execution:
         What is out of reach now is left out while there are further rounds: the stages after it may bring the garment nearer.
         """
         clock = time.perf_counter()
-        self._seen_value = None
         refused: list[UnreachableError] = []
         for number, stage in enumerate(self.env.task.stages):
             if number < first:
@@ -207,12 +196,11 @@ class Execution:
 
     def _is_done(self) -> bool:
         self.driver.settle()
-        judgement = self.driver.judge(self.finder.points)
-        self._seen_value = judgement.verdict.value
-        return judgement.reason is None
+        return self.driver.judge(self.finder.points).reason is None
 
-    def _begin_again(self, first: int) -> None:
-        """Forget what went wrong in what will be done again, from stage `first` on, and look how the garment lies now."""
+    def _begin_again(self) -> None:
+        """Forget what went wrong in what will be done again, and look how the garment lies now."""
+        first = self.env.task.again_from
         del self.driver.events[self._kept_events :]
         self._count("further_rounds")
         if first:
@@ -255,15 +243,10 @@ class Execution:
         """
         stages = self.env.task.stages
         if stage is stages[self.env.task.again_from] and not is_final:
-            on_loss = stage.on_loss[self._losses % len(stage.on_loss)]
             try:
-                is_held = self._try_stage(stage, on_loss=on_loss)
+                return self._try_stage(stage, on_loss="lay down")
             except _HoldLost:
-                is_held = False
-                if on_loss == "put down":
-                    self._put_down(stage)
-            self._losses += not is_held
-            return is_held
+                return False
         for _ in range(TRIES - 1):
             try:
                 return self._try_stage(stage, on_loss="give up")
@@ -337,22 +320,9 @@ class Execution:
         if on_loss == "ignore" or not (number == 0 or hangs):
             return True
         empty = self.driver.find_empty(stage, self.driver.see_points())
-        if empty and (on_loss != "lay down" or len(empty) == len(stage.grasp)):
+        if empty and (on_loss == "give up" or len(empty) == len(stage.grasp)):
             raise _HoldLost  # also where nothing is left to lay down
         return not empty
-
-    def _put_down(self, stage: Stage) -> None:
-        """Lower the hands of a stage straight to the ground, if they get there; whoever is next opens them."""
-        poses = self.motion.compute_poses()
-        orientations: dict[Side, np.ndarray] = {side: poses[side][3:] for side in stage.grasp}
-        points: dict[Side, np.ndarray] = {}
-        for side, q in orientations.items():
-            points[side] = wrist_to_grasp(poses[side][:3], q, side, robot=self.motion.robot)
-            points[side][2] = min(points[side][2], PUT_DOWN_HEIGHT)
-        try:
-            self.driver.send(self.motion.move(points, orientations))
-        except UnreachableError as err:
-            logger.info("what is held falls from where it is: %s", err)
 
     def _give_up(self, stage: Stage) -> None:
         self.driver.retreat(tuple(stage.grasp), stage.leave)

@@ -51,9 +51,8 @@ class HALO:
                 it again from what is seen then, as an automatic collection does. 1 is once and for all.
             rounds: How often the stages are gone through at most: while the task is seen not to be done, they are
                 gone through again from how the garment lies then, as in a collection.
-            again_from: Number of the stage, from 1, that a further round begins with where the one before did not come
-                to its end; the driver chooses where it did. Hands that come up empty in it begin the next round,
-                where there is one.
+            again_from: Number of the stage, from 1, that a further round begins with. Hands that come up empty in it
+                begin the next round, where there is one.
 
         Raises:
             ValueError: If there is no stage, try or round, `again_from` is no stage, or something that `use_gam` or
@@ -105,10 +104,9 @@ class HALO:
             StageError: If a stage cannot be carried out, and no further round goes through it; or no stage of a round.
         """
         course = _Course(self, driver, seed, on_chunk)
-        first: int | None = 1
         for number in range(1, self.rounds + 1):
-            first = course.go_through(number, first, is_last=number == self.rounds)
-            if first is None:
+            is_done = course.go_through(number, is_last=number == self.rounds)
+            if is_done:
                 break
         return tuple(course.records)
 
@@ -129,15 +127,15 @@ class _Course:
         self._places: list[np.ndarray] = []  # of the points of each stage, when the first one began
         self._carried_out: set[int] = set()
 
-    def go_through(self, round_: int, first: int, *, is_last: bool) -> int | None:
-        """Carry out the stages of a round from `first` on; returns with which a further one begins, None if none has to follow.
+    def go_through(self, round_: int, *, is_last: bool) -> bool:
+        """Carry out the stages of a round; whether no further one has to follow.
 
         What cannot be carried out now is left out while there are further rounds: the stages after it may bring the
         garment nearer.
         """
         halo = self._halo
         refused: list[StageError] = []
-        numbers = range(first, len(self._stages) + 1)
+        numbers = range(1 if round_ == 1 else halo.again_from, len(self._stages) + 1)
         for number in numbers:
             # What the next round begins with is not begun twice in this one.
             has_next = not is_last and number == halo.again_from
@@ -151,14 +149,12 @@ class _Course:
                 refused.append(err)
                 continue
             if not is_held:
-                return halo.again_from
+                return False
             self._carried_out.add(number)
         if len(refused) == len(numbers):
             raise refused[0]  # and would be again
-        if is_last:
-            return None
         is_whole = len(self._carried_out) == len(self._stages)
-        return self._driver.choose_next() if is_whole else halo.again_from
+        return is_last or (is_whole and self._driver.is_done())
 
     def _try(self, number: int, round_: int, tries: int, *, to_the_end: bool) -> bool:
         """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held.

@@ -102,11 +102,8 @@ class EnvironmentDriver(Protocol):
         """Do what is scripted after a stage, such as letting go and drawing back."""
         ...
 
-    def choose_next(self) -> int | None:
-        """Say, after the last stage, with which stage a further round begins, from 1; None if the task is seen to be done.
-
-        Asked where a round may follow.
-        """
+    def is_done(self) -> bool:
+        """Say whether the robot sees, after the last stage, that the task is done. Asked where a round may follow."""
         ...
 
 

@@ -172,9 +172,9 @@ class SyntheticEnvironment:
     def end_stage(self, stage: int) -> None:
         """Do nothing; see `EnvironmentDriver`."""
 
-    def choose_next(self) -> int | None:
-        """Begin anew unless the hands are where they should be."""
-        return None if self.compute_error() < _NEAR else 1
+    def is_done(self) -> bool:
+        """Whether the hands are where they should be."""
+        return self.compute_error() < _NEAR
 
     def _see(self) -> np.ndarray:
         """Return points of sheet, hands and object with their colours, shape (N, 6)."""

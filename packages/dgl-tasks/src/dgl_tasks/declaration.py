@@ -6,7 +6,6 @@ work is done, and what counts as success. The same declaration serves collection
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, point_along_fingers
 from dgl_tasks.leaving import LeaveName
 from dgl_tasks.success import SuccessRule
 
-LossName = Literal["lay down", "put down"]
-"""What is done with a garment that one of two hands has lost: the other one goes on and lays it down, or lowers it where it
-hangs. Laid down it is flatter, and turned by up to a right angle; put down it is a heap, as it first was."""
 Range = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
@@ -44,8 +40,7 @@ class Stage:
     grasp_height: float = 0.03
     """Height of the grasp point over the ground [m]: the hand closes around what lies there."""
     short_by: float = 0.0
-    """How far before the grasp point the hand stops, along its fingers [m]: it takes less of what lies beyond.
-    Negative where it goes beyond the point, and takes more."""
+    """How far before the grasp point the hand stops, along its fingers [m]: it takes less of what lies beyond."""
     looks_again: bool = False
     """The points of the waypoints are found anew when the stage begins, instead of those on the initial
     garment: for a garment that the stages before have laid out differently."""
@@ -55,8 +50,6 @@ class Stage:
     moved them on purpose."""
     leave: LeaveName = "slide"
     """How the hands leave the cloth, see `dgl_tasks.leaving`."""
-    on_loss: tuple[LossName, ...] = ("lay down",)
-    """What is done with what one hand still holds, where this stage begins the next round; each time the next of these."""
     policy_loops: int = 8
     """Predictions of four actions that a policy gets for this stage (original code)."""
 
@@ -126,10 +119,6 @@ class Task:
     again_from: int = 0
     """Number of the stage with which a further round begins; the first is 0. Those before are not undone by what
     fails later."""
-    nearly_done: float | None = None
-    """The rule's value from which on a further round is a touch-up, as long as rounds gain: it leaves out the stage
-    `again_from`, which would undo what lies well already, and begins with the next one. None begins with `again_from`
-    each time."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
@@ -176,21 +165,3 @@ class Task:
             raise ValueError(
                 f"again_from must be in 0..{len(self.stages) - 1}; got {self.again_from}"
             )
-        if self.nearly_done is not None and self.again_from + 1 == len(self.stages):
-            raise ValueError(
-                f"nearly_done needs a stage after again_from ({self.again_from}); got {self.nearly_done}"
-            )
-
-    def choose_beginning(self, value: float | None, before: float | None) -> int:
-        """Choose the stage that a further round begins with.
-
-        Args:
-            value: Of the rule, for what is seen of the garment after the last stage; None where it did not get that far.
-            before: The value of the round before that one; None where there was none.
-
-        Returns:
-            Its number; the first is 0.
-        """
-        if value is None or self.nearly_done is None or value < self.nearly_done:
-            return self.again_from
-        return self.again_from + (before is None or value > before)

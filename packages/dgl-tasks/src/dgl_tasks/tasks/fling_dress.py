@@ -1,4 +1,4 @@
-"""Fling Dress: fling a crumpled dress flat, then pull its sleeves and its hem straight."""
+"""Fling Dress: fling a crumpled dress flat, then pull its sleeves apart."""
 
 from dgl_tasks.cameras import FLING_CAMERAS
 from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, FLING_ROUNDS, Stage, Task
@@ -8,7 +8,7 @@ TASK = Task(
     id="FlingDress-v1",
     title="Fling Dress",
     category="Dress_LongSleeve",
-    description="Lift a crumpled dress where its sleeves begin, fling it flat, and pull its sleeves and its hem straight.",
+    description="Lift a crumpled dress where its sleeves begin, fling it flat, and pull its sleeves apart.",
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     x_range=(-0.1, 0.1),
     y_range=(0.5, 0.7),
@@ -16,7 +16,6 @@ TASK = Task(
     start_below=0.6,
     settle_frames=120,
     rounds=FLING_ROUNDS,
-    nearly_done=0.72,
     turns_over=True,
     cameras=FLING_CAMERAS,
     stages=(
@@ -25,8 +24,6 @@ TASK = Task(
             grasp={"left": "left_sleeve_joint", "right": "right_sleeve_joint"},
             orientation="heap_sides",
             grasp_height=FLING_GRASP_HEIGHT,
-            short_by=-0.02,
-            on_loss=("lay down", "put down"),
             policy_loops=12,
         ),
         Stage(
@@ -35,14 +32,6 @@ TASK = Task(
             orientation="sides",
             grasp_height=0.02,
             short_by=0.03,
-            looks_again=True,
-            moved_at_most=None,
-            policy_loops=4,
-        ),
-        Stage(
-            name="pull_hem",
-            grasp={"left": "left_hem", "right": "right_hem"},
-            grasp_height=0.02,
             looks_again=True,
             moved_at_most=None,
             policy_loops=4,
