@@ -49,6 +49,8 @@ def main(
 
 def _draw(path: Path, folder: Path, *, seconds: float, samples: int) -> dict[str, float]:
     sapien.render.set_camera_shader_dir("default")
+    # of the whole process: environments that were made before have chosen bytes
+    sapien.render.set_picture_format("Color", "r32g32b32a32sfloat")
     scene = sapien.Scene()
     scene.set_timestep(1 / STEPS_A_SECOND)
     light_scene(_Studio(scene))
