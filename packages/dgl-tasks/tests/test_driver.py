@@ -7,7 +7,7 @@ import pytest
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.approach import CLEARANCE, FREE_DRAW_BACKS, plan_approach, plan_free, plan_leave
-from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_TRIES, Driver
+from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_ROLLS, Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.leaving import LEAVES
@@ -117,8 +117,23 @@ def test_what_hangs_on_a_risen_hand_is_put_down_again(driver, monkeypatch):
     once = leave_and_count(driver, monkeypatch, [near, far])
     assert driver.measurements["freed_hands"] == 1
     assert once > plain + 60  # down, a wait, back and up again
-    leave_and_count(driver, monkeypatch, [near] * FREE_TRIES)
-    assert driver.measurements["freed_hands"] == 1 + FREE_TRIES
+    leave_and_count(driver, monkeypatch, [near] * len(FREE_ROLLS))
+    assert driver.measurements["freed_hands"] == 1 + len(FREE_ROLLS)
+
+
+def test_a_hand_that_does_not_get_free_rolls_on(driver, monkeypatch):
+    planned = []
+    plan = plan_free
+
+    def note(motion, points, orientations):
+        planned.append(orientations["left"])
+        return plan(motion, points, orientations)
+
+    monkeypatch.setattr("dgl_tasks.driver.plan_free", note)
+    leave_and_count(driver, monkeypatch, [0.0] * len(FREE_ROLLS))
+    turns = [2 * np.arccos(min(1.0, abs(float(np.dot(planned[0], q))))) for q in planned]
+    np.testing.assert_allclose(turns, np.cumsum(FREE_ROLLS), atol=2e-3)
+    assert FREE_ROLLS[0] == 0.0 < turns[-1]
 
 
 def test_a_hand_that_cannot_go_down_again_parks_with_what_it_has(driver, monkeypatch):

@@ -13,7 +13,7 @@ from dgl_tasks.approach import RELEASE_FRAMES, plan_approach, plan_free, plan_le
 from dgl_tasks.declaration import Stage
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.errors import PerceptionError, UnreachableError
-from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.grasps import roll_thumb_down, wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.leaving import LeaveName
 from dgl_tasks.motion import BimanualMotion, Rehearsal
@@ -32,8 +32,9 @@ HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised point is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
-FREE_TRIES = 2
-"""How often a hand tries to get rid of cloth that has come along before it goes away with it."""
+FREE_ROLLS = (0.0, 0.0, 0.5, 0.5, 0.5)
+"""How far a hand rolls on for its thumb to point down, in each of the tries to get rid of cloth that has come along [rad];
+then it goes away with it."""
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
 """Control steps between pictures for people while the arms come and go: the film runs three times as fast
 there, since a picture costs as much as two or three steps of the simulation."""
@@ -238,14 +239,15 @@ class Driver:
 
     def _free_hands(self, sides: tuple[Side, ...]) -> None:
         """Put cloth that is seen to hang on risen hands down again."""
-        for _ in range(FREE_TRIES):
+        for roll in FREE_ROLLS:
             caught = self._see_caught(sides)
             if not caught:
                 return
             poses = self.motion.compute_poses()
             points = {side: self._to_grasp(poses[side], side) for side in caught}
+            rolled = {side: roll_thumb_down(poses[side][3:], roll, side) for side in caught}
             try:
-                parts = plan_free(self.motion, points, {side: poses[side][3:] for side in caught})
+                parts = plan_free(self.motion, points, rolled)
             except UnreachableError as err:
                 logger.info("cloth hangs on a hand that cannot go down again: %s", err)
                 return
