@@ -1,5 +1,7 @@
 """Pictures and clouds against the simulation's own particles."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -78,15 +80,27 @@ def test_the_environment_cloud_has_colours_and_lies_in_the_workspace(env, from_a
     assert cloud.shape == (CLOUD_SIZE, 6)
     assert cloud.dtype == np.float32
     xyz, rgb = cloud[:, :3], cloud[:, 3:]
-    assert np.all((xyz >= env.task.workspace.low) & (xyz <= env.task.workspace.high))
+    low, high = np.array(env.task.workspace.low), np.array(env.task.workspace.high)
+    assert np.all((xyz[:, :2] >= low[:2]) & (xyz <= high)[:, :2])
     assert rgb.min() >= 0
     assert rgb.max() <= 1
     assert rgb.std(axis=0).max() > 0.05
-    # robots and garment are both in it
-    assert xyz[:, 2].max() > 0.5
-    distance = cKDTree(env.get_particles()).query(xyz)[0]
-    assert (distance < 0.02).sum() > 200
-    assert (distance > 0.1).sum() > 200
+
+
+def test_the_environment_cloud_is_what_the_robot_works_on(env, from_afar):
+    """Neither robot nor ground are in it; a garment that lies on the ground is, to its lowest layer."""
+    points = from_afar.points.reshape(-1, 3)
+    is_robot = np.isin(from_afar.segments.reshape(-1), env.robot_segments)
+    assert (is_robot & (points[:, 2] > 0.5)).sum() > 1000  # the camera sees it
+    cloud = get_environment_cloud(env, from_afar, seed=1)[:, :3]
+    particles = env.get_particles()
+    assert cKDTree(particles).query(cloud)[0].max() < 0.02
+    # one that is no higher than the ground
+    lowered = replace(from_afar, points=from_afar.points - np.float32([0, 0, 0.02]))
+    flat = get_environment_cloud(env, lowered, seed=1)[:, :3]
+    seen = lowered.points[from_afar.segments == env.garment_segment]
+    assert seen[:, 2].max() < env.task.workspace.low[2]
+    assert cKDTree(flat).query(seen)[0].max() < 0.03
 
 
 @pytest.mark.parametrize("camera", ["garment_camera", "environment_camera"])
@@ -158,8 +172,16 @@ def test_a_picture_without_the_garment_is_an_error(env, from_above):
     )
     with pytest.raises(PerceptionError, match="nothing of the garment"):
         get_garment_cloud(env, empty, seed=0)
-    with pytest.raises(PerceptionError, match="nothing inside the workspace"):
+    with pytest.raises(PerceptionError, match="nothing but the robot inside the workspace"):
         get_environment_cloud(env, empty, seed=0)
+
+
+def test_a_picture_of_the_robot_alone_is_an_error(env, from_afar):
+    robot = env.robot_segments[0]
+    segments = np.where(from_afar.segments == env.garment_segment, robot, from_afar.segments)
+    hidden = replace(from_afar, segments=segments)
+    with pytest.raises(PerceptionError, match="nothing but the robot inside the workspace"):
+        get_environment_cloud(env, hidden, seed=0)
 
 
 def test_observations_have_pictures_and_clouds():

@@ -153,7 +153,7 @@ class Workspace:
     """The box that environment clouds are cropped to."""
 
     low: Vector3 = (-1.3, -0.4, 0.005)
-    """Lower corner [m], world frame; the height removes the ground."""
+    """Lower corner [m], world frame; the height removes the ground, but no garment that lies on it."""
     high: Vector3 = (1.3, 1.9, 1.8)
     """Upper corner [m], world frame."""
 

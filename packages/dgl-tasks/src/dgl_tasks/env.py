@@ -436,6 +436,11 @@ class GarmentEnv(BaseEnv):
         """Segmentation id of the garment in pictures; it must have been drawn."""
         return self._appearance.garment_segment
 
+    @property
+    def robot_segments(self) -> list[int]:
+        """Segmentation ids of the robot's links in pictures."""
+        return [int(link.per_scene_id[0]) for link in self.agent.robot.get_links()]
+
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:  # noqa: FBT001, FBT002 - ManiSkill's signature
         self.draw_garment()
         return super()._get_obs_sensor_data(apply_texture_transforms)
