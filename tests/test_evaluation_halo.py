@@ -45,12 +45,23 @@ def save(folder, *, method="sadp-g", stages=3, **card):
     return folder
 
 
+@pytest.fixture(autouse=True)
+def reachable(monkeypatch):
+    """Everything is within reach of arms that are not there, but for what a test moves."""
+    instead = {}
+    monkeypatch.setattr(
+        "dexgarmentlab.evaluation.halo.find_reachable",
+        lambda motion, stage, side, point, cloud: instead.get(side, point),
+    )
+    return instead
+
+
 class Recorder:
     """Notes what a driver is told, where one that moves a robot would be."""
 
     def __init__(self, *, is_parked=False):
         self.env = SimpleNamespace(task=TASK, props={})
-        self.told, self.is_parked = [], is_parked
+        self.told, self.is_parked, self.motion = [], is_parked, None
         self.low, self.empty = {"left", "right"}, set()
         self.is_seen = True
         self.reason = None
@@ -108,6 +119,17 @@ def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
     np.testing.assert_allclose(points["right"], [0.2, 0.6, height])
     halo.end_stage(3)
     assert driver.told[-1] == ("retreat", ("left", "right"), TASK.stages[2].leave)
+
+
+def test_a_hand_goes_to_what_it_can_reach(reachable):
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    halo.begin_stage(3)
+    reachable["right"] = np.array([0.1, 0.5, 0.02])
+    halo.move_hands(np.array([-0.2, 0.6, 0.3]), np.array([0.2, 0.6, 0.3]))
+    *_, points = driver.told[0]
+    np.testing.assert_allclose(points["left"][:2], [-0.2, 0.6])
+    np.testing.assert_allclose(points["right"], [0.1, 0.5, TASK.stages[2].grasp_height])
 
 
 def test_a_hand_that_came_up_empty_has_lost_the_garment():
@@ -303,8 +325,6 @@ def test_rounds_are_those_of_the_task_unless_another_number_is_asked_for(tmp_pat
 def test_a_method_that_cannot_go_on_ends_and_says_why(tmp_path, setup, monkeypatch, cause, reason):
     class Failing(Recorder):
         seed, events, measurements = 3, [], {}
-
-        motion = None
 
         def approach(self, stage, points, rehearsals=()):
             raise cause

@@ -6,7 +6,16 @@ import pytest
 
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
-from dgl_tasks.approach import CLEARANCE, FREE_DRAW_BACKS, plan_approach, plan_free, plan_leave
+from dgl_tasks.approach import (
+    CLEARANCE,
+    FREE_DRAW_BACKS,
+    REACHABLE_SPACING,
+    REACHABLE_WITHIN,
+    find_reachable,
+    plan_approach,
+    plan_free,
+    plan_leave,
+)
 from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_ROLLS, Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
@@ -58,6 +67,35 @@ def test_a_hand_comes_down_from_above_and_waits_at_the_grasp_point(motion):
     np.testing.assert_array_equal(rows[-10:, part], np.tile(rows[-1, part], (10, 1)))
     low = path[:, 2] < POINT["left"][2] + 0.14  # whatever is near the cloth is right above the goal
     assert np.abs(path[low, :2] - POINT["left"][:2]).max() < 5e-3
+
+
+def test_what_is_out_of_reach_is_taken_as_near_to_it_as_can_be(motion):
+    stage, nothing = TASK.stages[0], np.zeros((0, 3))
+    y = np.arange(0.7, 1.7, 0.005)
+    strip = np.column_stack([np.full(len(y), -0.4), y, np.full(len(y), 0.01)])
+
+    def can_reach(point):
+        try:
+            np.testing.assert_array_equal(
+                find_reachable(motion, stage, "left", point, nothing), point
+            )
+        except UnreachableError:
+            return False
+        return True
+
+    farthest = max((place for place in strip if can_reach(place)), key=lambda place: place[1])
+    inside, outside = (farthest + np.array([0, y, 0]) for y in (-0.3, 0.05))
+    np.testing.assert_array_equal(find_reachable(motion, stage, "left", inside, strip), inside)
+    place = find_reachable(motion, stage, "left", outside, strip)
+    assert place.tolist() in strip.tolist()
+    assert farthest[1] - 2 * REACHABLE_SPACING < place[1] <= farthest[1]
+    # what lies too far from the point is another place of the garment
+    with pytest.raises(UnreachableError) as of_the_point:
+        find_reachable(motion, stage, "left", outside, nothing)
+    far = strip[strip[:, 1] < outside[1] - REACHABLE_WITHIN]
+    with pytest.raises(UnreachableError) as error:
+        find_reachable(motion, stage, "left", outside, far)
+    assert str(error.value) == str(of_the_point.value)
 
 
 def grasp_point(motion, row):

@@ -23,6 +23,7 @@ from dgl_sadp import (
     read_card,
 )
 from dgl_tasks import perception as see
+from dgl_tasks.approach import find_reachable
 from dgl_tasks.declaration import Stage, Task
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
@@ -98,21 +99,23 @@ class HaloDriver:
         """Go above the points, down to the height at which the stage grasps, and wait.
 
         The hands are turned as they were for the policy's data: so that all of the demonstrated stage is within reach, or
-        as much of it as can be. The policy goes its own way.
+        as much of it as can be. The policy goes its own way. A hand whose point is out of reach takes hold of the garment
+        as near to it as it can.
 
         Raises:
-            StageError: If an arm cannot reach its point.
+            StageError: If an arm can reach neither its point nor what is near it.
         """
         wanted: dict[Side, np.ndarray | None] = {"left": left, "right": right}
-        points: dict[Side, np.ndarray] = {
-            side: self._stage.place_grasp(side, point)
-            for side, point in wanted.items()
-            if point is not None
-        }
+        points: dict[Side, np.ndarray] = {}
         rehearsals: list[Rehearsal] = []
-        if self._guide is not None:
-            rehearsals = self._guide.plan(self._driver.motion, self._stage, self._cloud, points)
+        motion = self._driver.motion
         try:
+            for side, point in wanted.items():
+                if point is not None:
+                    place = find_reachable(motion, self._stage, side, point, self._cloud)
+                    points[side] = self._stage.place_grasp(side, place)
+            if self._guide is not None:
+                rehearsals = self._guide.plan(motion, self._stage, self._cloud, points)
             self._driver.approach(self._stage, points, rehearsals)
         except UnreachableError as err:
             raise StageError(str(err)) from err

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dgl_assets.robots import Side
+from dgl_tasks.declaration import Stage
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down
 from dgl_tasks.leaving import LEAVES, LeaveName
@@ -20,6 +21,10 @@ CLEARANCE = 0.15
 """How far it then rises [m]."""
 FREE_DRAW_BACKS = (0.12, 0.08, 0.04, 0.0)
 """How far a hand draws back from cloth that came along [m]: the first of these that the arm can reach."""
+REACHABLE_WITHIN = 0.1
+"""How far from a point that is out of reach a hand may take hold of the garment instead [m]."""
+REACHABLE_SPACING = 0.02
+"""Distance between places of the garment that are tried then [m]."""
 LEAVE_SPACING = 0.005
 """Distance between samples of its way [m]; 0.005 is 0.3 m/s."""
 
@@ -46,6 +51,51 @@ def plan_approach(
     above: dict[Side, np.ndarray] = {side: point + up for side, point in points.items()}
     way = motion.reach(above, orientations)
     return np.concatenate([way, motion.move(points, orientations), motion.hold(ARRIVAL_FRAMES)])
+
+
+def find_reachable(
+    motion: BimanualMotion, stage: Stage, side: Side, point: np.ndarray, cloud: np.ndarray
+) -> np.ndarray:
+    """Find where a hand can take hold of a garment, as near to a point of it as can be.
+
+    Args:
+        motion: Plans the arms.
+        stage: Names the orientation and the height of the grasp.
+        side: The hand.
+        point: Where it should [m], shape (3,), world frame.
+        cloud: What is seen of the garment [m], shape (N, 3), world frame.
+
+    Returns:
+        Place of the garment [m], shape (3,), world frame: the point itself if it is within reach.
+
+    Raises:
+        UnreachableError: If the hand can go neither there nor to anything of the garment within `REACHABLE_WITHIN` of it.
+    """
+
+    def come(side: Side, orientation: np.ndarray) -> None:
+        plan_approach(motion, {side: grasp}, {side: orientation})
+
+    refused: UnreachableError | None = None
+    for place in (np.asarray(point), *_get_places(point, cloud)):
+        grasp = stage.place_grasp(side, place)
+        try:
+            motion.choose_turns(stage.orientation, (side,), come)
+        except UnreachableError as err:
+            refused = refused or err
+        else:
+            return place
+    assert refused is not None
+    raise refused
+
+
+def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:
+    """Give places of a cloud around a point [m], shape (M, 3), from the nearest to the farthest."""
+    distances = np.linalg.norm(cloud[:, :2] - point[:2], axis=1)
+    order = np.argsort(distances, kind="stable")
+    order = order[distances[order] <= REACHABLE_WITHIN]
+    squares = np.floor(cloud[order, :2] / REACHABLE_SPACING)
+    _, first = np.unique(squares, axis=0, return_index=True)
+    return cloud[order[np.sort(first)]]
 
 
 def plan_leave(
