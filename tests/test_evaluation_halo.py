@@ -136,21 +136,37 @@ def test_a_hand_that_came_up_empty_has_lost_the_garment():
     driver = Recorder()
     halo = HaloDriver(driver)
     halo.begin_stage(3)
+
+    def look(times=1):
+        return [halo.see_hold() for _ in range(times)]
+
     driver.low, driver.empty = set(), {"left"}
-    assert not any(halo.is_lost() for _ in range(3))  # has not been down yet
+    assert look(3) == ["all"] * 3  # has not been down yet
     driver.low = {"left", "right"}
     halo.observe()
     driver.low = set()
-    assert not halo.is_lost()  # a single look
+    assert look() == ["all"]  # a single look
     driver.is_seen = False
-    assert not halo.is_lost()
+    assert look() == ["all"]
     driver.is_seen = True
-    assert halo.is_lost()
+    assert look() == ["some"]
     driver.empty = {"right"}
-    assert not halo.is_lost()  # the other one
-    assert halo.is_lost()
+    assert look(2) == ["all", "some"]  # the other one
+    driver.empty = {"left", "right"}
+    assert look(2) == ["some", "none"]
     halo.begin_stage(3)
-    assert not any(halo.is_lost() for _ in range(3))
+    assert look(3) == ["all"] * 3
+
+
+def test_the_only_hand_that_works_has_lost_all():
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    halo.begin_stage(1)
+    (side,) = TASK.stages[0].grasp
+    driver.low = {side}
+    halo.observe()
+    driver.low, driver.empty = set(), {side}
+    assert [halo.see_hold(), halo.see_hold()] == ["all", "none"]
 
 
 def test_one_hand_works_and_the_other_stays():
@@ -230,7 +246,7 @@ def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found()
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
     assert asked == {
-        "begin_stage", "move_hands", "observe", "execute", "is_lost", "end_stage", "is_done",
+        "begin_stage", "move_hands", "observe", "execute", "see_hold", "end_stage", "is_done",
     }  # fmt: skip
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 

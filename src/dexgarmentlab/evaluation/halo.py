@@ -16,6 +16,7 @@ from dgl_collect.rehearsal import rehearse_stage
 from dgl_sadp import (
     HALO,
     HaloStage,
+    Hold,
     PolicyConfig,
     PolicyRunner,
     StageError,
@@ -130,18 +131,21 @@ class HaloDriver:
         self._driver.execute(np.asarray(target)[None])
         return self.observe()
 
-    def is_lost(self) -> bool:
-        """Look whether a hand that has been down at the garment, and has come up, holds nothing, as collection does.
+    def see_hold(self) -> Hold:
+        """Look which hands that have been down at the garment, and have come up, hold nothing, as collection does.
 
         One look may be past cloth that the hand hides: the next one has to say the same.
         """
         try:
             points = self._driver.see_points()
         except PerceptionError:
-            return False
+            return "all"
         before = self._empty
         self._empty = self._were_down.intersection(self._driver.find_empty(self._stage, points))
-        return bool(before & self._empty)
+        lost = before & self._empty
+        if not lost:
+            return "all"
+        return "none" if len(lost) == len(self._stage.grasp) else "some"
 
     def end_stage(self, stage: int) -> None:
         """Open the working hands, leave the cloth and park."""

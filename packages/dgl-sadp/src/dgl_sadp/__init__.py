@@ -17,6 +17,7 @@ from dgl_sadp.errors import TrainingProcessError as TrainingProcessError
 from dgl_sadp.halo import HALO as HALO
 from dgl_sadp.halo_parts import EnvironmentDriver as EnvironmentDriver
 from dgl_sadp.halo_parts import HaloStage as HaloStage
+from dgl_sadp.halo_parts import Hold as Hold
 from dgl_sadp.halo_parts import Matcher as Matcher
 from dgl_sadp.halo_parts import StagePolicy as StagePolicy
 from dgl_sadp.halo_parts import StageRecord as StageRecord
@@ -36,6 +37,7 @@ __all__ = [
     "EnvironmentDriver",
     "EpisodeDataset",
     "HaloStage",
+    "Hold",
     "Matcher",
     "ObservationError",
     "PolicyConfig",

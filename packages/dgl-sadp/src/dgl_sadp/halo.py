@@ -5,6 +5,7 @@ Everything is given to it: what matches, the policies, and what moves the robot.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from dgl_sadp.errors import StageError
 from dgl_sadp.halo_parts import EnvironmentDriver, HaloStage, Matcher, StageRecord
 
 __all__ = ["HALO"]
+
+OnLoss = Literal["give up", "lay down", "ignore"]
+"""What becomes of a stage in which a hand is seen to hold nothing: it ends at once; it goes on while a hand is left, which lays
+down what it holds; or nobody looks."""
 
 _EPSILON = 1e-8  # Keeps a column of equal similarities finite. Source: original code.
 
@@ -47,12 +52,13 @@ class HALO:
             turns_over: Whether the garment may lie on its face. Its sides are exchanged then: where the left hand's
                 point of the first stage is seen to the right (at a larger x) of the right hand's, both take each
                 other's points in all stages.
-            tries: How often a stage is begun at most: hands that are seen to have come up empty let go, and begin
+            tries: How often a stage is begun at most: where a hand is seen to have come up empty, all let go, and begin
                 it again from what is seen then, as an automatic collection does. 1 is once and for all.
             rounds: How often the stages are gone through at most: while the task is seen not to be done, they are
                 gone through again from how the garment lies then, as in a collection.
-            again_from: Number of the stage, from 1, that a further round begins with. Hands that come up empty in it
-                begin the next round, where there is one.
+            again_from: Number of the stage, from 1, that a further round begins with. Where there is one, a hand that
+                has lost the garment in it begins the next round, after the other has laid down what it holds: dropped
+                from where it is, it would lie as crumpled as before.
 
         Raises:
             ValueError: If there is no stage, try or round, `again_from` is no stage, or something that `use_gam` or
@@ -139,9 +145,8 @@ class _Course:
         for number in numbers:
             # What the next round begins with is not begun twice in this one.
             has_next = not is_last and number == halo.again_from
-            tries = 1 if has_next else halo.tries
             try:
-                is_held = self._try(number, round_, tries, to_the_end=not has_next)
+                is_held = self._try(number, round_, is_repeated=not has_next)
             except StageError as err:
                 if is_last or number < halo.again_from:
                     raise
@@ -156,16 +161,19 @@ class _Course:
         is_whole = len(self._carried_out) == len(self._stages)
         return is_last or (is_whole and self._driver.is_done())
 
-    def _try(self, number: int, round_: int, tries: int, *, to_the_end: bool) -> bool:
-        """Carry out a stage, again and again while the garment is lost; the last time `to_the_end`. Whether it is held.
+    def _try(self, number: int, round_: int, *, is_repeated: bool) -> bool:
+        """Carry out a stage, if `is_repeated` again and again while the garment is lost. Whether it is held at last.
 
         Where a further try cannot find the points, or not reach them, the stage counts as carried out: a hand seen empty may
         have let go at the end of its way, and what it has folded does not lie where it lay.
         """
+        if not is_repeated:
+            return self._carry_out(number, round_, 1, on_loss="lay down")
+        tries = self._halo.tries
         for attempt in range(1, tries + 1):
-            is_final = to_the_end and attempt == tries
             try:
-                if self._carry_out(number, round_, attempt, to_the_end=is_final):
+                on_loss = "give up" if attempt < tries else "ignore"
+                if self._carry_out(number, round_, attempt, on_loss=on_loss):
                     return True
             except StageError:
                 if attempt == 1:
@@ -174,8 +182,8 @@ class _Course:
                 return True
         return False
 
-    def _carry_out(self, number: int, round_: int, attempt: int, *, to_the_end: bool) -> bool:
-        """Carry out a stage; false if it was given up because the garment was lost, which is not seen `to_the_end`."""
+    def _carry_out(self, number: int, round_: int, attempt: int, *, on_loss: OnLoss) -> bool:
+        """Carry out a stage; false if a hand was seen to have lost the garment."""
         driver, halo = self._driver, self._halo
         observation = dict(driver.begin_stage(number))
         cloud = np.asarray(observation["garment_point_cloud"])
@@ -190,16 +198,16 @@ class _Course:
         again = [] if round_ == attempt == 1 else [attempt] if round_ == 1 else [attempt, round_]
         drawn = int(np.random.SeedSequence([self._seed, number, *again]).generate_state(1)[0])
         stage.policy.reset(observation, seed=drawn)
-        executed, is_held = self._act(number, stage, to_the_end=to_the_end)
+        executed, is_held = self._act(number, stage, on_loss=on_loss)
         driver.end_stage(number)
         if attempt > 1:  # One record for all tries of a stage.
             executed += self.records.pop().targets
         self.records.append(replace(record, round=round_, targets=executed, tries=attempt))
         return is_held
 
-    def _act(self, number: int, stage: HaloStage, *, to_the_end: bool) -> tuple[int, bool]:
-        """Let the policy act; returns how many targets it gave, and whether it came to its end."""
-        executed = 0
+    def _act(self, number: int, stage: HaloStage, *, on_loss: OnLoss) -> tuple[int, bool]:
+        """Let the policy act; returns how many targets it gave, and whether no hand was seen to have lost the garment."""
+        executed, is_held = 0, True
         seen = self._driver.observe()
         for chunk in range(1, stage.chunks + 1):
             targets = stage.policy.act(seen)
@@ -210,9 +218,13 @@ class _Course:
                     stage.policy.observe(seen)
             if self._on_chunk is not None:
                 self._on_chunk(number, chunk)
-            if not to_the_end and self._driver.is_lost():
-                return executed, False
-        return executed, True
+            if on_loss == "ignore":
+                continue
+            hold = self._driver.see_hold()
+            is_held = is_held and hold == "all"
+            if hold == "none" or (hold == "some" and on_loss == "give up"):
+                break
+        return executed, is_held
 
     def _look(self, cloud: np.ndarray) -> None:
         """See in a cloud, shape (N, 3), on which side the garment lies, and where all points are before the first stage."""

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 __all__ = [
     "EnvironmentDriver",
     "HaloStage",
+    "Hold",
     "Matcher",
     "Observation",
     "StagePolicy",
@@ -17,6 +18,9 @@ __all__ = [
 
 Observation = Mapping[str, np.ndarray]
 """Arrays by the keys of episode files."""
+
+Hold = Literal["all", "some", "none"]
+"""How many of the working hands are seen to hold, or may still hold, what they have to carry."""
 
 
 class Matcher(Protocol):
@@ -94,8 +98,8 @@ class EnvironmentDriver(Protocol):
         """
         ...
 
-    def is_lost(self) -> bool:
-        """Say whether the robot sees that it holds nothing any more of what the stage has to carry."""
+    def see_hold(self) -> Hold:
+        """Say how many of the working hands hold what the stage has to carry, as far as the robot sees."""
         ...
 
     def end_stage(self, stage: int) -> None:

@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 
 from dgl_sadp._episode_file import FORMAT_VERSION, JOINTS, ROBOT
+from dgl_sadp.halo_parts import Hold
 
 __all__ = ["SyntheticEnvironment", "SyntheticMatcher", "write_synthetic_episodes"]
 
@@ -165,9 +166,9 @@ class SyntheticEnvironment:
         self._joints = self._joints + _LAG * (target - self._joints)
         return self.observe()
 
-    def is_lost(self) -> bool:
-        """Nothing is held."""
-        return False
+    def see_hold(self) -> Hold:
+        """Nothing that is held can be lost."""
+        return "all"
 
     def end_stage(self, stage: int) -> None:
         """Do nothing; see `EnvironmentDriver`."""
