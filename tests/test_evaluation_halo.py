@@ -169,6 +169,16 @@ def test_the_only_hand_that_works_has_lost_all():
     assert [halo.see_hold(), halo.see_hold()] == ["all", "none"]
 
 
+def test_what_was_let_go_is_waited_for_before_a_stage_is_begun_again():
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    for stage in (1, 2, 3):
+        halo.begin_stage(stage)
+    assert driver.told == []
+    halo.begin_stage(2)
+    assert driver.told == [("settle",)]
+
+
 def test_one_hand_works_and_the_other_stays():
     driver = Recorder()
     halo = HaloDriver(driver)

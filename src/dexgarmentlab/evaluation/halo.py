@@ -78,11 +78,15 @@ class HaloDriver:
         self._cloud = np.zeros((0, 3))
         self._stages = driver.env.task.stages
         self._stage = self._stages[0]
+        self._begun: set[int] = set()
         self._were_down: set[Side] = set()
         self._empty: set[Side] = set()
 
     def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
-        """Look at the garment, and at the props where there are some."""
+        """Look at the garment, and at the props where there are some; what has been let go is waited for, as in collection."""
+        if stage in self._begun:
+            self._driver.settle()
+        self._begun.add(stage)
         self._stage = self._stages[stage - 1]
         self._were_down, self._empty = set(), set()
         driver = self._driver
