@@ -11,7 +11,7 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import retarget_waypoints
-from dgl_collect.point_finder import PointFinder
+from dgl_collect.point_finder import HANDS_APART, PointFinder
 from dgl_collect.rehearsal import rehearse_stage
 from dgl_sadp import (
     HALO,
@@ -283,6 +283,7 @@ class HaloMethod:
             turns_over=task.turns_over,
             rounds=rounds or task.rounds,
             again_from=task.again_from + 1,
+            apart=HANDS_APART,
         )
 
     def run(self, driver: Driver) -> None:

@@ -6,10 +6,12 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import Demonstration
-from dgl_gam import GamError, Matcher, restrict_to_places
+from dgl_gam import GamError, Matcher, choose_pair, restrict_to_places
 from dgl_tasks.declaration import Stage, Task
 from dgl_tasks.errors import PerceptionError
 
+HANDS_APART = 0.15
+"""Least distance between the places that two hands take hold of [m]: nearer, the hands are in each other's way."""
 APART = 0.25
 """Points farther from each other than this are not taken together by one hand [m]."""
 
@@ -46,7 +48,10 @@ class PointFinder:
     def find_points(self, cloud: np.ndarray, matcher: Matcher) -> dict[str, np.ndarray]:
         """Find all points in a cloud [m], shape (M, 3): each of shape (3,), world frame."""
         names = list(self._demonstration.points)
-        found, _ = self._match(names, cloud, matcher)
+        found, similarity = self._match(names, cloud, matcher)
+        for stage in filter(_has_pair, self._task.stages):
+            rows = [names.index(name) for side in SIDES for name in stage.get_grasp_names(side)]
+            found[rows] = choose_pair(found[rows], similarity[rows], cloud, apart=HANDS_APART)
         return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
 
     def find_grasps(
@@ -70,7 +75,7 @@ class PointFinder:
             PerceptionError: If nothing of the garment is near where a point was.
         """
         grasp: dict[Side, np.ndarray] = {}
-        similarities = []
+        similarities, pair = [], []
         for side in SIDES:
             names = list(stage.get_grasp_names(side))
             found, similarity = self._match(names, cloud, matcher)
@@ -83,8 +88,12 @@ class PointFinder:
                 except GamError as err:
                     raise PerceptionError(f"{stage.name}: {err}") from err
             similarities.append(similarity.max(axis=0))
+            pair.append(found[0])
             if side in stage.grasp:
                 grasp[side] = self._choose_grasp(names, cloud[found])
+        if _has_pair(stage):
+            pair = choose_pair(np.stack(pair), np.stack(similarities), cloud, apart=HANDS_APART)
+            grasp = {side: cloud[i].astype(float) for side, i in zip(SIDES, pair, strict=True)}
         return grasp, np.stack(similarities)
 
     def _is_crossed(self, stage: Stage) -> bool:
@@ -110,6 +119,11 @@ class PointFinder:
             names = [_exchange_sides(name) for name in names]
         wanted = np.array([self._demonstration.points[name] for name in names])
         return matcher.match(self._demo_cloud, wanted, cloud)
+
+
+def _has_pair(stage: Stage) -> bool:
+    """Whether each hand takes hold of a point of its own."""
+    return all(isinstance(stage.grasp.get(side), str) for side in SIDES)
 
 
 def _exchange_sides(name: str) -> str:

@@ -15,6 +15,7 @@ from dgl_gam.model import GarmentAffordanceModel as GarmentAffordanceModel
 from dgl_gam.model import Matches as Matches
 from dgl_gam.normalize import Normalization as Normalization
 from dgl_gam.normalize import normalize_cloud as normalize_cloud
+from dgl_gam.pairs import choose_pair as choose_pair
 from dgl_gam.tracking import restrict_to_places as restrict_to_places
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "Matches",
     "Normalization",
     "WeightsNotFoundError",
+    "choose_pair",
     "compute_affordance",
     "normalize_cloud",
     "restrict_to_places",

@@ -42,6 +42,7 @@ class HALO:
         tries: int = 3,
         rounds: int = 1,
         again_from: int = 1,
+        apart: float = 0.0,
     ) -> None:
         """Take the parts.
 
@@ -59,6 +60,8 @@ class HALO:
             again_from: Number of the stage, from 1, that a further round begins with. Where there is one, a hand that
                 has lost the garment in it begins the next round, after the other has laid down what it holds: dropped
                 from where it is, it would lie as crumpled as before.
+            apart: Least horizontal distance between the points of two hands [m], which cannot take hold of one place:
+                in a heap both points of a nearly symmetric garment may look most like the side that is seen.
 
         Raises:
             ValueError: If there is no stage, try or round, `again_from` is no stage, or something that `use_gam` or
@@ -66,9 +69,9 @@ class HALO:
         """
         if not stages:
             raise ValueError("stages must have at least one stage; got none")
-        for name, value in (("tries", tries), ("rounds", rounds)):
-            if value < 1:
-                raise ValueError(f"{name} must be at least 1; got {value}")
+        for name, value, least in (("tries", tries, 1), ("rounds", rounds, 1), ("apart", apart, 0)):
+            if value < least:
+                raise ValueError(f"{name} must be at least {least}; got {value}")
         if not 1 <= again_from <= len(stages):
             raise ValueError(f"again_from must lie in 1 ... {len(stages)}; got {again_from}")
         if use_gam:
@@ -88,6 +91,7 @@ class HALO:
         self.tries = tries
         self.rounds = rounds
         self.again_from = again_from
+        self.apart = apart
 
     def run(
         self,
@@ -253,7 +257,8 @@ class _Course:
                     f"stage {number}: nothing of the garment lies within {stage.moved_at_most} m of "
                     "where a point was"
                 )
-            indices = np.where(near, similarity, -np.inf).argmax(axis=1)
+            near_alone = np.where(near, similarity, -np.inf)
+            indices = _part(near_alone.argmax(axis=1), near_alone, cloud, self._halo.apart)
             similarity = np.where(near, similarity, similarity.min(axis=1, keepdims=True))
         found = [cloud[int(index)] for index in indices]
         record = replace(
@@ -279,7 +284,29 @@ class _Course:
                 f"the matcher must return shapes {shape[:1]} and {shape}; "
                 f"got {indices.shape} and {similarity.shape}"
             )
-        return indices, similarity
+        return _part(indices, similarity, cloud, self._halo.apart), similarity
+
+
+def _part(found: np.ndarray, similarity: np.ndarray, cloud: np.ndarray, apart: float) -> np.ndarray:
+    """Give two points that were found nearer to each other than `apart` [m] two places, if the cloud has them.
+
+    Args:
+        found: Indices of the most similar points, shape (K,), K of 1 or 2.
+        similarity: Of both to each point of the cloud, shape (K, N); minus infinity where they cannot be.
+        cloud: Shape (N, 3), world frame.
+        apart: Horizontal distance [m].
+
+    Returns:
+        Indices, shape (K,): of the pair that is so far apart with the largest sum of similarities, where one was needed.
+    """
+    flat = cloud[:, :2]
+    if len(found) < 2 or np.linalg.norm(flat[found[0]] - flat[found[1]]) >= apart:
+        return found
+    is_apart = np.linalg.norm(flat[:, None] - flat[None], axis=2) >= apart
+    total = np.where(is_apart, similarity[0][:, None] + similarity[1][None], -np.inf)
+    if not np.isfinite(total.max()):
+        return found
+    return np.array(np.unravel_index(total.argmax(), total.shape))
 
 
 def scale_affordance(similarity: np.ndarray) -> np.ndarray:
