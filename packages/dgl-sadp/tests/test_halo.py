@@ -20,6 +20,15 @@ class NearestMatcher:
         return distance.argmin(axis=1), -distance
 
 
+class SeesOneSide:
+    """Takes both points for what is far to the left, and the right one a little for what is far to the right."""
+
+    def match(self, source_cloud, source_points, target_cloud):
+        x = target_cloud[:, 0]
+        similarity = np.stack([-x, np.maximum(-x, 0.9 * x)])[: len(source_points)]
+        return similarity.argmax(axis=1), similarity
+
+
 class Recorder:
     """An environment without a robot: it notes what it is told, and counts what it has executed."""
 
@@ -127,6 +136,25 @@ def test_the_sides_of_a_garment_on_its_face_are_exchanged_in_all_stages(turns_ov
     np.testing.assert_array_equal(second, (right, left) if turns_over else (left, right))
     HALO(NearestMatcher(), stages[1:], turns_over=turns_over).run(driver)  # not crossed
     np.testing.assert_array_equal(driver.told[-2][1:], (left, right))
+
+
+@pytest.mark.parametrize("moved_at_most", [None, 9.0])
+@pytest.mark.parametrize("apart", [0.0, 0.3, 9.0])
+def test_two_hands_take_hold_of_two_places(apart, moved_at_most):
+    driver = Recorder()
+    stage = replace(make_stage(Listener()), moved_at_most=moved_at_most)
+    HALO(SeesOneSide(), [stage, stage], apart=apart).run(driver)
+    leftmost, rightmost = CLOUD[CLOUD[:, 0].argmin()], CLOUD[CLOUD[:, 0].argmax()]
+    for move in (told for told in driver.told if told[0] == "move"):
+        np.testing.assert_array_equal(move[1], leftmost)
+        # nothing is as far as 9 m, and no distance is asked for
+        np.testing.assert_array_equal(move[2], rightmost if apart == 0.3 else leftmost)
+
+
+def test_one_hand_takes_hold_of_what_is_most_similar():
+    driver = Recorder()
+    HALO(SeesOneSide(), [replace(make_stage(Listener()), right=None)], apart=0.3).run(driver)
+    np.testing.assert_array_equal(driver.told[1][1], CLOUD[CLOUD[:, 0].argmin()])
 
 
 @pytest.mark.parametrize("of", ["both", "one"])
@@ -283,10 +311,10 @@ def test_each_round_looks_anew_on_which_side_the_garment_lies():
     np.testing.assert_allclose(second, (right * [-1, 1, 1], left * [-1, 1, 1]))
 
 
-@pytest.mark.parametrize("field", ["tries", "rounds"])
-def test_there_is_at_least_one_try_and_one_round(field):
-    with pytest.raises(ValueError, match=f"{field} must be at least 1; got 0"):
-        HALO(NearestMatcher(), [make_stage(Listener())], **{field: 0})
+@pytest.mark.parametrize(("field", "least"), [("tries", 1), ("rounds", 1), ("apart", 0)])
+def test_there_is_at_least_one_try_and_one_round_and_no_negative_distance(field, least):
+    with pytest.raises(ValueError, match=f"{field} must be at least {least}; got {least - 1}"):
+        HALO(NearestMatcher(), [make_stage(Listener())], **{field: least - 1})
 
 
 @pytest.mark.parametrize("again_from", [0, 2])
