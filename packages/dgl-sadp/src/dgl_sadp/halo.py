@@ -299,6 +299,7 @@ def _part(found: np.ndarray, similarity: np.ndarray, cloud: np.ndarray, apart: f
     Returns:
         Indices, shape (K,): of the pair that is so far apart with the largest sum of similarities, where one was needed.
     """
+    # As `dgl_gam.choose_pair`; any matcher will do here, so this package does without that one.
     flat = cloud[:, :2]
     if len(found) < 2 or np.linalg.norm(flat[found[0]] - flat[found[1]]) >= apart:
         return found
