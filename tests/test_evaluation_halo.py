@@ -106,6 +106,10 @@ class Recorder:
         self.told.append(("judge", points))
         return SimpleNamespace(reason=self.reason)
 
+    def is_nearly_done(self, points):
+        self.told.append(("nearly", points))
+        return self.reason is None
+
 
 def test_the_hands_go_to_the_points_at_the_height_of_the_stage():
     driver = Recorder()
@@ -249,14 +253,18 @@ def test_the_task_is_seen_to_be_done_by_its_rule_at_the_places_that_were_found()
     assert halo.is_done()
     assert [told[0] for told in driver.told] == ["settle", "judge"]
     assert set(driver.told[1][1]) == {"hem"}
+    assert halo.is_nearly_done()
+    assert set(driver.told[2][1]) == {"hem"}
     driver.reason = "below the threshold"
     assert not halo.is_done()
+    assert not halo.is_nearly_done()
 
 
 def test_the_driver_has_what_halo_asks_for():
     asked = {name for name in vars(EnvironmentDriver) if not name.startswith("_")}
     assert asked == {
         "begin_stage", "move_hands", "observe", "execute", "see_hold", "end_stage", "is_done",
+        "is_nearly_done",
     }  # fmt: skip
     assert all(callable(getattr(HaloDriver, name)) for name in asked)
 

@@ -10,7 +10,8 @@ from dgl_collect.demonstration import load_demonstration
 from dgl_collect.relabel import Relabeller, relabel_episodes
 
 TASK = "FlingTrousers-v1"
-GRASPS = (("left_waistband", "right_waistband"), ("left_hem_middle", "right_hem_middle"))
+WAISTBAND, HEMS = ("left_waistband", "right_waistband"), ("left_hem_middle", "right_hem_middle")
+GRASPS = {"fling": WAISTBAND, "pull_legs": HEMS, "spread_waist": WAISTBAND}
 POINTS = load_demonstration(TASK).points
 AHEAD = np.array([0.0, 0.6, 0.0])
 
@@ -32,11 +33,10 @@ def make_episode(fakes, *, off=0.0, mirrored=False, **changes):
     """An episode whose hands went `off` beside the points that are matched."""
     cloud = np.random.default_rng(0).uniform((-1, 2, 0), (1, 3, 0), (2048, 3))  # far away
     stages = []
-    for number, name in enumerate(("fling", "pull_legs")):
-        places = [POINTS[point] + AHEAD for each in GRASPS for point in each]
-        if mirrored:
-            places = [point * [-1, 1, 1] for point in places]
-        cloud[:4], cloud[4:6] = places, [places[2 * number + k] for k in (0, 1)]
+    side = [-1, 1, 1] if mirrored else [1, 1, 1]
+    for number, (name, grasp) in enumerate(GRASPS.items()):
+        cloud[:4] = [(POINTS[point] + AHEAD) * side for point in WAISTBAND + HEMS]
+        cloud[4:6] = [(POINTS[point] + AHEAD) * side for point in grasp]
         cloud[4:6, 1] += off
         went = np.zeros((2048, 2), np.float32)
         went[4, int(mirrored)] = went[5, 1 - int(mirrored)] = 1.0
@@ -57,7 +57,9 @@ def test_the_affordance_becomes_what_the_matcher_sees(relabeller, fakes, mirrore
     relabelled, distance = relabeller.relabel(episode)
     assert distance == pytest.approx(0.05, abs=1e-6)
     assert (relabelled.matcher, relabelled.affordance_matcher) == ("exact", "gam")
-    for before, after, grasp in zip(episode.stages, relabelled.stages, GRASPS, strict=True):
+    for before, after, grasp in zip(
+        episode.stages, relabelled.stages, GRASPS.values(), strict=True
+    ):
         feature = after.points_affordance_feature
         assert feature.max(axis=0) == pytest.approx((1.0, 1.0), abs=1e-6)
         peaks = after.garment_point_cloud[feature.argmax(axis=0)]

@@ -185,7 +185,7 @@ def test_a_hand_that_came_up_empty_goes_back(dry, heights, tries):
     execution.finder.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     looks = []
     execution.look = lambda: looks.append(driver.is_parked)
-    assert execution._run_stage(TASK.stages[0], is_final=True)
+    assert execution._run_stage(TASK.stages[0], is_final=True) == "all"
     assert driver.measurements.get("further_tries", 0.0) == tries
     assert next(driver.looks, None) is None
     assert looks == [True] * int(tries)  # it is looked at again with the arms out of the way
@@ -228,8 +228,8 @@ def test_what_hangs_is_looked_at_after_each_waypoint(dry, task, number, far, see
             execution._check_hold(stage, number, "give up")
 
 
-@pytest.mark.parametrize(("far", "goes_on"), [(0.2, False), (0.05, True)])
-def test_a_round_before_the_last_ends_when_nothing_is_left_to_lay_down(dry, far, goes_on):
+@pytest.mark.parametrize(("far", "hold"), [(0.2, "none"), (0.05, "all")])
+def test_a_round_before_the_last_ends_when_nothing_is_left_to_lay_down(dry, far, hold):
     setup, _ = dry
     driver = make_stage_driver(
         setup, [far, far]
@@ -239,8 +239,8 @@ def test_a_round_before_the_last_ends_when_nothing_is_left_to_lay_down(dry, far,
     execution.finder.points = {n: point + ahead for n, point in setup.demonstration.points.items()}
     sent = []
     driver.leave = lambda *args: sent.append(len(driver.commands))
-    assert execution._run_stage(TASK.stages[0], is_final=False) == goes_on
-    assert len(sent) == int(goes_on)  # in one try
+    assert execution._run_stage(TASK.stages[0], is_final=False) == hold
+    assert len(sent) == int(hold == "all")  # in one try
     assert driver.measurements.get("further_tries", 0.0) == 0.0
 
 
@@ -272,7 +272,7 @@ def test_what_is_seen_not_to_be_done_begins_again(dry, rounds, reasons, gone_thr
         course.append(stage.name)
         execution.records[stage.name] = len(course)
         driver.events.append(("slipped", f"in round {course.count(stage.name)}"))
-        return True
+        return "all"
 
     execution._run_stage = run_stage
     execution.perform()
@@ -302,7 +302,7 @@ def test_stages_that_stay_done_are_not_begun_again(dry):
         course.append(stage.name)
         execution.records[stage.name] = len(course)
         driver.events.append(("slipped", f"{stage.name}, {len(course)}"))
-        return True
+        return "all"
 
     execution._run_stage = run_stage
     execution.perform()
@@ -340,9 +340,10 @@ def unreachable(stage, **_):
     raise UnreachableError(f"{stage.name} is out of reach", distance=0.1)
 
 
+@pytest.mark.parametrize("hold", ["some", "none"])
 @pytest.mark.parametrize("number", [0, 1])
-def test_a_round_in_which_the_garment_is_lost_ends_at_once(dry, number):
-    execution, course = go_through(dry, rounds=2, fails={(1, number)}, fail=lambda stage: False)
+def test_a_round_in_which_the_garment_is_lost_ends_at_once(dry, number, hold):
+    execution, course = go_through(dry, rounds=2, fails={(1, number)}, fail=lambda stage: hold)
     execution.perform()
     names = [stage.name for stage in TASK.stages]
     assert course == [*names[: number + 1], "look", *names]
@@ -390,10 +391,49 @@ def go_through(dry, *, rounds, fails, fail):
     def run_stage(stage, *, is_final):
         course.append(stage.name)
         failing = (course.count("look") + 1, TASK.stages.index(stage)) in fails
-        return fail(stage) if failing else True
+        execution._newest = {stage.name: len(course)}
+        return fail(stage) if failing else "all"
 
     execution._run_stage = run_stage
     return execution, course
+
+
+@pytest.mark.parametrize(
+    ("hold", "value", "first_round"),
+    [
+        ("some", 0.65, 3),
+        ("some", 0.64, 1),
+        ("none", 0.65, 1),  # not laid down at all, as good as it may look
+    ],
+)
+def test_what_one_hand_has_laid_down_nearly_right_is_gone_on_with(dry, hold, value, first_round):
+    execution, course = go_through(dry, rounds=2, fails={(1, 0)}, fail=lambda stage: hold)
+    execution.env.task = dataclasses.replace(TASK, rounds=2, nearly_done=0.65)
+    execution.driver.judge = lambda points: SimpleNamespace(
+        reason=None, verdict=SimpleNamespace(value=value)
+    )
+    execution.perform()
+    names = [stage.name for stage in TASK.stages]
+    assert course == (names if first_round == 3 else [names[0], "look", *names])
+    # what is recorded of a stage is what counted
+    assert execution.records[names[0]] == (1 if first_round == 3 else 3)
+
+
+@pytest.mark.parametrize(
+    ("nearly_done", "begins"),
+    [(None, [0, 0, 0]), (0.7, [0, 0, 0]), (0.65, [1, 0, 1])],
+)
+def test_what_is_nearly_done_is_mended_before_it_is_begun_again(dry, nearly_done, begins):
+    execution, course = go_through(dry, rounds=4, fails=set(), fail=None)
+    execution.env.task = dataclasses.replace(TASK, rounds=4, nearly_done=nearly_done)
+    execution.driver.judge = lambda points: SimpleNamespace(
+        reason="below the threshold", verdict=SimpleNamespace(value=0.66)
+    )
+    execution.perform()
+    names = [stage.name for stage in TASK.stages]
+    # the garment is looked at as a whole when it is begun anew
+    expected = [n for first in begins for n in (names[1:] if first else ["look", *names])]
+    assert course == [*names, *expected]
 
 
 @pytest.mark.parametrize("again", [{}, {"rounds": 2, "again_from": 1}])

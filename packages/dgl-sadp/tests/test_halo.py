@@ -32,11 +32,12 @@ class SeesOneSide:
 class Recorder:
     """An environment without a robot: it notes what it is told, and counts what it has executed."""
 
-    def __init__(self, losses=(), slips=(), done_after=0):
+    def __init__(self, losses=(), slips=(), done_after=0, nearly_done_after=()):
         self.told = []
         self.executed = 0
         self.losses, self.slips = losses, slips  # after how many targets a look says so
         self.done_after = done_after  # how many targets it takes
+        self.nearly_done_after = nearly_done_after  # after how many it is seen to be nearly done
 
     def begin_stage(self, stage):
         self.told.append(("begin", stage))
@@ -68,6 +69,9 @@ class Recorder:
     def is_done(self):
         self.told.append(("look",))
         return self.executed >= self.done_after
+
+    def is_nearly_done(self):
+        return self.executed in self.nearly_done_after
 
 
 class Listener:
@@ -230,6 +234,43 @@ def test_one_hand_lays_down_what_the_other_has_lost_before_a_further_round(losse
         (1, 1, targets), (1, 2, 12), (2, 2, 4),
     ]  # fmt: skip
     assert ("look",) not in driver.told
+
+
+@pytest.mark.parametrize(
+    ("losses", "nearly_done_after", "course"),
+    [
+        ((), (12,), [(1, 1, 12), (2, 1, 4)]),
+        ((), (8,), [(1, 1, 12), (1, 2, 12), (2, 2, 4)]),
+        # Thrown away by both hands it is not gone on with, as good as it may look.
+        ((8,), (8,), [(1, 1, 8), (1, 2, 12), (2, 2, 4)]),
+    ],
+)
+def test_what_one_hand_has_laid_down_nearly_right_is_gone_on_with(
+    losses, nearly_done_after, course
+):
+    driver = Recorder(slips=(4,), losses=losses, nearly_done_after=nearly_done_after)
+    stages = [make_stage(Listener(), chunks=3), make_stage(Listener(), chunks=1)]
+    records = HALO(NearestMatcher(), stages, rounds=2).run(driver)
+    assert [(r.stage, r.round, r.targets) for r in records] == course
+    assert driver.told.count(("look",)) == (len(course) == 2)  # in the last round nobody asks
+
+
+@pytest.mark.parametrize(
+    ("again_from", "nearly_done_after", "begun"),
+    [
+        (1, (), [1, 2, 1, 2, 1, 2, 1, 2]),
+        (1, range(99), [1, 2, 2, 1, 2, 2]),  # every second round mends what the one before has done
+        (1, (16,), [1, 2, 1, 2, 2, 1, 2]),
+        (2, range(99), [1, 2, 2, 2, 2]),  # there is no stage that could mend it
+    ],
+)
+def test_what_is_nearly_done_is_mended_before_it_is_begun_again(
+    again_from, nearly_done_after, begun
+):
+    driver = Recorder(done_after=99, nearly_done_after=nearly_done_after)
+    stages = [make_stage(Listener(), chunks=1) for _ in range(2)]
+    HALO(NearestMatcher(), stages, rounds=4, again_from=again_from).run(driver)
+    assert [told[1] for told in driver.told if told[0] == "begin"] == begun
 
 
 @pytest.mark.parametrize(

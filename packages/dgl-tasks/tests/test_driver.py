@@ -1,5 +1,8 @@
 """What is scripted around every method: coming, leaving, actions of a policy. No pictures needed."""
 
+import dataclasses
+from types import SimpleNamespace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -245,6 +248,24 @@ def test_what_has_been_touched_since_is_waited_for_again(driver, monkeypatch):
     driver.send(driver.motion.hold(1))
     driver.settle()
     assert driver.step_count == 2 * FINAL_FRAMES + 1
+
+
+@pytest.mark.parametrize(
+    ("least", "expected"), [(0.65, True), (0.66, True), (0.67, False), (None, False)]
+)
+def test_what_is_nearly_done_is_seen_once_it_lies_still(driver, monkeypatch, least, expected):
+    task = dataclasses.replace(TASK, nearly_done=least)
+    monkeypatch.setattr(driver.env, "task", task)
+    seen = []
+    monkeypatch.setattr(driver, "settle", lambda: seen.append("settle"))
+
+    def judge(points):
+        seen.append(points)
+        return SimpleNamespace(verdict=SimpleNamespace(value=0.66))
+
+    monkeypatch.setattr(driver, "judge", judge)
+    assert driver.is_nearly_done({"hem": POINT["left"]}) is expected
+    assert seen == ([] if least is None else ["settle", {"hem": POINT["left"]}])
 
 
 def check_parked(driver):

@@ -94,7 +94,7 @@ PLACES = {
     "FoldTrousers-v1": ("Trousers", (0.7, 0.9), [12, 8]),
     "FlingTops-v1": ("Tops_LongSleeve", (0.5, 0.7), [12, 4]),
     "FlingDress-v1": ("Dress_LongSleeve", (0.5, 0.7), [12, 4]),
-    "FlingTrousers-v1": ("Trousers", (0.5, 0.7), [12, 4]),  # the second stage is ours
+    "FlingTrousers-v1": ("Trousers", (0.5, 0.7), [12, 4, 4]),  # the stages after the fling are ours
 }
 
 
@@ -143,3 +143,6 @@ def test_contradictory_declarations_are_refused():
     for number in (-1, 3):
         with pytest.raises(ValueError, match=rf"again_from must be in 0..2; got {number}"):
             dataclasses.replace(task, again_from=number)
+    assert dataclasses.replace(task, again_from=1, nearly_done=0.7).nearly_done == 0.7
+    with pytest.raises(ValueError, match="nearly_done needs a stage after again_from"):
+        dataclasses.replace(task, again_from=2, nearly_done=0.7)

@@ -161,8 +161,15 @@ class HaloDriver:
     def is_done(self) -> bool:
         """Wait for the garment to come to rest, and apply the task's rule to what the camera sees, as collection does."""
         self._driver.settle()
-        points = {} if self._guide is None else self._guide.points
-        return self._driver.judge(points).reason is None
+        return self._driver.judge(self._points).reason is None
+
+    def is_nearly_done(self) -> bool:
+        """Apply the rule of the task to what the camera sees, as collection does: `dgl_tasks.Task.nearly_done`."""
+        return self._driver.is_nearly_done(self._points)
+
+    @property
+    def _points(self) -> Mapping[str, np.ndarray]:
+        return {} if self._guide is None else self._guide.points
 
 
 class Guide:

@@ -35,6 +35,8 @@ Recorded = Literal["nothing", "stages", "approaches"]
 OnLoss = Literal["give up", "lay down", "ignore"]
 """What becomes of a stage in which a hand is seen to hold nothing: the hands let go and park at once; they go on, and lay
 down what one of them still holds; or nobody looks."""
+Hold = Literal["all", "some", "none"]
+"""How many of the working hands held what the stage had to carry."""
 TRIES = 3
 """How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
 back. The first stage of a round that is not the last is begun once: the next round goes back."""
@@ -121,6 +123,9 @@ class Execution:
         """Knows where the demonstration's points are."""
         self._recorded = recorded
         self._carried_out: set[str] = set()
+        self._newest: dict[
+            str, StageRecord
+        ] = {}  # of the try that ended last, until its stage counts
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
@@ -152,11 +157,11 @@ class Execution:
     def perform(self) -> None:
         """Run all stages; some or all of them again while the task is seen not to be done, see `Task.rounds`."""
         task = self.env.task
+        first = 0
         for number in range(1, task.rounds + 1):
-            first = 0 if number == 1 else task.again_from
             if self._go_through(first, is_last=number == task.rounds):
                 return
-            self._begin_again()
+            first = self._begin_again(first)
 
     def _go_through(self, first: int, *, is_last: bool) -> bool:
         """Run the stages from `first` on; false as soon as it is clear that a further round has to follow.
@@ -172,22 +177,24 @@ class Execution:
                 self._kept_events = len(self.driver.events)
             # what goes wrong before the stage that a round begins with, the next round would not mend
             is_final = is_last or number < self.env.task.again_from
-            goes_on = is_left_out = False
+            hold: Hold = "none"
+            is_left_out = False
             try:
-                goes_on = self._run_stage(stage, is_final=is_final)
+                hold = self._run_stage(stage, is_final=is_final)
             except UnreachableError as err:
                 if is_final:
                     raise
                 refused.append(err)
                 is_left_out = True
             clock = self._note_time(stage.name, clock)
-            if goes_on:
+            if hold != "all":
+                if not self.driver.is_parked:
+                    self.driver.retreat(tuple(stage.grasp), stage.leave)
+                self.driver.settle()
+            if hold == "all" or (hold == "some" and self._is_nearly_done()):
                 self._carried_out.add(stage.name)
-                continue
-            if not self.driver.is_parked:
-                self.driver.retreat(tuple(stage.grasp), stage.leave)
-            self.driver.settle()
-            if not is_left_out:
+                self.records |= self._newest
+            elif not is_left_out:
                 return False
         if len(refused) == len(self.env.task.stages) - first:
             raise refused[0]  # and would be again
@@ -198,16 +205,30 @@ class Execution:
         self.driver.settle()
         return self.driver.judge(self.finder.points).reason is None
 
-    def _begin_again(self) -> None:
-        """Forget what went wrong in what will be done again, and look how the garment lies now."""
-        first = self.env.task.again_from
+    def _is_nearly_done(self) -> bool:
+        return self.driver.is_nearly_done(self.finder.points)
+
+    def _begin_again(self, began_with: int) -> int:
+        """Forget what went wrong in what will be done again, and look how the garment lies now.
+
+        Args:
+            began_with: Number of the stage that the last round began with.
+
+        Returns:
+            Number of the stage that the next round begins with.
+        """
+        task = self.env.task
         del self.driver.events[self._kept_events :]
         self._count("further_rounds")
-        if first:
-            return  # how the garment lay at first says where it has to go
-        clock = time.perf_counter()
-        self.look()
-        self._note_time("observe", clock)
+        kept = task.stages[task.again_from].name
+        was_mended = began_with > task.again_from
+        if not was_mended and kept in self._carried_out and self._is_nearly_done():
+            return task.again_from + 1
+        if task.again_from == 0:  # else how the garment lay at first says where it has to go
+            clock = time.perf_counter()
+            self.look()
+            self._note_time("observe", clock)
+        return task.again_from
 
     def _count(self, what: str) -> None:
         self.driver.measurements[what] = self.driver.measurements.get(what, 0.0) + 1.0
@@ -234,19 +255,23 @@ class Execution:
     def _get_matcher(self) -> Matcher:
         return self.setup.find_matcher(self.env)
 
-    def _run_stage(self, stage: Stage, *, is_final: bool) -> bool:
-        """Carry out a stage; false if the next round has to begin at once, as the stage it begins with has lost the garment.
+    def _run_stage(self, stage: Stage, *, is_final: bool) -> Hold:
+        """Carry out a stage, where a further try can mend it until the garment is held.
 
         Args:
             stage: The stage.
             is_final: Whether no further round can mend what goes wrong.
+
+        Returns:
+            How many hands held the garment to the end, as far as it was looked for: not all of them only in the stage
+            that the next round begins with.
         """
         stages = self.env.task.stages
         if stage is stages[self.env.task.again_from] and not is_final:
             try:
                 return self._try_stage(stage, on_loss="lay down")
             except _HoldLost:
-                return False
+                return "none"
         for _ in range(TRIES - 1):
             try:
                 return self._try_stage(stage, on_loss="give up")
@@ -256,8 +281,8 @@ class Execution:
                 self.look()  # what has been let go lies in another way
         return self._try_stage(stage, on_loss="ignore")
 
-    def _try_stage(self, stage: Stage, *, on_loss: OnLoss) -> bool:
-        """Carry out a stage; false if a hand was seen to lose its hold, which is looked for unless it is ignored.
+    def _try_stage(self, stage: Stage, *, on_loss: OnLoss) -> Hold:
+        """Carry out a stage; "some" if a hand was seen to lose its hold, which is looked for unless it is ignored.
 
         Raises:
             _HoldLost: If a hand was seen to lose its hold, and the stage is given up then.
@@ -306,10 +331,9 @@ class Execution:
                 waypoints = retarget_waypoints(demonstrated, points, seen=seen)
                 self._note_grasp(stage, "slipped", number)
         send(hands(dict.fromkeys(grasp, demonstrated.release_pose)), recorder)
-        if recorder is not None and is_held:
-            self.records[stage.name] = recorder.finish()
+        self._newest = {} if recorder is None else {stage.name: recorder.finish()}
         self.driver.leave(waypoints[-1].targets, orientations, stage.leave)
-        return is_held
+        return "all" if is_held else "some"
 
     def _check_hold(self, stage: Stage, number: int, on_loss: OnLoss) -> bool:
         """Whether no hand is seen to hold nothing at a waypoint; true where nobody looks.

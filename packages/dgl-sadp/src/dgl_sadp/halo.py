@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from dgl_sadp.errors import StageError
-from dgl_sadp.halo_parts import EnvironmentDriver, HaloStage, Matcher, StageRecord
+from dgl_sadp.halo_parts import EnvironmentDriver, HaloStage, Hold, Matcher, StageRecord
 
 __all__ = ["HALO"]
 
@@ -114,10 +114,11 @@ class HALO:
             StageError: If a stage cannot be carried out, and no further round goes through it; or no stage of a round.
         """
         course = _Course(self, driver, seed, on_chunk)
+        first = 1
         for number in range(1, self.rounds + 1):
-            is_done = course.go_through(number, is_last=number == self.rounds)
-            if is_done:
+            if course.go_through(number, first, is_last=number == self.rounds):
                 break
+            first = course.choose_beginning(first)
         return tuple(course.records)
 
 
@@ -137,27 +138,27 @@ class _Course:
         self._places: list[np.ndarray] = []  # of the points of each stage, when the first one began
         self._carried_out: set[int] = set()
 
-    def go_through(self, round_: int, *, is_last: bool) -> bool:
-        """Carry out the stages of a round; whether no further one has to follow.
+    def go_through(self, round_: int, first: int, *, is_last: bool) -> bool:
+        """Carry out the stages of a round from the number `first` on; whether no further one has to follow.
 
         What cannot be carried out now is left out while there are further rounds: the stages after it may bring the
-        garment nearer.
+        garment nearer. So may those after one that has laid the garment down nearly as it should lie.
         """
         halo = self._halo
         refused: list[StageError] = []
-        numbers = range(1 if round_ == 1 else halo.again_from, len(self._stages) + 1)
+        numbers = range(first, len(self._stages) + 1)
         for number in numbers:
             # What the next round begins with is not begun twice in this one.
             has_next = not is_last and number == halo.again_from
             try:
-                is_held = self._try(number, round_, is_repeated=not has_next)
+                hold = self._try(number, round_, is_repeated=not has_next)
             except StageError as err:
                 if is_last or number < halo.again_from:
                     raise
                 self._driver.end_stage(number)
                 refused.append(err)
                 continue
-            if not is_held:
+            if hold == "none" or (hold == "some" and not self._driver.is_nearly_done()):
                 return False
             self._carried_out.add(number)
         if len(refused) == len(numbers):
@@ -165,8 +166,18 @@ class _Course:
         is_whole = len(self._carried_out) == len(self._stages)
         return is_last or (is_whole and self._driver.is_done())
 
-    def _try(self, number: int, round_: int, *, is_repeated: bool) -> bool:
-        """Carry out a stage, if `is_repeated` again and again while the garment is lost. Whether it is held at last.
+    def choose_beginning(self, first: int) -> int:
+        """Say with which stage the round after one that began with the stage `first` begins.
+
+        The work of the stage `again_from` is kept once if it is seen to be nearly done; what the stages after it have not
+        mended then is begun anew.
+        """
+        again = self._halo.again_from
+        may_keep = first <= again < len(self._stages) and again in self._carried_out
+        return again + 1 if may_keep and self._driver.is_nearly_done() else again
+
+    def _try(self, number: int, round_: int, *, is_repeated: bool) -> Hold:
+        """Carry out a stage, if `is_repeated` again and again while the garment is lost. How much of it is held at last.
 
         Where a further try cannot find the points, or not reach them, the stage counts as carried out: a hand seen empty may
         have let go at the end of its way, and what it has folded does not lie where it lay.
@@ -177,17 +188,17 @@ class _Course:
         for attempt in range(1, tries + 1):
             try:
                 on_loss = "give up" if attempt < tries else "ignore"
-                if self._carry_out(number, round_, attempt, on_loss=on_loss):
-                    return True
+                if self._carry_out(number, round_, attempt, on_loss=on_loss) == "all":
+                    break
             except StageError:
                 if attempt == 1:
                     raise
                 self._driver.end_stage(number)
-                return True
-        return False
+                break
+        return "all"  # as far as it is looked for: in the last try nobody looks
 
-    def _carry_out(self, number: int, round_: int, attempt: int, *, on_loss: OnLoss) -> bool:
-        """Carry out a stage; false if a hand was seen to have lost the garment."""
+    def _carry_out(self, number: int, round_: int, attempt: int, *, on_loss: OnLoss) -> Hold:
+        """Carry out a stage; returns the least hold that was seen."""
         driver, halo = self._driver, self._halo
         observation = dict(driver.begin_stage(number))
         cloud = np.asarray(observation["garment_point_cloud"])
@@ -202,16 +213,17 @@ class _Course:
         again = [] if round_ == attempt == 1 else [attempt] if round_ == 1 else [attempt, round_]
         drawn = int(np.random.SeedSequence([self._seed, number, *again]).generate_state(1)[0])
         stage.policy.reset(observation, seed=drawn)
-        executed, is_held = self._act(number, stage, on_loss=on_loss)
+        executed, hold = self._act(number, stage, on_loss=on_loss)
         driver.end_stage(number)
         if attempt > 1:  # One record for all tries of a stage.
             executed += self.records.pop().targets
         self.records.append(replace(record, round=round_, targets=executed, tries=attempt))
-        return is_held
+        return hold
 
-    def _act(self, number: int, stage: HaloStage, *, on_loss: OnLoss) -> tuple[int, bool]:
-        """Let the policy act; returns how many targets it gave, and whether no hand was seen to have lost the garment."""
-        executed, is_held = 0, True
+    def _act(self, number: int, stage: HaloStage, *, on_loss: OnLoss) -> tuple[int, Hold]:
+        """Let the policy act; returns how many targets it gave, and the least hold that was seen."""
+        executed = 0
+        least: Hold = "all"
         seen = self._driver.observe()
         for chunk in range(1, stage.chunks + 1):
             targets = stage.policy.act(seen)
@@ -225,10 +237,11 @@ class _Course:
             if on_loss == "ignore":
                 continue
             hold = self._driver.see_hold()
-            is_held = is_held and hold == "all"
+            if hold != "all":
+                least = hold
             if hold == "none" or (hold == "some" and on_loss == "give up"):
                 break
-        return executed, is_held
+        return executed, least
 
     def _look(self, cloud: np.ndarray) -> None:
         """See in a cloud, shape (N, 3), on which side the garment lies, and where all points are before the first stage."""

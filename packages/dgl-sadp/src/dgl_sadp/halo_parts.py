@@ -110,6 +110,13 @@ class EnvironmentDriver(Protocol):
         """Say whether the robot sees, after the last stage, that the task is done. Asked where a round may follow."""
         ...
 
+    def is_nearly_done(self) -> bool:
+        """Say whether the robot sees that the work of the stage that a round begins with is worth keeping.
+
+        Asked where a hand has lost the garment in it, and before a further round.
+        """
+        ...
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HaloStage:

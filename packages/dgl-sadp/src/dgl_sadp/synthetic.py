@@ -177,6 +177,10 @@ class SyntheticEnvironment:
         """Whether the hands are where they should be."""
         return self.compute_error() < _NEAR
 
+    def is_nearly_done(self) -> bool:
+        """There is no other way to begin again."""
+        return False
+
     def _see(self) -> np.ndarray:
         """Return points of sheet, hands and object with their colours, shape (N, 6)."""
         counts = [int(self.points * share) for share in _SHARES]

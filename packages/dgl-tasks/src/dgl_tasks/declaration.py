@@ -119,6 +119,10 @@ class Task:
     again_from: int = 0
     """Number of the stage with which a further round begins; the first is 0. Those before are not undone by what
     fails later."""
+    nearly_done: float | None = None
+    """The rule's value, as it is seen, from which on the work of the stage `again_from` is kept: the stages after it
+    follow though a hand has lost the garment in it, and they alone are a further round, unless the last one was that
+    already. None always begins with it."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     x_range: Range
@@ -165,3 +169,5 @@ class Task:
             raise ValueError(
                 f"again_from must be in 0..{len(self.stages) - 1}; got {self.again_from}"
             )
+        if self.nearly_done is not None and self.again_from == len(self.stages) - 1:
+            raise ValueError("nearly_done needs a stage after again_from; there is none")

@@ -409,6 +409,21 @@ class Driver:
             picture=picture.rgb,
         )
 
+    def is_nearly_done(self, points: Mapping[str, np.ndarray] | None = None) -> bool:
+        """Whether what is seen, once it lies still, comes to `Task.nearly_done`; false for tasks without it.
+
+        Args:
+            points: As of `judge`.
+
+        Raises:
+            PerceptionError: If the camera sees nothing of the garment.
+        """
+        least = self.env.task.nearly_done
+        if least is None:
+            return False
+        self.settle()
+        return self.judge(points).verdict.value >= least
+
     # -----------------------------------------------------------------------------------------
 
     def _pass(self, rows: np.ndarray, listener: StepListener | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Fling Trousers: fling crumpled trousers flat by their waistband, then pull their legs straight."""
+"""Fling Trousers: fling crumpled trousers flat by their waistband, pull their legs straight, and spread the waistband."""
 
 from dgl_tasks.cameras import FLING_CAMERAS
 from dgl_tasks.declaration import FLING_GRASP_HEIGHT, FLING_ROLL, FLING_ROUNDS, Stage, Task
@@ -8,7 +8,7 @@ TASK = Task(
     id="FlingTrousers-v1",
     title="Fling Trousers",
     category="Trousers",
-    description="Lift crumpled trousers by their waistband, fling them flat, and pull their legs straight by the hems.",
+    description="Lift crumpled trousers by their waistband, fling them flat, pull their legs straight by the hems, and spread the waistband.",
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     x_range=(-0.1, 0.1),
     y_range=(0.5, 0.7),
@@ -16,6 +16,7 @@ TASK = Task(
     start_below=0.6,
     settle_frames=120,
     rounds=FLING_ROUNDS,
+    nearly_done=0.65,
     turns_over=True,
     cameras=FLING_CAMERAS,
     stages=(
@@ -33,6 +34,16 @@ TASK = Task(
             grasp_height=0.02,
             looks_again=True,
             moved_at_most=None,
+            policy_loops=4,
+        ),
+        Stage(
+            name="spread_waist",
+            grasp={"left": "left_waistband", "right": "right_waistband"},
+            orientation="heap_sides",
+            grasp_height=0.02,
+            looks_again=True,
+            moved_at_most=None,
+            leave="shed",
             policy_loops=4,
         ),
     ),
