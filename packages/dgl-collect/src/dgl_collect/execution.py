@@ -123,9 +123,8 @@ class Execution:
         """Knows where the demonstration's points are."""
         self._recorded = recorded
         self._carried_out: set[str] = set()
-        self._newest: dict[
-            str, StageRecord
-        ] = {}  # of the try that ended last, until its stage counts
+        # of the try that ended last, until its stage counts
+        self._newest: dict[str, StageRecord] = {}
         self._kept_events = 0  # of what comes before the stage that a further round begins with
 
     # The course of an attempt ----------------------------------------------------------------
