@@ -436,6 +436,24 @@ def test_what_is_nearly_done_is_mended_before_it_is_begun_again(dry, nearly_done
     assert course == [*names, *expected]
 
 
+def test_what_cannot_be_mended_is_begun_again(dry):
+    names = [stage.name for stage in TASK.stages]
+    execution, course = go_through(dry, rounds=3, fails=set(), fail=None)
+    run_stage = execution._run_stage
+
+    def run_or_refuse(stage, *, is_final):
+        hold = run_stage(stage, is_final=is_final)
+        return unreachable(stage) if len(names) < len(course) < 2 * len(names) else hold
+
+    execution._run_stage = run_or_refuse
+    execution.env.task = dataclasses.replace(TASK, rounds=3, nearly_done=0.65)
+    execution.driver.judge = lambda points: SimpleNamespace(
+        reason="below the threshold", verdict=SimpleNamespace(value=0.66)
+    )
+    execution.perform()
+    assert course == [*names, *names[1:], "look", *names]
+
+
 @pytest.mark.parametrize("again", [{}, {"rounds": 2, "again_from": 1}])
 def test_what_is_out_of_reach_and_not_begun_again_ends_the_attempt(dry, again):
     setup, driver = dry

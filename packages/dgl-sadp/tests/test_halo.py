@@ -315,6 +315,25 @@ def test_a_stage_out_of_reach_is_left_out_of_all_but_the_last_round(
     assert [told[1] for told in driver.told if told[0] == "begin"] == begun
 
 
+@pytest.mark.parametrize(("rounds", "begun"), [(3, [1, 2, 2, 1, 2]), (2, [1, 2, 2])])
+def test_what_cannot_be_mended_is_begun_again(rounds, begun):
+    class Short(Recorder):
+        def move_hands(self, left, right):
+            super().move_hands(left, right)
+            if [told[0] for told in self.told].count("move") == 3:
+                raise StageError("left arm cannot reach it")
+
+    driver = Short(done_after=99, nearly_done_after=range(99))
+    stages = [make_stage(Listener(), chunks=1) for _ in range(2)]
+    halo = HALO(NearestMatcher(), stages, rounds=rounds)
+    if rounds == 2:  # there is no further round
+        with pytest.raises(StageError, match="left arm cannot reach it"):
+            halo.run(driver)
+    else:
+        halo.run(driver)
+    assert [told[1] for told in driver.told if told[0] == "begin"] == begun
+
+
 def test_a_further_try_that_cannot_begin_leaves_the_stage_as_it_is():
     class Short(Recorder):
         def move_hands(self, left, right):

@@ -195,8 +195,8 @@ class Execution:
                 self.records |= self._newest
             elif not is_left_out:
                 return False
-        if len(refused) == len(self.env.task.stages) - first:
-            raise refused[0]  # and would be again
+        if len(refused) == len(self.env.task.stages) - first and first <= self.env.task.again_from:
+            raise refused[0]  # and would be again: the next round begins with the same
         is_whole = len(self._carried_out) == len(self.env.task.stages)
         return is_last or (is_whole and self._is_done())
 

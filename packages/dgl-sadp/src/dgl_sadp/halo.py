@@ -161,8 +161,8 @@ class _Course:
             if hold == "none" or (hold == "some" and not self._driver.is_nearly_done()):
                 return False
             self._carried_out.add(number)
-        if len(refused) == len(numbers):
-            raise refused[0]  # and would be again
+        if len(refused) == len(numbers) and first <= halo.again_from:
+            raise refused[0]  # and would be again: the next round begins with the same
         is_whole = len(self._carried_out) == len(self._stages)
         return is_last or (is_whole and self._driver.is_done())
 
