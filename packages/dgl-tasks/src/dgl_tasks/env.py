@@ -86,7 +86,8 @@ class GarmentEnv(BaseEnv):
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
                 draws floor, mat and fabric among all there are. Both follow from the seed, and
                 nothing else does from the look.
-            kwargs: ManiSkill's.
+            kwargs: ManiSkill's; every episode begins in a new scene unless `reconfiguration_freq` says otherwise, which
+                episodes that are to be repeated exactly need.
         """
         if num_envs != 1:
             raise ValueError(
@@ -100,7 +101,6 @@ class GarmentEnv(BaseEnv):
         self._appearance: Appearance
         self.before: Before
         self._start_value = 0.0
-        self._has_collided = False
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
@@ -113,6 +113,9 @@ class GarmentEnv(BaseEnv):
                 robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
             )
         kwargs.setdefault("reward_mode", "sparse")
+        # PhysX solves contacts in an order that depends on what there was in the scene before: in one that has had an
+        # episode already, arms that touch would go on differently from the same seed and commands.
+        kwargs.setdefault("reconfiguration_freq", 1)
         try:
             super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
         except RuntimeError as err:
@@ -139,7 +142,6 @@ class GarmentEnv(BaseEnv):
         return [self.task.cameras["video_camera"].build()]
 
     def _load_scene(self, options: dict) -> None:
-        self._has_collided = False
         self.ground = build_floor(self.scene)
         let_robot_pass(self.ground)
         self.props = {p.name: SceneProp(self.scene, p) for p in self.task.props}
@@ -157,18 +159,6 @@ class GarmentEnv(BaseEnv):
 
     def _load_lighting(self, options: dict) -> None:
         light_scene(self.scene)
-
-    def reset(
-        self, *, seed: int | list[int] | None = None, options: dict | None = None
-    ) -> tuple[Any, dict]:
-        """Begin an episode, in a new scene if moving bodies have touched in this one.
-
-        PhysX solves contacts in an order that depends on the contacts there have been: without a new scene, arms that
-        touch would go on differently from the same seed and commands.
-        """
-        if self._has_collided:
-            options = {"reconfigure": True} | (options or {})
-        return super().reset(seed=seed, options=options)
 
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
         seed = int(self._episode_seed[0])
@@ -265,11 +255,6 @@ class GarmentEnv(BaseEnv):
 
     def _before_simulation_step(self) -> None:
         self.cloth.apply_forces()
-
-    def _after_simulation_step(self) -> None:
-        if not (self._has_collided or self.gpu_sim_enabled):
-            contacts = self.scene.sub_scenes[0].physx_system.get_contacts()
-            self._has_collided = any(map(_is_between_moving, contacts))
 
     def _after_control_step(self) -> None:
         self.cloth.step()
@@ -459,12 +444,6 @@ class GarmentEnv(BaseEnv):
         """Show the viewer, as ManiSkill does."""
         self.draw_garment()
         return super().render_human()
-
-
-def _is_between_moving(contact: sapien.physx.PhysxContact) -> bool:
-    return not any(
-        isinstance(body, sapien.physx.PhysxRigidStaticComponent) for body in contact.bodies
-    )
 
 
 def _split_state(state: torch.Tensor, template: dict) -> dict:
