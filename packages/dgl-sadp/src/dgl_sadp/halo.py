@@ -111,7 +111,8 @@ class HALO:
             A record of each stage in each round.
 
         Raises:
-            StageError: If a stage cannot be carried out, and no further round goes through it; or no stage of a round.
+            StageError: If a stage cannot be carried out, and no further round goes through it; or no stage of a round
+                that begins with `again_from`.
         """
         course = _Course(self, driver, seed, on_chunk)
         first = 1

@@ -86,8 +86,8 @@ class GarmentEnv(BaseEnv):
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
                 draws floor, mat and fabric among all there are. Both follow from the seed, and
                 nothing else does from the look.
-            kwargs: ManiSkill's; every episode begins in a new scene unless `reconfiguration_freq` says otherwise, which
-                episodes that are to be repeated exactly need.
+            kwargs: ManiSkill's. `reconfiguration_freq` is 1 by default: every episode begins in a new scene, without which
+                it would not be repeated exactly.
         """
         if num_envs != 1:
             raise ValueError(
