@@ -105,9 +105,12 @@ def test_policies_are_timed(capsys):
         "sadp, small, chunk of 4 targets",
         "sadp, small, chunk of 4 targets, processor time",
         "sadp, small, once a stage",
-        "sadp, small, training, batch of 64",
+        "sadp, small, float32, training, batch of 64",
+        "sadp, small, float32, training of 60 epochs",
     ]
     assert all(row["value"] > 0 for row in rows.values())
     assert rows["sadp, small, chunk of 4 targets"]["bar"] == "<= 150"
+    rate, hours = (row["value"] for row in list(rows.values())[3:])
+    assert hours == pytest.approx(60 * 52 / rate / 3600)  # 3,300 windows are 52 batches of 64.
     assert main([*command, "--repeats", "0"]) == 1
     assert "repeats and threads must be positive; got 0" in capsys.readouterr().err

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverConfig
+from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolidMaterial, SolverConfig
 
 BALL = Shape(kind="sphere", size=(0.02, 0, 0))
 G = 9.81
@@ -28,7 +28,9 @@ def put_ball(r, height, *, is_jump=False):
 
 
 def test_it_sleeps_after_its_time_and_not_before(run, sheet, device):
-    r = lie(run, sheet, device, sleep_after=0.5)
+    """In mid-air, without weight, drifting by 1 mm/s: what lies may be at rest exactly, to the last bit."""
+    r = lie(run, sheet, device, height=0.5, gravity=(0, 0, 0), sleep_after=0.5)
+    r.state.set_particles(r.x[None], np.full((1, len(r.x), 3), [0.001, 0, 0]))
     r.step(29)
     assert np.abs(r.v).max() > 0
     before = r.step(31).x
@@ -48,6 +50,33 @@ def test_what_counts_as_still(run, sheet, device, distance, sleeps):
     r = lie(run, sheet, device, height=0.5, gravity=(0, 0, 0), sleep_distance=distance)
     r.state.set_particles(r.x[None], np.full((1, len(r.x), 3), [0.01, 0, 0]))
     assert (np.abs(r.step(60).v).max() == 0) == sleeps
+
+
+def test_a_solid_sleeps_on_while_another_environment_is_awake(run, device):
+    """A loaded cube: its elastic forces would lift it if they went on while its weight does not."""
+    grid = np.stack(np.meshgrid(*[[0.0, 0.0125]] * 3, indexing="ij"), -1).reshape(-1, 3)
+    tets = np.array(
+        [[0, 4, 6, 7], [0, 6, 2, 7], [0, 2, 3, 7], [0, 3, 1, 7], [0, 1, 5, 7], [0, 5, 4, 7]]
+    )
+    builder = ModelBuilder(2)
+    material = SolidMaterial(youngs_modulus=1e4, damping=0.01)
+    builder.add_tetrahedra(
+        grid, tets, material=material, pinned=tuple(np.flatnonzero(grid[:, 2] > 0))
+    )
+    builder.add_shape(BALL, body=builder.add_body("ball"))
+    r = run(builder, device=device)
+    poses = np.zeros((2, 2, 7))
+    poses[..., 3] = 1.0
+    poses[:, 1, 0] = 1.0, 0.045  # Near in the second environment, whose cube stays awake for it.
+    found = []
+    for _ in range(4):
+        for _ in range(30):
+            r.state.set_body_poses(poses)
+            r.step()
+        found.append(r.state.get_positions())
+    assert r.state.still.numpy()[1] == 0
+    assert (found[-1][0, grid[:, 2] == 0, 2] < -1e-5).all()
+    np.testing.assert_array_equal(found[-1][0], found[1][0])
 
 
 def test_a_body_that_comes_near_wakes_it(run, sheet, device):

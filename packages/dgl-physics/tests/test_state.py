@@ -68,15 +68,19 @@ def test_particles_set_without_memory_go_on_almost_alike(run, sheet, device, mak
 
 
 @pytest.mark.parametrize("make", [drape_builder, heap_builder])
-def test_another_solver_continues_bitwise(run, sheet, device, make):
-    """The solver itself remembers nothing that matters."""
+def test_another_solver_goes_on_alike(run, sheet, device, make):
+    """The solver itself remembers nothing that matters: to the bit on the CPU.
+
+    On CUDA neighbours in a heap may be listed in another order, by which sums round.
+    """
     r = run(make(sheet, (0.2,)), device=device).step(30)
     other = run(make(sheet, (0.2,)), device=device)
     other.state.set_particles(
         r.state.get_positions(), r.state.get_velocities(), r.state.get_is_stuck()
     )
     other.state.set_memory(r.state.get_memory())
-    np.testing.assert_array_equal(other.step(30).x, r.step(30).x)
+    tolerance = 0.0 if device == "cpu" else 1e-6
+    np.testing.assert_allclose(other.step(30).x, r.step(30).x, rtol=0.0, atol=tolerance)
 
 
 @pytest.mark.parametrize("make", [drape_builder, heap_builder])

@@ -10,7 +10,6 @@ from pathlib import Path
 from dexgarmentlab.bench_physics.drawing import save_figure
 from dexgarmentlab.bench_physics.experiment import Experiment, Result
 from dexgarmentlab.bench_physics.rows import Row
-from dgl_collect.files import written_beside
 
 __all__ = ["REPORT_FILE", "ROWS_FILE", "format_value", "write_report"]
 
@@ -33,6 +32,9 @@ def write_report(
     Returns:
         The page, `index.html`, which needs nothing but the folder.
     """
+    # Not above: it brings the simulator, which rows alone do not need.
+    from dgl_collect.files import written_beside
+
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     sections = []

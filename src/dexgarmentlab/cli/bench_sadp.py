@@ -22,6 +22,8 @@ class SadpOptions:
     """Their sizes."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to compute."""
+    precision: Literal["no", "bf16"] = "no"
+    """Mixed precision of training."""
     repeats: int = 20
     """Timed chunks; the median counts."""
     threads: int = 1
@@ -41,6 +43,7 @@ def measure_sadp(options: SadpOptions) -> int:
         options.method,
         size=options.preset,
         device=options.device,
+        precision=options.precision,
         repeats=options.repeats,
         threads=options.threads,
         seed=options.seed,

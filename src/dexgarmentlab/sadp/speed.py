@@ -1,26 +1,48 @@
 """How fast the policies are: the time of a chunk of joint targets, and training steps a second."""
 
+import dataclasses
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
 
 import numpy as np
 
 from dexgarmentlab.bench_physics.rows import Row
-from dgl_sadp import DiffusionPolicy, PolicyRunner, get_policy_config, get_train_config
-from dgl_sadp.optimizers import make_optimizers
-from dgl_sadp.synthetic import SyntheticEnvironment
+from dgl_sadp import (
+    DiffusionPolicy,
+    PolicyRunner,
+    Progress,
+    get_policy_config,
+    get_train_config,
+    train_policy,
+)
+from dgl_sadp.synthetic import SyntheticEnvironment, write_synthetic_episodes
 
 __all__ = ["measure_speed"]
 
+Precision = Literal["no", "bf16"]
+
 _POINTS = 2048
 _IMAGE = (480, 640)
-_BATCH = 64
+_EPISODES = 4
+_WINDOWS = 3_300  # The first stage of Fold Tops, 98 demonstrations: 3,273.
+_WARM_UP = 3
 _CHUNK_BAR_MS = 150.0
 
 
 def measure_speed(
-    methods: Sequence[str], *, size: str, device: str, repeats: int, threads: int, seed: int
+    methods: Sequence[str],
+    *,
+    size: str,
+    device: str,
+    precision: Precision,
+    repeats: int,
+    threads: int,
+    seed: int,
 ) -> list[Row]:
     """Measure policies with random weights on observations of the recorded sizes.
 
@@ -28,6 +50,7 @@ def measure_speed(
         methods: Policies, by name.
         size: Their preset.
         device: "cpu" or "cuda".
+        precision: Of training: "no" is float32, "bf16" mixes bfloat16 in.
         repeats: Timed chunks; the median counts. Of training steps it is a quarter.
         threads: Threads of the CPU.
         seed: Of weights and observations.
@@ -49,7 +72,9 @@ def measure_speed(
         for method in methods:
             policy = DiffusionPolicy.make(get_policy_config(method, size), seed=seed).to(device)
             rows += _measure_chunk(policy, method, size, device, repeats, note, seed)
-            rows.append(_measure_training(policy, method, size, max(2, repeats // 4), note, seed))
+            del policy
+            steps = max(2, repeats // 4)
+            rows += _measure_training(method, size, device, precision, steps, note, seed)
         return rows
     finally:
         torch.set_num_threads(before)
@@ -109,52 +134,65 @@ def _measure_chunk(
     return rows
 
 
+class _EnoughError(Exception):
+    """Ends a training whose steps have been timed, without saving anything."""
+
+
 def _measure_training(
-    policy: DiffusionPolicy, method: str, size: str, repeats: int, note: str, seed: int
-) -> Row:
-    import torch
-
-    config = policy.config
-    rng = np.random.default_rng(seed)
-    shapes = {
-        "joint_state": (config.observation_steps, config.joints),
-        "start_joint_state": (config.joints,),
-        "env_point_cloud": (config.observation_steps, _POINTS, 6),
-        "garment_point_cloud": (_POINTS, 3),
-        "points_affordance_feature": (_POINTS, 2),
-        "object_point_cloud": (_POINTS, 3),
-        "action": (config.horizon, config.joints),
-    }
-    seen = {*config.frame_keys, *config.stage_keys, "start_joint_state", "action"}
-    batch = {
-        key: torch.from_numpy(rng.uniform(-1, 1, (_BATCH, *shape)).astype(np.float32))
-        for key, shape in shapes.items()
-        if key in seen
-    }
-    if "image" in seen:
-        shape = (_BATCH, config.observation_steps, *_IMAGE, 3)
-        batch["image"] = torch.from_numpy(rng.integers(0, 256, shape, dtype=np.uint8))
-    batch = {key: values.to(policy.device) for key, values in batch.items()}
-    training = get_train_config(method, size)
-    optimizers = make_optimizers(policy, training)
-    generator = torch.Generator(policy.device).manual_seed(seed)
-    policy.train()
-
-    def run_step() -> None:
-        loss = policy(batch, generator, training.augmentation)
-        policy.zero_grad(set_to_none=True)
-        loss.backward()
-        for optimizer in optimizers:
-            optimizer.step()
-        loss.item()  # On CUDA: waits for the result.
-
-    seconds, _ = _time(run_step, repeats)
-    return Row(
-        name=f"{method}, {size}, training, batch of {_BATCH}",
-        value=1.0 / seconds,
-        unit="steps/s",
-        note=note,
+    method: str, size: str, device: str, precision: Precision, repeats: int, note: str, seed: int
+) -> list[Row]:
+    """Time the steps of a training of the preset, reading included, on made-up episodes that stay in memory."""
+    config = dataclasses.replace(
+        get_train_config(method, size),
+        precision=precision,
+        validation_share=0.0,
+        save_every=10**9,
+        seed=seed,
     )
+    times: list[float] = []
+
+    def note_time(_: Progress) -> None:
+        times.append(time.perf_counter())
+        if len(times) == _WARM_UP + repeats + 1:
+            raise _EnoughError
+
+    with TemporaryDirectory(prefix="dgl_bench_") as folder:
+        episodes = Path(folder) / "episodes"
+        policy = get_policy_config(method, size)
+        # So many windows that an epoch is one batch.
+        frames = config.batch // _EPISODES - (policy.observation_steps - 1)
+        write_synthetic_episodes(
+            episodes, _EPISODES, seed=seed, points=_POINTS, frames=frames, image_size=_IMAGE
+        )
+        with suppress(_EnoughError):
+            train_policy(
+                episodes,
+                Path(folder) / "run",
+                policy,
+                dataclasses.replace(config, epochs=_WARM_UP + repeats + 1),
+                stage=1,
+                device=device,
+                keep_bytes=2**40,
+                on_progress=note_time,
+            )
+    seconds = statistics.median(np.diff(times[_WARM_UP:]).tolist())
+    kind = "float32" if precision == "no" else "bfloat16"
+    steps = config.epochs * -(-_WINDOWS // config.batch)
+    name = f"{method}, {size}, {kind}"
+    return [
+        Row(
+            name=f"{name}, training, batch of {config.batch}",
+            value=1.0 / seconds,
+            unit="steps/s",
+            note=note,
+        ),
+        Row(
+            name=f"{name}, training of {config.epochs:,} epochs",
+            value=steps * seconds / 3600.0,
+            unit="h",
+            note=f"{_WINDOWS:,} windows: a stage of 100 demonstrations; from the steps a second",
+        ),
+    ]
 
 
 def _time(work: Callable[[], object], repeats: int) -> tuple[float, float]:

@@ -161,8 +161,9 @@ class ElasticStep:
             solid.move_bodies,
             dim=len(s.first_row),
             inputs=[
-                self._bodies, s.particle, s.mass, self._arm, self._lever, self._inverse_inertia,
-                self._fall, self._step, self._contact_count, self._push, self._shift, state.positions,
+                self._bodies, s.particle, s.mass, near.inverse_mass, self._arm, self._lever,
+                self._inverse_inertia, self._fall, self._step, self._contact_count, self._push,
+                self._shift, state.positions,
             ],
         )  # fmt: skip
 

@@ -5,6 +5,8 @@ All norms are over the channels of one point: the same in training and evaluatio
 Source: Qi et al., "PointNet" and "PointNet++", 2017; sizes in the configuration.
 """
 
+from importlib.util import find_spec
+
 import torch
 from torch import Tensor, nn
 
@@ -112,12 +114,16 @@ def sample_farthest(points: Tensor, count: int) -> Tensor:
     if not 1 <= count <= size:
         raise ValueError(f"count must lie in 1 ... {size}; got {count}")
     planes = points.permute(2, 0, 1).contiguous()  # (3, B, N): sums over the first are fast
+    centre = planes.mean(dim=2, keepdim=True)
+    index = (planes - centre).square().sum(dim=0).argmax(dim=1)  # (B,)
+    if points.is_cuda and find_spec("triton") is not None:  # It comes with torch on Linux.
+        from dgl_sadp._farthest_triton import choose_farthest
+
+        return choose_farthest(planes, index, count)
     chosen = torch.empty(count, batch, dtype=torch.int64, device=points.device)
     nearest = points.new_full((batch, size), torch.inf)
     squared = torch.empty_like(nearest)
     offsets = torch.empty_like(planes)
-    centre = planes.mean(dim=2, keepdim=True)
-    index = (planes - centre).square().sum(dim=0).argmax(dim=1)  # (B,)
     rows = torch.arange(batch, device=points.device)
     for step in range(count):
         chosen[step] = index

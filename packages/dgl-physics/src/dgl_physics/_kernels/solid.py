@@ -261,6 +261,7 @@ def move_bodies(
     bodies: Bodies,
     particle: wp.array(dtype=wp.int32),
     mass: wp.array(dtype=wp.float32),
+    inverse_mass: wp.array(dtype=wp.float32),
     arm: wp.array(dtype=wp.vec3),
     lever: wp.array(dtype=wp.vec3),
     inverse_inertia: wp.array(dtype=wp.mat33),
@@ -271,7 +272,10 @@ def move_bodies(
     shift: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
 ):
-    """Move the particles by the step and by what contact shifts them, `shift` by the factor."""
+    """Move the particles by the step and by what contact shifts them, `shift` by the factor.
+
+    Not those that are pinned or asleep, which have no inverse mass.
+    """
     b = wp.tid()
     first = bodies.first_row[b]
     last = first + bodies.row_count[b]
@@ -288,7 +292,7 @@ def move_bodies(
             excess += wp.cross(arm[k], rest) * mass[k]
         excess = inverse_inertia[b] * excess
     for k in range(first, last):
-        if mass[k] > 0.0:
+        if inverse_mass[particle[k]] > 0.0:
             d = step[k] - fall[k]
             if is_touched:
                 d += shift[k] + wp.cross(turn - excess, arm[k])
