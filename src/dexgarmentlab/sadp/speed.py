@@ -161,8 +161,9 @@ def _measure_training(
         policy = get_policy_config(method, size)
         # So many windows that an epoch is one batch.
         frames = config.batch // _EPISODES - (policy.observation_steps - 1)
+        image_size = (48, 64) if policy.image is None else _IMAGE
         write_synthetic_episodes(
-            episodes, _EPISODES, seed=seed, points=_POINTS, frames=frames, image_size=_IMAGE
+            episodes, _EPISODES, seed=seed, points=_POINTS, frames=frames, image_size=image_size
         )
         with suppress(_EnoughError):
             train_policy(
