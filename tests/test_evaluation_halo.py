@@ -16,6 +16,7 @@ from dexgarmentlab.evaluation.halo import (
     count_chunks,
 )
 from dexgarmentlab.evaluation.methods import MethodOptions, check_method
+from dgl_assets.robots import joint_slice
 from dgl_collect.demonstration import load_demonstration, retarget_waypoints
 from dgl_sadp import (
     DiffusionPolicy,
@@ -171,6 +172,31 @@ def test_the_only_hand_that_works_has_lost_all():
     halo.observe()
     driver.low, driver.empty = set(), {side}
     assert [halo.see_hold(), halo.see_hold()] == ["all", "none"]
+
+
+@pytest.mark.parametrize(
+    ("fingers", "expected"),
+    [
+        ([0.0, 0.2, 0.1], "none"),  # never closed: what it came for stayed where it was
+        ([0.0, 0.7, 0.7], "none"),
+        ([0.7, 0.7, 0.4], "none"),  # still closed by more than a half
+        ([0.7, 0.7, 0.3], "all"),
+        ([0.7, 0.1, 0.7], "none"),  # closed again
+    ],
+)
+def test_a_hand_that_was_told_to_let_go_has_lost_nothing(fingers, expected):
+    driver = Recorder()
+    halo = HaloDriver(driver)
+    halo.begin_stage(1)
+    (side,) = TASK.stages[0].grasp
+    driver.low = {side}
+    halo.observe()
+    driver.low, driver.empty = set(), {side}
+    for angle in fingers:
+        target = np.zeros(60)
+        target[joint_slice(side, "hand")] = angle  # of 24 joints: 0.7 is 3.4 in all
+        halo.execute(target)
+    assert [halo.see_hold(), halo.see_hold()] == ["all", expected]
 
 
 def test_what_was_let_go_is_waited_for_before_a_stage_is_begun_again():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dexgarmentlab.evaluation.fingers import FingerCommands
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.demonstration import retarget_waypoints
 from dgl_collect.point_finder import HANDS_APART, PointFinder
@@ -81,6 +82,7 @@ class HaloDriver:
         self._begun: set[int] = set()
         self._were_down: set[Side] = set()
         self._empty: set[Side] = set()
+        self._fingers: FingerCommands | None = None
 
     def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
         """Look at the garment, and at the props where there are some; what has been let go is waited for, as in collection."""
@@ -88,7 +90,7 @@ class HaloDriver:
             self._driver.settle()
         self._begun.add(stage)
         self._stage = self._stages[stage - 1]
-        self._were_down, self._empty = set(), set()
+        self._were_down, self._empty, self._fingers = set(), set(), None
         driver = self._driver
         seen = {"garment_point_cloud": driver.see_garment()}
         self._cloud = seen["garment_point_cloud"]
@@ -128,17 +130,24 @@ class HaloDriver:
     def observe(self) -> dict[str, np.ndarray]:
         """Look and feel."""
         self._were_down.update(s for s in self._stage.grasp if self._driver.is_low(s))
-        return self._driver.observe().as_arrays()
+        seen = self._driver.observe().as_arrays()
+        if self._fingers is None:
+            self._fingers = FingerCommands(seen["joint_state"])
+        return seen
 
     def execute(self, target: np.ndarray) -> dict[str, np.ndarray]:
         """Go to joint targets within five control steps."""
         self._driver.execute(np.asarray(target)[None])
-        return self.observe()
+        seen = self.observe()
+        if self._fingers is not None:
+            self._fingers.add(target)
+        return seen
 
     def see_hold(self) -> Hold:
         """Look which hands that have been down at the garment, and have come up, hold nothing, as collection does.
 
-        One look may be past cloth that the hand hides: the next one has to say the same.
+        One look may be past cloth that the hand hides: the next one has to say the same. A hand that its policy has told to
+        let go is not looked at any more.
         """
         try:
             points = self._driver.see_points()
@@ -146,6 +155,8 @@ class HaloDriver:
             return "all"
         before = self._empty
         self._empty = self._were_down.intersection(self._driver.find_empty(self._stage, points))
+        if self._fingers is not None:
+            self._empty -= self._fingers.find_opened(self._stage.grasp)
         lost = before & self._empty
         if not lost:
             return "all"
