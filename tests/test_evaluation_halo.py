@@ -163,7 +163,8 @@ def test_a_hand_that_came_up_empty_has_lost_the_garment():
     assert look(3) == ["all"] * 3
 
 
-def test_the_only_hand_that_works_has_lost_all():
+def come_up_empty():
+    """A driver in the first stage, whose only working hand has been down and holds nothing."""
     driver = Recorder()
     halo = HaloDriver(driver)
     halo.begin_stage(1)
@@ -171,6 +172,11 @@ def test_the_only_hand_that_works_has_lost_all():
     driver.low = {side}
     halo.observe()
     driver.low, driver.empty = set(), {side}
+    return halo, side
+
+
+def test_the_only_hand_that_works_has_lost_all():
+    halo, _ = come_up_empty()
     assert [halo.see_hold(), halo.see_hold()] == ["all", "none"]
 
 
@@ -185,13 +191,7 @@ def test_the_only_hand_that_works_has_lost_all():
     ],
 )
 def test_a_hand_that_was_told_to_let_go_has_lost_nothing(fingers, expected):
-    driver = Recorder()
-    halo = HaloDriver(driver)
-    halo.begin_stage(1)
-    (side,) = TASK.stages[0].grasp
-    driver.low = {side}
-    halo.observe()
-    driver.low, driver.empty = set(), {side}
+    halo, side = come_up_empty()
     for angle in fingers:
         target = np.zeros(60)
         target[joint_slice(side, "hand")] = angle  # of 24 joints: 0.7 is 3.4 in all
