@@ -285,6 +285,21 @@ def test_wherever_a_policy_ends_the_hands_open_and_park(driver):
     assert driver.step_count > 100  # rolled, drawn back and risen, not torn away
 
 
+def test_parked_hands_do_not_tell_how_long_ago_the_arms_swung(driver, motion):
+    motion.reset(motion.robot.compute_start("open"))
+    driver.start("Tops_LongSleeve/000000")
+    started = driver.get_joint_state()
+    np.testing.assert_allclose(started, motion.target, atol=1e-3)
+    plan_approach(motion, POINT, STANDARD)
+    driver.execute(motion.target[None])
+    driver.retreat()
+    np.testing.assert_allclose(driver.get_joint_state(), started, atol=1e-3)
+    # without the wait they would: the swing itself leaves them elsewhere
+    driver.send(motion.reach(POINT, STANDARD))
+    driver.send(motion.park())
+    assert np.abs(driver.get_joint_state() - started).max() > 0.02
+
+
 def test_where_there_is_no_way_straight_up_the_arms_park_at_once(driver, motion, monkeypatch):
     def refuse(*_):
         raise ValueError("fingers must not point straight up or down")

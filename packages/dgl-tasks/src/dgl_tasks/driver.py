@@ -35,6 +35,10 @@ HELD_HEIGHT = 0.05
 FREE_ROLLS = (0.0, 0.0, 0.5, 0.5, 0.5)
 """How far a hand rolls on for its thumb to point down, in each of the tries to get rid of cloth that has come along [rad];
 then it goes away with it."""
+PARKED_FRAMES = 30
+"""Control steps in which the fingers come to rest after the arms have swung to their parking place: they lag behind by
+0.08 rad. A policy that begins there would be told by them how long ago that was, in every demonstration alike, and would
+take a hand that has been at rest for longer to be further on its way."""
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
 """Control steps between pictures for people while the arms come and go: the film runs three times as fast
 there, since a picture costs as much as two or three steps of the simulation."""
@@ -125,14 +129,14 @@ class Driver:
     # Acting ----------------------------------------------------------------------------------
 
     def start(self, garment: str | None = None) -> None:
-        """Reset the environment and bring the arms out of the picture.
+        """Reset the environment, bring the arms out of the picture, and wait until the hands are at rest.
 
         Args:
             garment: Catalogue id; drawn from the seed when None.
         """
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
         self.motion.reset(self.motion.robot.compute_start("open"))
-        self._pass(self.motion.park())
+        self._park()
 
     def send(
         self,
@@ -235,7 +239,7 @@ class Driver:
         for rows in plan_leave(self.motion, points, orientations, name):
             self._pass(rows)
         self._free_hands(tuple(orientations))
-        self._pass(self.motion.park())
+        self._park()
 
     def _free_hands(self, sides: tuple[Side, ...]) -> None:
         """Put cloth that is seen to hang on risen hands down again."""
@@ -287,7 +291,7 @@ class Driver:
         except (UnreachableError, ValueError) as err:
             logger.info("the hands park at once: %s", err)
             self._pass(self.motion.hold(RELEASE_FRAMES))
-            self._pass(self.motion.park())
+            self._park()
         else:
             self.leave(points, orientations, name)
 
@@ -425,6 +429,11 @@ class Driver:
         return self.judge(points).verdict.value >= least
 
     # -----------------------------------------------------------------------------------------
+
+    def _park(self) -> None:
+        """Bring both arms out of the picture, and wait until the hands are at rest."""
+        self._pass(self.motion.park())
+        self._pass(self.motion.hold(PARKED_FRAMES))
 
     def _pass(self, rows: np.ndarray, listener: StepListener | None = None) -> None:
         self.send(rows, listener, film_steps=PASSAGE_FILM_STEPS)
