@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import DEFAULT_ROBOT
-from dgl_tasks.driver import FINAL_FRAMES
+from dgl_tasks.driver import FINAL_FRAMES, PARKED_FRAMES
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.observation import Observation
 from dgl_tasks.policy import EpisodePolicy, FromStart, Nothing, ObservingPolicy, Policy
@@ -157,7 +157,7 @@ def test_doing_nothing_is_judged_as_the_garment_fell(seen):
     env = FakeEnv()
     result = run_episode(env, FakeMotion(), Nothing(), seed=5, garment="tops/1")
     assert env.resets == [(5, {"garment": "tops/1"})]
-    assert result.steps == len(env.sent) == 1 + FINAL_FRAMES
+    assert result.steps == len(env.sent) == 1 + PARKED_FRAMES + FINAL_FRAMES
     assert result.success
     assert result.reason is None
     assert result.draws == {"x": 0.1}
