@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from dexgarmentlab.evaluation.results import Count, Results
     from dgl_collect import CollectConfig, Progress
 
-__all__ = ["RESULTS_FILE", "SEED_OFFSET", "Options", "parse_seeds", "run"]
+__all__ = ["SEED_OFFSET", "Options", "parse_seeds", "run"]
 
-RESULTS_FILE = "results.json"
 SEED_OFFSET = 1_000_000
 """Added to the seeds, so that no episode starts as one of a collection with the same seed did."""
 
@@ -107,7 +106,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 def run(options: Options) -> int:
     """Evaluate, write `results.json`, and say how many episodes succeeded."""
     from dexgarmentlab.evaluation.methods import check_method
-    from dexgarmentlab.evaluation.results import Run, summarize, to_json
+    from dexgarmentlab.evaluation.results import RESULTS_FILE, Run, summarize, to_json
     from dgl_collect import collect, package_versions
     from dgl_collect.files import write_json
     from dgl_collect.results import read_results

@@ -9,7 +9,21 @@ from typing import Literal
 
 from dgl_collect import AttemptResult, wilson_interval
 
-__all__ = ["Count", "Results", "Run", "count", "summarize", "to_json"]
+__all__ = [
+    "RESULTS_FILE",
+    "RESULTS_FORMAT",
+    "Count",
+    "Results",
+    "Run",
+    "count",
+    "summarize",
+    "to_json",
+]
+
+RESULTS_FILE = "results.json"
+"""Name of an evaluation's figures in its folder."""
+RESULTS_FORMAT = 1
+"""Version of their form."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +127,7 @@ def to_json(
         }
 
     return {
-        "format": 1,
+        "format": RESULTS_FORMAT,
         **asked,
         "status": status,
         "success": {"mean": results.mean, "std": results.std, **plain(results.total)},

@@ -1,0 +1,113 @@
+"""Verb `dgl compare`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+
+from dexgarmentlab.cli import EXIT_OK, console
+
+if TYPE_CHECKING:
+    from dexgarmentlab.evaluation.comparison import Comparison, Evaluation
+
+__all__ = ["Options", "run"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Compare evaluations of one task on the episodes that all of them have run.
+
+    Every method of `dgl eval` meets the same garments at the same places, so what tells two methods apart are the
+    episodes that one of them does and the other does not: p is the exact test of McNemar.
+
+    Example: dgl compare out/halo out/gam_dp3 out/dp3
+    """
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    """Two or more folders of `dgl eval`."""
+    json: bool = False
+    """Write the comparison, with the episodes by number, as JSON."""
+
+
+def run(options: Options) -> int:
+    """Compare, and show each method and every two of them."""
+    from dexgarmentlab.evaluation.comparison import compare, read_evaluation
+
+    evaluations = [read_evaluation(folder) for folder in options.folders]
+    comparison = compare(evaluations)
+    for evaluation in evaluations:
+        left = len(evaluation.episodes) - len(comparison.episodes)
+        if left:
+            console.info(f"{evaluation.folder} has {left} more episodes, which others have not run")
+    if options.json:
+        console.out_json(_to_json(evaluations, comparison))
+    else:
+        _show(evaluations, comparison)
+    return EXIT_OK
+
+
+def _show(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> None:
+    console.out(f"{comparison.task}, {len(comparison.episodes)} episodes that all have run")
+    rows: list[Sequence[object]] = []
+    for evaluation, score in zip(evaluations, comparison.scores, strict=True):
+        low, high = score.count.interval
+        median = "-" if score.value_median is None else f"{score.value_median:.3f}"
+        rows.append(
+            (
+                evaluation.folder,
+                evaluation.policy,
+                score.count.succeeded,
+                f"{score.count.rate:.3f}",
+                f"{low:.1%} to {high:.1%}",
+                median,
+            )
+        )
+    console.out_table(("", "method", "succeeded", "rate", "95 % interval", "median value"), rows)
+    console.out("")
+    console.out_table(
+        ("first", "second", "both", "first alone", "second alone", "neither", "p"),
+        [
+            (
+                evaluations[pair.first].folder,
+                evaluations[pair.second].folder,
+                len(pair.both),
+                len(pair.first_alone),
+                len(pair.second_alone),
+                len(pair.neither),
+                f"{pair.p_value:.2g}",
+            )
+            for pair in comparison.pairs
+        ],
+    )
+
+
+def _to_json(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> dict[str, object]:
+    return {
+        "task": comparison.task,
+        "episodes": [list(key) for key in comparison.episodes],
+        "methods": [
+            {
+                "folder": str(evaluation.folder),
+                "policy": evaluation.policy,
+                "succeeded": score.count.succeeded,
+                "rate": score.count.rate,
+                "interval": list(score.count.interval),
+                "value_median": score.value_median,
+            }
+            for evaluation, score in zip(evaluations, comparison.scores, strict=True)
+        ],
+        "pairs": [
+            {
+                "first": str(evaluations[pair.first].folder),
+                "second": str(evaluations[pair.second].folder),
+                "both": [list(key) for key in pair.both],
+                "first_alone": [list(key) for key in pair.first_alone],
+                "second_alone": [list(key) for key in pair.second_alone],
+                "neither": [list(key) for key in pair.neither],
+                "p": pair.p_value,
+            }
+            for pair in comparison.pairs
+        ],
+    }

@@ -1,0 +1,205 @@
+"""Evaluations side by side: on the same episodes, which method does those that another one does not."""
+
+import json
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+from dexgarmentlab.evaluation.results import RESULTS_FILE, RESULTS_FORMAT, Count
+from dgl_collect import wilson_interval
+
+__all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
+
+Key = tuple[int, int]
+"""Seed and number of an episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """What became of an episode, and what it began with."""
+
+    start: tuple[int, str]
+    """Its own seed, and the garment."""
+    success: bool
+    """Whether it met the task's rule."""
+    value: float | None
+    """What the rule judges; None if it was not judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """One method's episodes, as `dgl eval` left them."""
+
+    folder: Path
+    """Where they are."""
+    task: str
+    """Environment id."""
+    policy: str
+    """The method."""
+    friction: float
+    """The factor on the garments' friction and adhesion."""
+    episodes: Mapping[Key, Episode]
+    """Those that have been run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What a method does on the common episodes."""
+
+    count: Count
+    """Its successes."""
+    value_median: float | None
+    """Median of what the rule judges; None without a judged episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two methods on the common episodes."""
+
+    first: int
+    """Index of the one evaluation."""
+    second: int
+    """Index of the other."""
+    both: Sequence[Key]
+    """Episodes that both do."""
+    first_alone: Sequence[Key]
+    """Episodes that the first alone does."""
+    second_alone: Sequence[Key]
+    """Episodes that the second alone does."""
+    neither: Sequence[Key]
+    """Episodes that none of them does."""
+    p_value: float
+    """Probability of a split of the unequal episodes at least as uneven, if the methods were equally good: the exact
+    test of McNemar, "Note on the sampling error of the difference between correlated proportions", 1947."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Evaluations on the episodes that all of them have run."""
+
+    task: str
+    """Environment id."""
+    episodes: Sequence[Key]
+    """The common episodes."""
+    scores: Sequence[Score]
+    """One for each evaluation."""
+    pairs: Sequence[Pair]
+    """Every two of them."""
+
+
+def read_evaluation(folder: Path | str) -> Evaluation:
+    """Read what `dgl eval` has written.
+
+    Args:
+        folder: The folder given as its `--out`.
+
+    Raises:
+        FileNotFoundError: If the folder holds no results.
+        ValueError: If they are damaged, or of another kind.
+    """
+    path = Path(folder) / RESULTS_FILE
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"{folder} holds no evaluation: {RESULTS_FILE}, which dgl eval writes at its end, is missing"
+        )
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format"] != RESULTS_FORMAT:
+            raise ValueError(f"format must be {RESULTS_FORMAT}; got {content['format']!r}")
+        return Evaluation(
+            folder=Path(folder),
+            task=str(content["task"]),
+            policy=str(content["policy"]),
+            friction=float(content["friction"]),
+            episodes={
+                (int(run["seed"]), int(run["episode"])): Episode(
+                    start=(int(run["episode_seed"]), str(run["garment"])),
+                    success=bool(run["success"]),
+                    value=None if run["value"] is None else float(run["value"]),
+                )
+                for run in content["runs"]
+            },
+        )
+    except (ValueError, KeyError, TypeError) as err:
+        raise ValueError(f"{path} is damaged or not of dgl eval: {err!r}") from err
+
+
+def compare(evaluations: Sequence[Evaluation]) -> Comparison:
+    """Compare evaluations on the episodes that all of them have run.
+
+    Args:
+        evaluations: At least two, of one task.
+
+    Raises:
+        ValueError: If there are fewer, they are of several tasks, share no episode, or an episode did not begin alike.
+    """
+    if len(evaluations) < 2:
+        raise ValueError(f"at least two evaluations are compared; got {len(evaluations)}")
+    first, *others = evaluations
+    for other in others:
+        for name in ("task", "friction"):
+            ours, theirs = getattr(first, name), getattr(other, name)
+            if ours != theirs:
+                raise ValueError(
+                    f"{first.folder} and {other.folder} cannot be compared: their {name} is {ours} and {theirs}"
+                )
+    common = sorted(set(first.episodes).intersection(*(other.episodes for other in others)))
+    if not common:
+        names = ", ".join(str(evaluation.folder) for evaluation in evaluations)
+        raise ValueError(f"there is no episode that all of {names} have run")
+    for other in others:
+        for key in common:
+            ours, theirs = first.episodes[key].start, other.episodes[key].start
+            if ours != theirs:
+                raise ValueError(
+                    f"episode {key[1]} of seed {key[0]} began with {ours[1]} (seed {ours[0]}) in {first.folder} "
+                    f"and with {theirs[1]} (seed {theirs[0]}) in {other.folder}"
+                )
+    return Comparison(
+        task=first.task,
+        episodes=common,
+        scores=[_score(evaluation, common) for evaluation in evaluations],
+        pairs=[
+            _pair(evaluations, (i, j), common) for i, j in combinations(range(len(evaluations)), 2)
+        ],
+    )
+
+
+def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
+    episodes = [evaluation.episodes[key] for key in common]
+    succeeded = sum(episode.success for episode in episodes)
+    values = [episode.value for episode in episodes if episode.value is not None]
+    return Score(
+        count=Count(
+            episodes=len(episodes),
+            succeeded=succeeded,
+            rate=succeeded / len(episodes),
+            interval=wilson_interval(succeeded, len(episodes)),
+        ),
+        value_median=statistics.median(values) if values else None,
+    )
+
+
+def _pair(
+    evaluations: Sequence[Evaluation], indices: tuple[int, int], common: Sequence[Key]
+) -> Pair:
+    from scipy.stats import binomtest
+
+    groups: dict[tuple[bool, bool], list[Key]] = {
+        (a, b): [] for a in (True, False) for b in (True, False)
+    }
+    for key in common:
+        ours, theirs = (evaluations[index].episodes[key].success for index in indices)
+        groups[ours, theirs].append(key)
+    unequal = len(groups[True, False]) + len(groups[False, True])
+    return Pair(
+        first=indices[0],
+        second=indices[1],
+        both=groups[True, True],
+        first_alone=groups[True, False],
+        second_alone=groups[False, True],
+        neither=groups[False, False],
+        p_value=float(binomtest(len(groups[True, False]), unequal).pvalue) if unequal else 1.0,
+    )

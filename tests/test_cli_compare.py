@@ -1,0 +1,108 @@
+"""The verb `compare`, on made-up evaluations."""
+
+import json
+
+import pytest
+
+from dexgarmentlab.cli import main
+
+
+def write(folder, successes, *, policy="halo", task="FoldTops-v1", friction=1.0, garment="T/{}"):
+    """Write an evaluation of seed 3; None is an episode that has not been run."""
+    runs = [
+        {
+            "seed": 3,
+            "episode": k,
+            "episode_seed": 100 + k,
+            "garment": garment.format(k),
+            "success": success,
+            "value": 0.9 if success else 0.25,
+        }
+        for k, success in enumerate(successes)
+        if success is not None
+    ]
+    content = {"format": 1, "task": task, "policy": policy, "friction": friction, "runs": runs}
+    folder.mkdir()
+    (folder / "results.json").write_text(json.dumps(content))
+    return str(folder)
+
+
+def test_figures_by_hand(tmp_path, capsys):
+    """Of nine unequal episodes eight are of one method: p is 2 (1 + 9) / 2^9."""
+    first = write(tmp_path / "a", [True] * 8 + [False, True, False], policy="halo")
+    second = write(tmp_path / "b", [False] * 8 + [True, True, False], policy="dp3")
+    assert main(["compare", first, second, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["task"] == "FoldTops-v1"
+    assert [m["succeeded"] for m in found["methods"]] == [9, 2]
+    assert [m["value_median"] for m in found["methods"]] == [0.9, 0.25]
+    assert found["methods"][0]["interval"] == pytest.approx([0.5230, 0.9486], abs=1e-4)
+    (pair,) = found["pairs"]
+    assert pair["first_alone"] == [[3, k] for k in range(8)]
+    assert pair["second_alone"] == [[3, 8]]
+    assert (pair["both"], pair["neither"]) == ([[3, 9]], [[3, 10]])
+    assert pair["p"] == pytest.approx(20 / 512)
+
+    assert main(["compare", first, second]) == 0
+    shown = capsys.readouterr().out
+    assert "FoldTops-v1, 11 episodes that all have run" in shown
+    assert "0.039" in shown
+
+
+def test_equal_methods_are_not_told_apart(tmp_path, capsys):
+    folders = [write(tmp_path / name, [True, False]) for name in "abc"]
+    assert main(["compare", *folders, "--json"]) == 0
+    pairs = json.loads(capsys.readouterr().out)["pairs"]
+    assert [pair["p"] for pair in pairs] == [1.0] * 3
+    assert [(p["first"][-1], p["second"][-1]) for p in pairs] == [
+        ("a", "b"),
+        ("a", "c"),
+        ("b", "c"),
+    ]
+
+
+def test_only_episodes_that_all_have_count(tmp_path, capsys):
+    first = write(tmp_path / "a", [True, False, True, True])
+    second = write(tmp_path / "b", [None, True, False])
+    assert main(["compare", first, second, "--json"]) == 0
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert found["episodes"] == [[3, 1], [3, 2]]
+    assert [m["succeeded"] for m in found["methods"]] == [1, 1]
+    assert f"{first} has 2 more episodes" in told.err
+    assert f"{second} has" not in told.err
+
+
+def test_what_did_not_begin_alike_is_refused(tmp_path, capsys):
+    first = write(tmp_path / "a", [True, False])
+    for name, changes, message in (
+        ("task", {"task": "FoldDress-v1"}, "task is FoldTops-v1 and FoldDress-v1"),
+        ("friction", {"friction": 0.0}, "friction is 1.0 and 0.0"),
+        ("garment", {"garment": "T/0"}, "episode 1 of seed 3 began with T/1 (seed 101)"),
+    ):
+        other = write(tmp_path / name, [True, False], **changes)
+        assert main(["compare", first, other]) == 1
+        assert message in capsys.readouterr().err
+    other = write(tmp_path / "none", [None, None, True])
+    assert main(["compare", first, other]) == 1
+    assert "there is no episode that all of" in capsys.readouterr().err
+    assert main(["compare", first]) == 1
+    assert "at least two evaluations are compared; got 1" in capsys.readouterr().err
+
+
+def test_damaged_and_foreign_results_are_refused_by_name(tmp_path, capsys):
+    first = write(tmp_path / "a", [True])
+    other = tmp_path / "b"
+    assert main(["compare", first, str(other)]) == 1
+    assert f"{other} holds no evaluation" in capsys.readouterr().err
+    other.mkdir()
+    whole = (tmp_path / "a/results.json").read_text()
+    for text in (
+        whole[:-20],
+        "[]",
+        whole.replace('"format": 1', '"format": 2'),
+        whole.replace("success", "won"),
+    ):
+        (other / "results.json").write_text(text)
+        assert main(["compare", first, str(other)]) == 1
+        assert f"{other}/results.json is damaged or not of dgl eval" in capsys.readouterr().err
