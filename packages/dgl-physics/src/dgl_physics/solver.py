@@ -11,6 +11,7 @@ from dgl_physics._kernels import (
     bending,
     cloth,
     coarse,
+    edge_contact,
     forgetting,
     guard,
     rigid,
@@ -328,6 +329,7 @@ class SolverXPBD:
             self._pose_shapes(state, (k + 1) / c.substeps)
             if self._elastic is not None:
                 self._elastic.launch(wp.vec3(*c.gravity), state, self._limits, self._near_shapes)
+            self._solve_edge_contact(state, dt)
             wp.launch(
                 rigid.solve_rigid_contact,
                 dim=count,
@@ -337,6 +339,19 @@ class SolverXPBD:
                     self._near_count, self._previous, self._squeeze, state.positions,
                     state.velocities, state.impulse, self._pressed, state.is_stuck,
                     self._tension, self._is_torn,
+                ],
+            )  # fmt: skip
+
+    def _solve_edge_contact(self, state: State, dt: float) -> None:
+        m = self.model
+        for first, end in self._colours(m.colour_start):
+            wp.launch(
+                edge_contact.solve_edge_contact,
+                dim=end - first,
+                inputs=[
+                    first, dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index,
+                    m.materials, self._inverse_mass, self._active, self._pose_before, self._pose_now,
+                    self._near, self._near_count, self._previous, state.positions, state.impulse,
                 ],
             )  # fmt: skip
 

@@ -1,0 +1,80 @@
+"""Rigid shapes do not pass between the particles of cloth."""
+
+import numpy as np
+import pytest
+
+from dgl_physics import ClothMaterial, Shape, SolverXPBD
+
+EDGE = 0.0125
+RADIUS = 0.009  # of a finger's tip [m]
+
+
+def count_pierced(x, faces, start, end):
+    """Count the triangles of particles (V, 3) that the segment from `start` to `end` passes through."""
+    corner, one, two = (x[faces[:, k]] for k in range(3))
+    one, two, way, arm = one - corner, two - corner, end - start, start - corner
+    across = np.cross(way, two)
+    volume = (one * across).sum(axis=1)
+    volume = np.where(np.abs(volume) > 1e-15, volume, np.inf)
+    u = (arm * across).sum(axis=1) / volume
+    turned = np.cross(arm, one)
+    v = turned @ way / volume
+    t = (two * turned).sum(axis=1) / volume
+    return int(((u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1)).sum())
+
+
+def poke(run, sheet, builder, device, *, beside):
+    """Push a finger, tip first, 5 cm into a sheet that is held at its rim; how many triangles are around it then."""
+    vertices, faces = sheet(0.12, 0.12, EDGE)
+    rim = np.flatnonzero(np.abs(vertices[:, :2]).max(axis=1) > 0.05)
+    builder.add_garment(vertices, faces, pinned=rim)
+    finger = Shape(kind="capsule", size=(RADIUS, 0.02, 0))
+    builder.add_shape(finger, body=builder.add_body("finger"))
+    r = run(builder, device=device)
+    for k in range(41):
+        height = 0.043 - min(0.005 * k, 0.054)
+        r.move([[*beside, height, 1, 0, 0, 0]], is_jump=k == 0)
+        r.step()
+    axis = np.array([[*beside, height - 0.029], [*beside, height + 0.02]])
+    return count_pierced(r.x, faces, *axis)
+
+
+@pytest.mark.parametrize("beside", [(0.004, 0.003), (0.002, 0.005), (0.0, 0.004)])
+def test_a_finger_does_not_pass_between_particles(run, sheet, builder, device, beside, monkeypatch):
+    """It did while particles alone met it: the triangle in front of it was stretched over its tip."""
+    assert poke(run, sheet, builder, device, beside=beside) == 0
+    monkeypatch.setattr(SolverXPBD, "_solve_edge_contact", lambda self, state, dt: None)
+    assert poke(run, sheet, type(builder)(1), device, beside=beside) == 1
+
+
+def hang_over_needle(run, sheet, builder, device, *, depth, frames, friction=0.0):
+    """Lay an edge across a thin bar along x, whose top is `depth` above where the edge's middle is, without gravity."""
+    vertices, faces = sheet(0.05, 0.05, EDGE)
+    material = ClothMaterial(drag=0.0, adhesion=0.0, friction=friction)
+    builder.add_garment(vertices, faces, material=material)
+    pose = np.array([0, 0, depth - 0.002, 1, 0, 0, 0])
+    bar = builder.add_shape(Shape(kind="box", size=(0.1, 0.0012, 0.002), pose=pose))
+    r = run(builder, device=device)
+    r.state.set_gravity_scale(0.0)
+    total = np.zeros(6)
+    for _ in range(frames):
+        r.step()
+        total += r.state.impulse.numpy()[0, bar]
+    return r, total
+
+
+def test_an_old_overlap_is_undone_without_a_throw(run, sheet, builder, device):
+    """Edges 1 mm within a bar that no particle touches leave it at once, and slower than `separation_speed`."""
+    r, total = hang_over_needle(run, sheet, builder, device, depth=0.001, frames=1)
+    assert r.x[:, 2].max() > 0.001  # the ends of the edges have risen
+    assert np.abs(r.v).max() < 0.15
+    lost = -(r.mass[:, None] * r.v).sum(axis=0)
+    assert np.linalg.norm(lost) > 0
+    assert total[2] < 0  # the bar is pressed down
+
+
+def test_what_is_above_the_middle_of_an_edge_is_left_alone(run, sheet, builder, device):
+    """A middle may be nearer than the rest offset of particles, down to a quarter of it: 1 mm of 4."""
+    r, total = hang_over_needle(run, sheet, builder, device, depth=-0.0011, frames=5)
+    assert np.abs(r.x[:, 2]).max() < 1e-6
+    assert np.abs(total).max() == 0.0
