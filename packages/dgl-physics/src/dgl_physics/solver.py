@@ -148,6 +148,7 @@ class SolverXPBD:
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._near = wp.zeros(count * c.near_capacity, dtype=wp.int32, device=device)
         self._near_count = wp.zeros(count, dtype=wp.int32, device=device)
+        self._near_bodies = wp.zeros(count, dtype=wp.int32, device=device)
         shapes = max(model.shape_count, 1)
         self._active = wp.zeros((envs, shapes), dtype=wp.int32, device=device)
         self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
@@ -344,14 +345,15 @@ class SolverXPBD:
 
     def _solve_edge_contact(self, state: State, dt: float) -> None:
         m = self.model
+        run = 64 if m.device == "cpu" else 1
         for first, end in self._colours(m.colour_start):
             wp.launch(
                 edge_contact.solve_edge_contact,
-                dim=end - first,
+                dim=-(-(end - first) // run),
                 inputs=[
-                    first, dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index,
+                    first, end, run, dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index,
                     m.materials, self._inverse_mass, self._active, self._pose_before, self._pose_now,
-                    self._near, self._near_count, self._previous, state.positions, state.impulse,
+                    self._near, self._near_bodies, self._previous, state.positions, state.impulse,
                 ],
             )  # fmt: skip
 
@@ -491,7 +493,7 @@ class SolverXPBD:
                 c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                 self._active, self._active_count, self._pose_middle, self._swept, self._pose_now,
                 state.body_end, m.inverse_mass, state.positions, state.velocities, self._near,
-                self._near_count, self._overflow,
+                self._near_count, self._near_bodies, self._overflow,
             ],
         )  # fmt: skip
 

@@ -4,7 +4,7 @@
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.distance import PLANE, shape_distance
+from dgl_physics._kernels.distance import shape_distance
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
@@ -24,50 +24,40 @@ def is_listed(near: wp.array(dtype=wp.int32), first: wp.int32, count: wp.int32, 
     return found
 
 
-@wp.kernel
-def solve_edge_contact(
-    first: wp.int32,
+@wp.func
+def solve_edge(
+    i: wp.int32,
+    j: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
     limits: Limits,
     shapes: ShapeTable,
-    pairs: wp.array(dtype=wp.vec2i),
-    garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    m: Material,
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),
     pose_now: wp.array2d(dtype=wp.transform),
     near: wp.array(dtype=wp.int32),
-    near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Resolve the contact of the middles of one colour's edges of cloth, with Coulomb's friction.
-
-    An edge meets the shapes that are near one of its ends, but planes, which its ends meet first. Overlap from before the
-    substep, beyond what `separation_speed` gives, changes `previous` too: places then, and not velocities.
-    """
-    pair = pairs[first + wp.tid()]
-    i = pair[0]
-    j = pair[1]
-    if near_count[i] + near_count[j] == 0:
-        return
+    """Push the middle of an edge out of the shapes near its ends `i` and `j`, one after the other."""
     w = inverse_mass[i] + inverse_mass[j]
-    m = materials[garment[i]]
     if w == 0.0 or m.is_solid == 1:
         return
     e = i // particles_per_env
+    pair = wp.vec2i(i, j)
     for end in range(2):
         particle = pair[end]
-        for c in range(near_count[particle]):
+        for c in range(near_bodies[particle]):
             k = near[particle * limits.near_capacity + c]
-            s = active[e, k]
-            is_new = shapes.kind[s] != PLANE
-            if is_new and end == 1:
-                is_new = is_listed(near, i * limits.near_capacity, near_count[i], k) == 0
-            if is_new:
+            is_again = int(0)
+            if end == 1:
+                is_again = is_listed(near, i * limits.near_capacity, near_bodies[i], k)
+            if is_again == 0:
+                s = active[e, k]
                 middle = 0.5 * (position[i] + position[j])
                 pose = pose_now[e, k]
                 p = wp.transform_get_translation(pose)
@@ -107,3 +97,43 @@ def solve_edge_contact(
                         wp.atomic_add(
                             impulse, e, s, wp.spatial_vector(given, wp.cross(surface, given))
                         )
+
+
+@wp.kernel
+def solve_edge_contact(
+    first: wp.int32,
+    last: wp.int32,
+    run: wp.int32,
+    dt: wp.float32,
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    pairs: wp.array(dtype=wp.vec2i),
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    inverse_mass: wp.array(dtype=wp.float32),
+    active: wp.array2d(dtype=wp.int32),
+    pose_before: wp.array2d(dtype=wp.transform),
+    pose_now: wp.array2d(dtype=wp.transform),
+    near: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
+    previous: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    impulse: wp.array2d(dtype=wp.spatial_vector),
+):
+    """Resolve the contact of the middles of one colour's edges of cloth, with Coulomb's friction.
+
+    An edge meets the shapes that are near one of its ends, but planes, which its ends meet first. Overlap from before the
+    substep, beyond what `separation_speed` gives, changes `previous` too: places then, and not velocities. Each thread
+    takes `run` edges in order: hardly any is near a shape, and to ask is less than to begin a thread on the CPU.
+    """
+    begin = first + wp.tid() * run
+    for edge in range(begin, wp.min(begin + run, last)):
+        pair = pairs[edge]
+        i = pair[0]
+        j = pair[1]
+        if near_bodies[i] + near_bodies[j] > 0:
+            solve_edge(
+                i, j, dt, particles_per_env, limits, shapes, materials[garment[i]], inverse_mass,
+                active, pose_before, pose_now, near, near_bodies, previous, position, impulse,
+            )  # fmt: skip

@@ -153,15 +153,19 @@ def find_near_shapes(
     velocity: wp.array(dtype=wp.vec3),
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
     overflow: wp.array(dtype=wp.int32),
 ):
     """List the active shapes that each particle may touch within the coming frame.
+
+    Planes come last, as in `active`: the first `near_bodies` shapes of a particle are other shapes.
 
     A plane is near when its surface is at the start or at the end; another shape when its sphere
     and then its surface are, where it is in the middle of the frame, within what it moves.
     """
     i = wp.tid()
     count = int(0)
+    bodies = int(0)
     if inverse_mass[i] > 0.0:
         e = i // particles_per_env
         x = position[i]
@@ -191,9 +195,12 @@ def find_near_shapes(
                 if count < limits.near_capacity:
                     near[i * limits.near_capacity + count] = k
                     count += 1
+                    if shapes.kind[s] != PLANE:
+                        bodies += 1
                 else:
                     wp.atomic_add(overflow, e, 1)
     near_count[i] = count
+    near_bodies[i] = bodies
 
 
 @wp.kernel
