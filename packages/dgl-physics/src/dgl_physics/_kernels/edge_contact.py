@@ -4,7 +4,7 @@
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.distance import shape_distance
+from dgl_physics._kernels.hit import find_drift, find_hit
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
@@ -59,23 +59,11 @@ def solve_edge(
             if is_again == 0:
                 s = active[e, k]
                 middle = 0.5 * (position[i] + position[j])
-                pose = pose_now[e, k]
-                p = wp.transform_get_translation(pose)
-                q = wp.transform_get_rotation(pose)
-                local = wp.quat_rotate_inv(q, middle - p)
-                hit = shape_distance(
-                    shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local
-                )
-                depth = REST_SHARE * m.rest_offset - hit[3]
+                hit = find_hit(shapes, s, pose_now[e, k], middle)
+                depth = REST_SHARE * m.rest_offset - hit.distance
                 if depth > 0.0:
-                    n_local = wp.vec3(hit[0], hit[1], hit[2])
-                    n = wp.quat_rotate(q, n_local)
-                    surface = middle - n * hit[3]
-                    drift = wp.vec3(0.0, 0.0, 0.0)
-                    if shapes.is_moving[s] == 1:
-                        drift = surface - wp.transform_point(
-                            pose_before[e, k], local - n_local * hit[3]
-                        )
+                    n = hit.normal
+                    drift = find_drift(shapes, s, pose_before[e, k], hit)
                     slip = (middle - 0.5 * (previous[i] + previous[j])) - drift
                     along = wp.dot(n, slip)
                     slip = slip - n * along
@@ -95,7 +83,7 @@ def solve_edge(
                     if shapes.is_measured[s] == 1:
                         given = share * (-2.0 / dt)
                         wp.atomic_add(
-                            impulse, e, s, wp.spatial_vector(given, wp.cross(surface, given))
+                            impulse, e, s, wp.spatial_vector(given, wp.cross(hit.surface, given))
                         )
 
 

@@ -5,7 +5,8 @@
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
 import warp as wp
 
-from dgl_physics._kernels.distance import PLANE, SPHERE, bound_distance, shape_distance
+from dgl_physics._kernels.distance import PLANE, SPHERE, bound_distance
+from dgl_physics._kernels.hit import find_drift, find_hit
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
@@ -252,19 +253,11 @@ def solve_rigid_contact(
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
-        pose = pose_now[e, k]
-        p = wp.transform_get_translation(pose)
-        q = wp.transform_get_rotation(pose)
-        local = wp.quat_rotate_inv(q, x - p)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
-        gap = hit[3] - m.rest_offset
+        hit = find_hit(shapes, s, pose_now[e, k], x)
+        gap = hit.distance - m.rest_offset
         if gap < m.adhesion_radius and m.is_solid == 0:
-            n_local = wp.vec3(hit[0], hit[1], hit[2])
-            n = wp.quat_rotate(q, n_local)
-            surface = x - n * hit[3]
-            drift = wp.vec3(0.0, 0.0, 0.0)
-            if shapes.is_moving[s] == 1:
-                drift = surface - wp.transform_point(pose_before[e, k], local - n_local * hit[3])
+            n = hit.normal
+            drift = find_drift(shapes, s, pose_before[e, k], hit)
             slip = (x - before) - drift
             slip = slip - n * wp.dot(n, slip)
             push = float(0.0)
@@ -300,10 +293,10 @@ def solve_rigid_contact(
             x = x - slip
             if shapes.is_measured[s] == 1:
                 j = (slip - reaction) / (w * dt)
-                wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
+                wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(hit.surface, j)))
                 if pressed > 0.0:
                     j = n * (-pressed / (w * dt))
-                    wp.atomic_add(press, e, s, wp.spatial_vector(j, wp.cross(surface, j)))
+                    wp.atomic_add(press, e, s, wp.spatial_vector(j, wp.cross(hit.surface, j)))
     # From what was corrected rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
     # Overlap from before this substep must not throw the particle off a surface.
@@ -336,6 +329,4 @@ def measure_penetration(
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
-        local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), position[i])
-        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
-        wp.atomic_max(deepest, e, -hit[3])
+        wp.atomic_max(deepest, e, -find_hit(shapes, s, pose_now[e, k], position[i]).distance)

@@ -9,7 +9,7 @@ solid are solved together, with the inverse of the step's matrix as their compli
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.distance import shape_distance
+from dgl_physics._kernels.hit import find_drift, find_hit
 from dgl_physics._kernels.solid import Bodies
 from dgl_physics._kernels.types import Limits, Material, ShapeTable
 
@@ -65,15 +65,14 @@ def add_adhesion(
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
-        local = wp.transform_point(wp.transform_inverse(pose_now[e, k]), x)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
-        gap = hit[3] - m.rest_offset
+        hit = find_hit(shapes, s, pose_now[e, k], x)
+        gap = hit.distance - m.rest_offset
         if gap > 0.0 and gap < m.adhesion_radius:
-            n = wp.transform_vector(pose_now[e, k], wp.vec3(hit[0], hit[1], hit[2]))
+            n = hit.normal
             j = n * (m.adhesion * gap * dt)
             step[r] = step[r] - j * dt
             if shapes.is_measured[s] == 1:
-                wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(x - n * hit[3], j)))
+                wp.atomic_add(impulse, e, s, wp.spatial_vector(j, wp.cross(hit.surface, j)))
 
 
 @wp.kernel
@@ -110,25 +109,19 @@ def find_touches(
     for c in range(near_count[i]):
         k = near[i * limits.near_capacity + c]
         s = active[e, k]
-        pose = pose_now[e, k]
-        local = wp.transform_point(wp.transform_inverse(pose), x)
-        hit = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
-        gap = hit[3] - m.rest_offset
+        hit = find_hit(shapes, s, pose_now[e, k], x)
+        gap = hit.distance - m.rest_offset
         if gap < least:
             least = gap
-            n_local = wp.vec3(hit[0], hit[1], hit[2])
-            n = wp.transform_vector(pose, n_local)
-            surface = x - n * hit[3]
-            slip = x - previous[i]
-            if shapes.is_moving[s] == 1:
-                slip -= surface - wp.transform_point(pose_before[e, k], local - n_local * hit[3])
+            n = hit.normal
+            slip = (x - previous[i]) - find_drift(shapes, s, pose_before[e, k], hit)
             touches.shape[r] = s
             touches.normal[r] = n
             # an overlap from before is left no faster than at the separation speed
             start = gap - wp.dot(n, slip)
             touches.gap[r] = gap - wp.min(0.0, start + limits.separation_speed * dt)
             touches.slip[r] = slip - n * wp.dot(n, slip)
-            touches.surface[r] = surface
+            touches.surface[r] = hit.surface
             touches.friction[r] = m.friction * shapes.friction[s]
 
 
