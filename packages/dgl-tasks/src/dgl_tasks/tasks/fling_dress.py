@@ -16,9 +16,6 @@ TASK = Task(
     start_below=0.6,
     settle_frames=120,
     rounds=FLING_ROUNDS,
-    # a corner of a heap, all that a hand may hold, slips out of friction 1 under a long dress's weight; 25, the
-    # original's, keeps dresses on opened hands
-    hand_friction=3.0,
     turns_over=True,
     cameras=FLING_CAMERAS,
     stages=(

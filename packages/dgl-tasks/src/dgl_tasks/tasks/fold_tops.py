@@ -30,6 +30,8 @@ TASK = Task(
         Stage(
             name="bottom_up",
             grasp={"left": "left_hem", "right": "right_hem"},
+            orientation="heap",
+            grasp_height=0.0,
             policy_loops=12,
         ),
     ),

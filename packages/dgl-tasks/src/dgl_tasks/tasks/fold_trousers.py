@@ -32,7 +32,7 @@ TASK = Task(
         Stage(
             name="near_leg_over",
             grasp={"left": "left_waist", "right": "left_hem_outer"},
-            # a thumb that slides back through friction 1 drags the leg, and the trousers, along
+            # a thumb that slides back through the leg drags it, and the trousers, along
             leave="shed",
             policy_loops=12,
         ),
