@@ -193,7 +193,7 @@ def test_shapes_share_the_grid_of_one_mesh(meshes, sheet):
 
 
 def count_near(solver):
-    return solver._near_count.numpy()
+    return solver._near.near_count.numpy()
 
 
 def test_only_what_is_near_a_large_body_is_looked_up(run, sheet, meshes):

@@ -15,8 +15,8 @@ from dgl_physics.model import Model as Model
 from dgl_physics.model import ModelBuilder as ModelBuilder
 from dgl_physics.shapes import Shape as Shape
 from dgl_physics.solid_material import SolidMaterial as SolidMaterial
-from dgl_physics.solver import SolverConfig as SolverConfig
 from dgl_physics.solver import SolverXPBD as SolverXPBD
+from dgl_physics.solver_config import SolverConfig as SolverConfig
 from dgl_physics.state import State as State
 
 __all__ = [

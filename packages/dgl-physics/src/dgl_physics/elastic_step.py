@@ -2,8 +2,6 @@
 
 # What wp.struct returns is no class to pyright.
 # pyright: reportGeneralTypeIssues=false
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
@@ -12,23 +10,11 @@ from dgl_physics._kernels.solid import Bodies
 from dgl_physics._kernels.solid_contact import Touches
 from dgl_physics._kernels.types import Limits
 from dgl_physics.elastic import Solids
+from dgl_physics.near_shapes import NearShapes
 from dgl_physics.state import State
 
 CONTACT_SWEEPS = 30
 """Most sweeps over the contacts of a solid; fewer when nothing moves by more than 0.1 um."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class NearShapes:
-    """Arrays of the solver that say which shapes are near and where particles came from."""
-
-    active: wp.array
-    pose_before: wp.array
-    pose_now: wp.array
-    near: wp.array
-    near_count: wp.array
-    previous: wp.array
-    inverse_mass: wp.array
 
 
 class ElasticStep:
@@ -86,15 +72,32 @@ class ElasticStep:
         self._touches.surface = wp.zeros(count, dtype=wp.vec3, device=device)
         self._forces = wp.zeros(solids.elements.rows.size, dtype=wp.mat33, device=device)
 
-    def launch(self, gravity: wp.vec3, state: State, limits: Limits, near: NearShapes) -> None:
-        """Move the solids' particles, which have been integrated, by elasticity and contact."""
+    def launch(
+        self,
+        gravity: wp.vec3,
+        state: State,
+        limits: Limits,
+        near: NearShapes,
+        inverse_mass: wp.array,
+        previous: wp.array,
+    ) -> None:
+        """Move the solids' particles, which have been integrated, by elasticity and contact.
+
+        Args:
+            gravity: [m/s^2], world frame.
+            state: What is moved.
+            limits: Of the solver.
+            near: The shapes near each particle, posed for this substep.
+            inverse_mass: Of each particle [1/kg], 0 for those that do not move.
+            previous: Positions at the start of the substep [m].
+        """
         m, s, count = state.model, self._solids, self._solids.particle.size
         wp.launch(
             solid.predict,
             dim=count,
             inputs=[
                 gravity, state.gravity_scale, self._dt, s.particle, s.damping, m.environment,
-                m.garment_index, m.materials, near.inverse_mass, state.positions, state.velocities,
+                m.garment_index, m.materials, inverse_mass, state.positions, state.velocities,
                 self._trial, self._fall,
             ],
         )  # fmt: skip
@@ -116,14 +119,14 @@ class ElasticStep:
             dim=count,
             inputs=[
                 self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                near.inverse_mass, near.active, near.pose_now, near.near, near.near_count,
+                inverse_mass, near.active, near.pose_now, near.near, near.near_count,
                 s.particle, self._trial, self._step, state.impulse,
             ],
         )  # fmt: skip
         wp.launch(
             solid.find_levers,
             dim=len(s.first_row),
-            inputs=[self._bodies, s.particle, s.mass, near.previous, self._arm, self._lever],
+            inputs=[self._bodies, s.particle, s.mass, previous, self._arm, self._lever],
         )
         self._substitute(self._step, is_for_contact=False)
         self._substitute(self._lever, is_for_contact=False)
@@ -140,8 +143,8 @@ class ElasticStep:
             dim=count,
             inputs=[
                 self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                near.inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                near.near_count, near.previous, state.positions, s.particle, self._fall,
+                inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
+                near.near_count, previous, state.positions, s.particle, self._fall,
                 self._step, self._touches,
             ],
         )  # fmt: skip
@@ -161,7 +164,7 @@ class ElasticStep:
             solid.move_bodies,
             dim=len(s.first_row),
             inputs=[
-                self._bodies, s.particle, s.mass, near.inverse_mass, self._arm, self._lever,
+                self._bodies, s.particle, s.mass, inverse_mass, self._arm, self._lever,
                 self._inverse_inertia, self._fall, self._step, self._contact_count, self._push,
                 self._shift, state.positions,
             ],

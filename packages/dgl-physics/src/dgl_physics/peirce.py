@@ -14,7 +14,8 @@ import numpy as np
 from dgl_physics.bending import compute_bending_length
 from dgl_physics.material import ClothMaterial
 from dgl_physics.model import ModelBuilder
-from dgl_physics.solver import SolverConfig, SolverXPBD
+from dgl_physics.solver import SolverXPBD
+from dgl_physics.solver_config import SolverConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,8 @@ from dgl_physics.material import ClothMaterial
 from dgl_physics.model import Model, ModelBuilder
 from dgl_physics.shapes import Shape
 from dgl_physics.solid_material import SolidMaterial
-from dgl_physics.solver import SolverConfig, SolverXPBD
+from dgl_physics.solver import SolverXPBD
+from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
 from dgl_physics.topology import compute_vertex_normals
 

@@ -1,0 +1,115 @@
+"""Contact of particles with each other: which are near, and what keeps them apart."""
+
+import numpy as np
+import warp as wp
+
+from dgl_physics._kernels import selfcontact
+from dgl_physics._kernels.types import Limits
+from dgl_physics.model import Model
+from dgl_physics.solver_config import SolverConfig
+from dgl_physics.state import State
+
+__all__ = ["SelfContact"]
+
+
+class SelfContact:
+    """The particles near each other, searched for where they have moved, and their contact."""
+
+    def __init__(
+        self, model: Model, config: SolverConfig, limits: Limits, overflow: wp.array
+    ) -> None:
+        """Make the lists.
+
+        Args:
+            model: What is simulated.
+            config: Settings of the solver.
+            limits: The same, for kernels.
+            overflow: Of each environment: entries that its lists had no room for, int32, shape (B,).
+        """
+        self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
+        device, count = model.device, model.env_count * model.particles_per_env
+        self.squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
+        """By what each particle was pushed in the last solution [m]."""
+        self._reach = model.contact_reach + config.neighbour_margin
+        self._grid = wp.HashGrid(64, 64, 8, device=device)
+        self._grid.reserve(count)
+        cells = max(1 << 14, 1 << int(np.ceil(np.log2(8 * count))))
+        self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
+        self._restless = wp.zeros(model.env_count, dtype=wp.int32, device=device)
+        self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
+        self._neighbours = wp.zeros(
+            count * config.neighbour_capacity, dtype=wp.int32, device=device
+        )
+        self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
+        self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._squeeze_next = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._crowd_next = wp.zeros(count, dtype=wp.float32, device=device)
+
+    def mark_stirred(self, state: State) -> None:
+        """Mark the cells of space in which particles have moved, or may until the next search."""
+        m, c = self._model, self._config
+        self._stirred.zero_()
+        self._restless.zero_()
+        wp.launch(
+            selfcontact.mark_stirred,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                c.search_every * c.dt / c.substeps, self._limits, m.environment, m.inverse_mass, state.positions,
+                state.velocities, self._searched_at, self._stirred, self._restless,
+            ],
+        )  # fmt: skip
+
+    def is_any_stirred(self) -> bool:
+        """Ask whether any cell was marked; where reading the answer would stall the device, say so."""
+        return self._model.device != "cpu" or bool(self._restless.numpy().any())
+
+    def search(self, state: State) -> None:
+        """List neighbours anew in the cells that are marked."""
+        m = self._model
+        self._grid.build(state.positions, self._limits.cell_size, groups=m.environment)
+        wp.launch(
+            selfcontact.find_neighbours,
+            dim=m.env_count * m.particles_per_env,
+            inputs=[
+                self._grid.id, self._limits, m.environment, m.touch, self._reach, m.adjacency_start, m.adjacency,
+                self._stirred, state.positions, self._searched_at, self._neighbours, self._neighbour_count,
+                self._overflow,
+            ],
+        )  # fmt: skip
+
+    def solve(
+        self,
+        state: State,
+        dt: float,
+        inverse_mass: wp.array,
+        previous: wp.array,
+        *,
+        share: float = 1.0,
+    ) -> None:
+        """Separate particles, with friction and adhesion.
+
+        Args:
+            state: What is solved.
+            dt: Length of the substep [s].
+            inverse_mass: Of each particle [1/kg], 0 for those that do not move.
+            previous: Positions at the start of the substep [m].
+            share: Of the corrections that is applied; with 0 contacts are counted alone.
+        """
+        m = self._model
+        count = m.env_count * m.particles_per_env
+        wp.launch(
+            selfcontact.solve_self_contact,
+            dim=count,
+            inputs=[
+                dt, self._limits, m.touch, inverse_mass, state.positions, previous, self._neighbours,
+                self._neighbour_count, state.crowd, self._correction, self._squeeze_next, self._crowd_next,
+            ],
+        )  # fmt: skip
+        wp.launch(
+            selfcontact.apply_corrections,
+            dim=count,
+            inputs=[
+                share, self._correction, self._squeeze_next, self._crowd_next, state.positions, self.squeeze,
+                state.crowd,
+            ],
+        )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Settings of the solver."""
+
+from dataclasses import dataclass
+
+from dgl_physics._kernels.types import Limits
+
+__all__ = ["SolverConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverConfig:
+    """Settings of the solver."""
+
+    dt: float = 1 / 60
+    """Length of a frame [s]; > 0."""
+    substeps: int = 10
+    """Substeps of a frame, each of one iteration; >= 1."""
+    coarse_sweeps: int = 3
+    """Passes over the limits of the coarse level in each substep; 0 leaves it out."""
+    search_every: int = 5
+    """Substeps after which particle contacts are searched for, where particles moved; >= 1."""
+    neighbour_margin: float = 0.005
+    """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
+    far a particle may move without a search."""
+    neighbour_capacity: int = 256
+    """Most particles of higher index that a particle can be near to."""
+    near_capacity: int = 96
+    """Most shapes that a particle can be near to."""
+    sleep_distance: float = 1.5e-3
+    """Cloth is still while its particles stay this near to where they were, as the root of the mean square
+    over an environment [m]; 0 for cloth that never sleeps."""
+    sleep_after: float = 0.5
+    """Time for which the cloth of an environment has been still that sleeps [s]; > 0. It wakes when a
+    body that can move comes near, or when particles or gravity are set."""
+    max_speed: float = 15.0
+    """Particles are not faster than this [m/s]."""
+    separation_speed: float = 0.1
+    """Velocity that a contact may give by undoing an overlap [m/s]; > 0. The overlap itself is
+    undone at once; what exceeds this changes places and not velocities."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    """[m/s^2], world frame."""
+    is_guarded: bool = True
+    """Raise when particles diverge or contact capacities overflow, looked at after each frame."""
+
+    def __post_init__(self) -> None:
+        if not self.dt > 0:
+            raise ValueError(f"dt must be > 0; got {self.dt}")
+        if self.substeps < 1:
+            raise ValueError(f"substeps must be >= 1; got {self.substeps}")
+        if not self.neighbour_margin > 0:
+            raise ValueError(f"neighbour_margin must be > 0; got {self.neighbour_margin}")
+        if not (self.sleep_distance >= 0 and self.sleep_after > 0):
+            raise ValueError(
+                f"sleep_distance must be >= 0 and sleep_after > 0; got {self.sleep_distance} and "
+                f"{self.sleep_after}"
+            )
+        if self.search_every < 1:
+            raise ValueError(f"search_every must be >= 1; got {self.search_every}")
+
+    def make_limits(self, contact_reach: float) -> Limits:
+        """Return what kernels look up.
+
+        Args:
+            contact_reach: Largest distance at which two particles act on each other [m].
+        """
+        limits = Limits()
+        limits.max_speed = self.max_speed
+        limits.separation_speed = self.separation_speed
+        limits.neighbour_margin = self.neighbour_margin
+        limits.neighbour_capacity = self.neighbour_capacity
+        limits.near_capacity = self.near_capacity
+        limits.sleep_distance = self.sleep_distance
+        limits.sleep_frames = max(1, round(self.sleep_after / self.dt))
+        limits.cell_size = 2.0 * (
+            contact_reach + self.neighbour_margin
+        )  # A query visits few cells.
+        return limits
