@@ -5,13 +5,18 @@ Results go to standard output, so that they can be piped; messages and progress 
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import Any, Protocol, TypeVar
 
 __all__ = ["Progress", "error", "info", "out", "out_json", "out_table", "progress", "track"]
 
 T = TypeVar("T")
+
+LOG_SECONDS = 30.0
+"""Time between two lines of progress in a log [s]."""
 
 
 class Progress(Protocol):
@@ -61,7 +66,7 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
         total: Number of steps, or None when it is not known: then the bar only shows that work goes on.
 
     Yields:
-        The bar. On something that is no terminal (a log file), only its end is written.
+        The bar. On something that is no terminal (a log file) it is a line every half minute, and one at the end.
     """
     from rich.console import Console
     from rich.progress import (
@@ -73,6 +78,14 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
     )
     from rich.progress import Progress as RichProgress
 
+    terminal = Console(stderr=True)
+    if not terminal.is_terminal:
+        lines = _LoggedProgress(description, total)
+        try:
+            yield lines
+        finally:
+            lines.write()
+        return
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -81,7 +94,7 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[note]}"),
     )
-    with RichProgress(*columns, console=Console(stderr=True)) as bar:
+    with RichProgress(*columns, console=terminal) as bar:
         task = bar.add_task(description, total=total, note="")
 
         class _Bar:
@@ -96,6 +109,36 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
                     bar.update(task, advance=steps, note=note)
 
         yield _Bar()
+
+
+class _LoggedProgress:
+    """Progress as lines: how far it has come, for how long it has run, and the note."""
+
+    def __init__(
+        self,
+        description: str,
+        total: int | None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._description, self._total, self._clock = description, total, clock
+        self._steps, self._note = 0, ""
+        self._started = self._written = clock()
+
+    def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
+        self._steps += steps
+        self._note = self._note if note is None else note
+        self._total = self._total if total is None else total
+        if self._clock() - self._written >= LOG_SECONDS:
+            self.write()
+
+    def write(self) -> None:
+        """Write where it is."""
+        self._written = self._clock()
+        of = "" if self._total is None else f"/{self._total}"
+        elapsed = timedelta(seconds=int(self._written - self._started))
+        parts = (f"{self._description} {self._steps}{of}", str(elapsed), self._note)
+        info(", ".join(part for part in parts if part))
 
 
 def track(iterable: Iterable[T], description: str, total: int | None = None) -> Iterator[T]:
