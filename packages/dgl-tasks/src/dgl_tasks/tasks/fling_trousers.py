@@ -31,7 +31,9 @@ TASK = Task(
         Stage(
             name="pull_legs",
             grasp={"left": "left_hem_middle", "right": "right_hem_middle"},
-            grasp_height=0.02,
+            # level fingers take the edge of a hem alone, which slips
+            orientation="heap",
+            grasp_height=FLING_GRASP_HEIGHT,
             looks_again=True,
             moved_at_most=None,
             policy_loops=4,
@@ -40,7 +42,7 @@ TASK = Task(
             name="spread_waist",
             grasp={"left": "left_waistband", "right": "right_waistband"},
             orientation="heap_sides",
-            grasp_height=0.02,
+            grasp_height=FLING_GRASP_HEIGHT,
             looks_again=True,
             moved_at_most=None,
             leave="shed",
