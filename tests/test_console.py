@@ -37,6 +37,11 @@ def test_a_line_is_written_every_half_minute_and_says_where_it_is(clock, capsys)
     clock.now += 0.1
     bar.advance()  # What is not given again stays.
     assert capsys.readouterr().err == "training 182/500, 0:02:00, loss 90\n"
+    bar.end()
+    assert capsys.readouterr().err == ""
+    bar.advance()
+    bar.end()
+    assert capsys.readouterr().err == "training 183/500, 0:02:00, loss 90\n"
 
 
 def test_where_it_ended_is_written_whatever_ended_it(capsys):

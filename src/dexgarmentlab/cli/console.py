@@ -84,7 +84,7 @@ def progress(description: str, total: int | None = None) -> Iterator[Progress]:
         try:
             yield lines
         finally:
-            lines.write()
+            lines.end()
         return
     columns = (
         SpinnerColumn(),
@@ -122,19 +122,24 @@ class _LoggedProgress:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._description, self._total, self._clock = description, total, clock
-        self._steps, self._note = 0, ""
+        self._steps, self._note, self._is_written = 0, "", False
         self._started = self._written = clock()
 
     def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
         self._steps += steps
         self._note = self._note if note is None else note
         self._total = self._total if total is None else total
+        self._is_written = False
         if self._clock() - self._written >= LOG_SECONDS:
-            self.write()
+            self._write()
 
-    def write(self) -> None:
-        """Write where it is."""
-        self._written = self._clock()
+    def end(self) -> None:
+        """Write where it ended, where the last line does not say so."""
+        if not self._is_written:
+            self._write()
+
+    def _write(self) -> None:
+        self._written, self._is_written = self._clock(), True
         of = "" if self._total is None else f"/{self._total}"
         elapsed = timedelta(seconds=int(self._written - self._started))
         parts = (f"{self._description} {self._steps}{of}", str(elapsed), self._note)
