@@ -69,6 +69,10 @@ def test_results_hold_every_seed_and_every_episode(fake, tmp_path, capsys):
     results = json.loads((tmp_path / "out/results.json").read_text())
     succeeded = [count_even(seed, 3) for seed in (0, 1)]
     assert f"nothing: {sum(succeeded)} of 6 episodes succeeded" in out
+    assert f"report: {tmp_path / 'out/index.html'}" in out
+    page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
+    assert f"{sum(succeeded)} of 6" in page
+    assert (tmp_path / "out/pictures.jpg").is_file()
     assert [item["succeeded"] for item in results["by_seed"].values()] == succeeded
     assert results["success"]["mean"] == pytest.approx(sum(succeeded) / 6)
     assert [(r["seed"], r["episode"]) for r in results["runs"]] == [
@@ -101,6 +105,7 @@ def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
     assert said.endswith("my out' --resume")
     results = json.loads((tmp_path / "my out/results.json").read_text())
     assert results["status"] == "interrupted"
+    assert "This run was interrupted" in (tmp_path / "my out/index.html").read_text()
     done = results["success"]["episodes"]
     assert 0 < done < 60
     left = options(tmp_path / "my out", episodes=done + 1, seeds="3", resume=True, json=True)

@@ -3,16 +3,20 @@
 import importlib
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from dexgarmentlab import _report_figures as figures
-from dexgarmentlab.report import write_report
+from dexgarmentlab.evaluation.results import Run, summarize
+from dexgarmentlab.reports import evaluation, figures, pictures
+from dexgarmentlab.reports.collection import write_report
 from dgl_collect import AttemptResult, CorruptEpisodeError, Criterion, VideoWriter, write_episode
-from dgl_collect.run_folder import RunFolder
+from dgl_collect.results import read_results
+from dgl_collect.run_folder import ATTEMPTS_FILE, RunFolder
 from dgl_collect.video import save_png
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
@@ -129,7 +133,7 @@ def test_a_run_without_attempts_is_reported(make_run):
 
 
 def test_many_attempts_are_all_in_the_table(make_run, monkeypatch):
-    monkeypatch.setattr("dexgarmentlab.report.SHOWN_EACH", 2)
+    monkeypatch.setattr("dexgarmentlab.reports.collection.SHOWN_EACH", 2)
     page = Page(write_report(make_run([True, True, True, False])))
     assert page.ids == ["a0", "a1", "a3"]
     assert "3 of 4, see the table" in page.text
@@ -171,3 +175,140 @@ def test_the_meter_agrees_with_the_criterion(threshold, state):
 def test_a_degenerate_cloud_is_drawn():
     cloud = np.zeros((1, 3), np.float32)
     assert "data:image/png" in figures.cloud_figure(cloud, np.ones((1, 2)), {}, alt="one point")
+
+
+# Pictures beside each other -----------------------------------------------------------------------
+
+
+def draw_garment(path, x, y, *, size=40, shade=220):
+    """Save a picture of a bright square, its corner at (x, y), on a grey floor."""
+    image = np.full((480, 640, 3), 90, np.uint8)
+    image[y : y + size, x : x + size] = shade
+    save_png(path, image)
+    return pictures.Shot(path=path, label=path.stem, success=True)
+
+
+def test_pictures_are_cropped_to_where_they_differ_whatever_lies_far_off(tmp_path):
+    shots = [draw_garment(tmp_path / f"{k}.png", 300 + k, 200 + k) for k in range(30)]
+    left, upper, right, lower = pictures._find_box(
+        np.stack([pictures._read(s.path) for s in shots])
+    )
+    assert right - left == pytest.approx(lower - upper)  # pictures keep their shape
+    assert left < 300 / 640 < 369 / 640 < right
+    assert upper < 200 / 480 < 269 / 480 < lower
+    assert right - left < 0.3
+    # three pixels of one picture, at its edge, are less than a hundredth of all that differs
+    far = draw_garment(tmp_path / "far.png", 620, 460, size=12)
+    boxes = np.stack([pictures._read(s.path) for s in [*shots, far]])
+    assert pictures._find_box(boxes)[2] < 0.7
+
+
+@pytest.mark.parametrize("count", [pictures.LEAST_CROPPED - 1, pictures.LEAST_CROPPED])
+def test_few_pictures_and_equal_ones_are_shown_whole(tmp_path, count):
+    whole = (0.0, 0.0, 1.0, 1.0)
+    equal = np.stack([pictures._read(draw_garment(tmp_path / "a.png", 300, 200).path)] * count)
+    assert pictures._find_box(equal) == whole
+    equal = equal.copy()
+    equal[0, 60:90, 100:140] = 0
+    assert (pictures._find_box(equal) == whole) == (count < pictures.LEAST_CROPPED)
+
+
+def test_a_box_at_the_edge_stays_inside_the_picture(tmp_path):
+    shots = [draw_garment(tmp_path / f"{k}.png", 590 - k, 430 - k) for k in range(8)]
+    box = pictures._find_box(np.stack([pictures._read(s.path) for s in shots]))
+    assert box[2:] == pytest.approx((1.0, 1.0))
+    assert min(box) >= 0.0
+
+
+def test_the_sheet_frames_failures_in_red(tmp_path):
+    shots = [draw_garment(tmp_path / f"{k}.png", 300, 200) for k in range(12)]
+    shots[11] = pictures.Shot(path=shots[11].path, label="11", success=False)
+    image = iio.imread(pictures.draw_sheet(shots, tmp_path / "sheet.jpg")).astype(int)
+    step = np.array([image.shape[0] - pictures._GAP, image.shape[1] - pictures._GAP])
+    step //= [2, pictures.COLUMNS]  # two rows of ten
+    for index, (red, green) in ((0, (31, 122)), (11, (196, 60))):
+        corner = pictures._GAP + 1 + step * divmod(index, pictures.COLUMNS)
+        assert np.abs(image[corner[0], corner[1]][:2] - [red, green]).max() < 25, index
+    with pytest.raises(ValueError, match="at least one picture; got none"):
+        pictures.draw_sheet([], tmp_path / "none.jpg")
+    assert not (tmp_path / "none.jpg").exists()
+
+
+# Evaluations --------------------------------------------------------------------------------------
+
+ASKED = {
+    "task": "FoldTops-v1", "policy": "my:<policy>", "episodes": 2, "seeds": [0, 1], "matcher": "gam",
+    "command": "dgl eval FoldTops-v1 --policy 'my:<policy>'",
+}  # fmt: skip
+
+
+@pytest.fixture
+def make_evaluation(make_run):
+    def make(outcomes):
+        """Make the folders of seeds, each with a success or failure an episode."""
+        runs = []
+        for seed, successes in enumerate(outcomes):
+            source = make_run(successes)
+            folder = source.parent / f"seed-{seed}"
+            source.rename(folder)
+            runs.append(
+                Run(
+                    seed=seed,
+                    folder=Path(folder.name),
+                    results=read_results(folder / ATTEMPTS_FILE),
+                )
+            )
+        return folder.parent, runs
+
+    return make
+
+
+def report(folder, runs, status="complete"):
+    return evaluation.write_report(
+        folder, summarize(runs), runs, asked=ASKED, status=status, versions={"numpy": "2.0"}
+    )
+
+
+def test_an_evaluation_is_reported_with_all_its_pictures(make_evaluation):
+    folder, runs = make_evaluation([[True, False], [True, True]])
+    page = Page(report(folder, runs))
+    for text in (
+        "Fold Tops: my:<policy>", "75% success", "3 of 4", "0.750 ± 0.354", "left <cuff> slipped",
+        "seed 1", "0.500", "Episode 1 of seed 0", "0 · 0.90", "1 · 0.50", "dgl eval FoldTops-v1",
+    ):  # fmt: skip
+        assert text in page.text, text
+    assert page.ids == ["s0e1"]  # failures are shown with film and figures
+    files = [a for a in page.addresses if not a.startswith("data:")]
+    assert all((folder / address).is_file() for address in files)
+    for film in ("seed-0/episodes/0.mp4", "seed-0/failed/1.mp4", "seed-1/episodes/1.mp4"):
+        assert film in files
+    assert (folder / "pictures.jpg").is_file()
+
+
+def test_an_evaluation_without_failures_and_one_without_episodes(make_evaluation):
+    folder, runs = make_evaluation([[True]])
+    page = Page(report(folder, runs))
+    assert "100% success" in page.text
+    assert "Failures" not in page.text
+    empty = [Run(seed=0, folder=runs[0].folder, results=())]
+    page = Page(report(folder, empty, status="interrupted"))
+    assert "No episodes yet" in page.text
+    assert "interrupted after 0 of 4 episodes. The same command with --resume" in page.text
+
+
+@pytest.mark.parametrize("seconds", [{}, {"left_sleeve": 20.0}])
+def test_only_timed_stages_have_their_times_shown(make_evaluation, seconds):
+    folder, [run] = make_evaluation([[False]])
+    results = [replace(result, stage_seconds=seconds) for result in run.results]
+    page = Page(report(folder, [replace(run, results=results)]))
+    assert (
+        ("left sleeve 20.0 s" in page.text) == ("writing the files" in page.text) == bool(seconds)
+    )
+
+
+def test_a_picture_that_is_missing_is_said(make_evaluation):
+    folder, runs = make_evaluation([[True]])
+    (folder / "seed-0/episodes/0.png").unlink()
+    with pytest.raises(FileNotFoundError, match=r"0\.png"):
+        report(folder, runs)
+    assert not (folder / "index.html").exists()

@@ -3,7 +3,6 @@
 import html
 import math
 from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 
 from dexgarmentlab.bench_assets.attempts import Attempt, find_positions
@@ -12,6 +11,7 @@ from dexgarmentlab.bench_assets.run import load_run
 from dexgarmentlab.bench_assets.sheets import COLUMNS, draw_sheet, load_dropped
 from dexgarmentlab.bench_physics.report import format_value
 from dexgarmentlab.bench_physics.rows import Row
+from dexgarmentlab.reports.page import badge, figure, make_page, provenance, table, tiles
 from dgl_assets import list_categories, load_garment, save_picture
 from dgl_collect.files import written_beside
 
@@ -124,89 +124,66 @@ def _section(
         path = folder / PICTURES / f"{name}-{kind}.png"
         save_picture(draw_sheet(garments, labels), path)
         on_picture()
-        figures += (
-            f'<figure><img src="{PICTURES}/{path.name}" alt="{name}: {html.escape(caption)}" loading="lazy">'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-        )
+        figures += figure(f"{PICTURES}/{path.name}", caption, alt=f"{name}: {caption}")
     return f'<article id="{name}"><h3>{name.replace("_", " ")}</h3>{figures}</article>'
 
 
 def _page(content: Mapping, attempts: Sequence[Attempt], sections: Sequence[str]) -> str:
-    style = resources.files("dexgarmentlab").joinpath("report.css").read_text(encoding="utf-8")
-    style += "figure { margin-top: 22px; } td.note { white-space: normal; min-width: 240px; }\n"
     broken = [attempt for attempt in attempts if not attempt.is_whole]
     crossed = [attempt for attempt in attempts if attempt.crossings_end]
     moving = [a for a in attempts if not a.error and a.still_seconds is None]
     total = int(content["count"])
-    tiles = [
+    facts = [
         (f"{len(attempts) - len(broken):,} of {len(attempts):,}", "garments stay whole"),
         (f"{len(attempts):,} of {total:,}", "garments dropped"),
         (f"{sum(bool(a.error) for a in attempts)}", "errors"),
         (f"{content['frames'] / 60:g} s", "each, simulated"),
     ]
-    items = "".join(f"<li><b>{value}</b>{label}</li>" for value, label in tiles)
-    head = "".join(f'<th class="number">{html.escape(title)}</th>' for title, _ in _COLUMNS)
-    body = "".join(
-        f"<tr><td>{html.escape(name)}</td>"
-        + "".join(f'<td class="number">{html.escape(cell)}</td>' for cell in cells)
-        + "</tr>"
-        for name, *cells in _cells(attempts)
+    by_category = table(
+        {"category": "", **{title: "number" for title, _ in _COLUMNS}},
+        [[html.escape(cell) for cell in cells] for cells in _cells(attempts)],
     )
-    versions = "".join(
-        f"<dt>{html.escape(name)}</dt><dd>{html.escape(str(version))}</dd>"
-        for name, version in content["versions"].items()
-    )
-    commands = html.escape("\n".join(content["commands"]))
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        f"<title>Garments · dexgarmentlab</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        '<header><p class="overline">dexgarmentlab · validation of dgl-assets</p><h1>Garments</h1>'
-        f'<ul class="tiles">{items}</ul></header>\n'
-        "<h2>What is asked for</h2>"
-        f"{_bars(summarise('all', attempts))}"
-        f'<h2>By category</h2><div class="scroll"><table><thead><tr><th>category</th>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-        f"{_list('Not whole', broken, lambda a: '; '.join(a.faults))}"
-        f"{_list('Layers crossed at the end', crossed, _describe_crossings)}"
-        f"{_list('Still moving at the end', moving, _describe_motion)}"
-        f"<h2>In pictures</h2>{chr(10).join(sections)}\n"
-        f"<footer><h2>How this was made</h2><pre><code>{commands}</code></pre>"
-        f'<dl class="versions">{versions}</dl></footer>\n</main>\n</body>\n</html>\n'
+    return make_page(
+        "Garments",
+        overline="validation of dgl-assets",
+        header=tiles(facts),
+        body=[
+            f"<h2>What is asked for</h2>{_bars(summarise('all', attempts))}",
+            f"<h2>By category</h2>{by_category}",
+            _list("Not whole", broken, lambda a: "; ".join(a.faults)),
+            _list("Layers crossed at the end", crossed, _describe_crossings),
+            _list("Still moving at the end", moving, _describe_motion),
+            "<h2>In pictures</h2>",
+            *sections,
+            provenance(content["commands"], content["versions"]),
+        ],
     )
 
 
 def _bars(rows: Sequence[Row]) -> str:
-    lines = ""
-    for row in rows:
-        badge = ""
-        if row.ok is not None:
-            word, kind = ("met", "good") if row.ok else ("not met", "bad")
-            badge = f'<span class="badge {kind}">{word}</span>'
-        lines += (
-            f"<tr><td>{html.escape(row.name.partition('.')[2].replace('_', ' '))}</td>"
-            f'<td class="number">{format_value(row.value)} {html.escape(row.unit)}</td>'
-            f"<td>{html.escape(row.bar)}</td><td>{badge}</td>"
-            f'<td class="quiet note">{html.escape(row.note)}</td></tr>'
-        )
-    return (
-        '<div class="scroll"><table><thead><tr><th>measure</th><th class="number">value</th>'
-        f"<th>bar</th><th></th><th>how</th></tr></thead><tbody>{lines}</tbody></table></div>"
-    )
+    columns = {"measure": "", "value": "number", "bar": "", "": "", "how": "note"}
+    return table(columns, [_bar(row) for row in rows])
+
+
+def _bar(row: Row) -> list[str]:
+    met = {True: badge("met", "good"), False: badge("not met", "bad"), None: ""}[row.ok]
+    return [
+        html.escape(row.name.partition(".")[2].replace("_", " ")),
+        f"{format_value(row.value)} {html.escape(row.unit)}",
+        html.escape(row.bar),
+        met,
+        f'<span class="quiet">{html.escape(row.note)}</span>',
+    ]
 
 
 def _list(title: str, attempts: Sequence[Attempt], describe: Callable[[Attempt], str]) -> str:
     if not attempts:
         return f'<h2>{title}</h2><p class="quiet">None.</p>'
-    lines = "".join(
-        f'<tr><td>{html.escape(a.id)}</td><td class="note">{html.escape(describe(a))}</td></tr>'
-        for a in sorted(attempts, key=lambda a: a.id)
-    )
-    return (
-        f'<h2>{title} <span class="quiet">{len(attempts)}</span></h2><div class="scroll"><table>'
-        f"<thead><tr><th>garment</th><th>what</th></tr></thead><tbody>{lines}</tbody></table></div>"
-    )
+    lines = [
+        [html.escape(a.id), html.escape(describe(a))] for a in sorted(attempts, key=lambda a: a.id)
+    ]
+    listed = table({"garment": "", "what": "note"}, lines)
+    return f'<h2>{title} <span class="quiet">{len(attempts)}</span></h2>{listed}'
 
 
 def _describe_crossings(attempt: Attempt) -> str:

@@ -4,12 +4,13 @@ import html
 import json
 from collections.abc import Sequence
 from datetime import date
-from importlib import metadata, resources
+from importlib import metadata
 from pathlib import Path
 
 from dexgarmentlab.bench_physics.drawing import save_figure
 from dexgarmentlab.bench_physics.experiment import Experiment, Result
 from dexgarmentlab.bench_physics.rows import Row
+from dexgarmentlab.reports.page import badge, figure, make_page, provenance, table, tiles
 
 __all__ = ["REPORT_FILE", "ROWS_FILE", "format_value", "write_report"]
 
@@ -39,16 +40,12 @@ def write_report(
     folder.mkdir(parents=True, exist_ok=True)
     sections = []
     for experiment, result, seconds in results:
-        files = [(figure, save_figure(figure, folder)) for figure in result.figures]
-        figures = "".join(
-            f'<figure><img src="{html.escape(path.name)}" alt="{html.escape(figure.caption)}" loading="lazy">'
-            f"<figcaption>{html.escape(figure.caption)}</figcaption></figure>"
-            for figure, path in files
-        )
+        files = [(shown, save_figure(shown, folder)) for shown in result.figures]
+        drawn = "".join(figure(path.name, shown.caption) for shown, path in files)
         sections.append(
             f'<article id="{experiment.name}"><h3>{html.escape(experiment.title)}</h3>'
             f'<p class="quiet">{html.escape(experiment.about)} It took {seconds:.0f} s.</p>'
-            f"{_table(result.rows)}{figures}</article>"
+            f"{_table(result.rows)}{drawn}</article>"
         )
     rows = [row for _, result, _ in results for row in result.rows]
     content = json.dumps([row.to_dict() for row in rows], indent=2, allow_nan=False)
@@ -66,51 +63,38 @@ def format_value(value: float | None) -> str:
 
 
 def _page(rows: Sequence[Row], sections: Sequence[str], command: str) -> str:
-    style = resources.files("dexgarmentlab").joinpath("report.css").read_text(encoding="utf-8")
-    style += (
-        "figure { margin-top: 22px; } figure img { background: #fff; max-width: max-content; }\n"
-    )
-    style += "td.note { white-space: normal; min-width: 240px; }\n"
     judged = [row.ok for row in rows if row.ok is not None]
     skipped = sum(row.is_skipped for row in rows)
-    tiles = [(f"{sum(judged)} of {len(judged)}", "bars met"), (str(len(rows)), "rows")]
-    tiles += [(str(skipped), "skipped on this machine"), (date.today().isoformat(), "measured")]
-    items = "".join(f"<li><b>{value}</b>{label}</li>" for value, label in tiles)
-    versions = "".join(
-        f"<dt>{name}</dt><dd>{html.escape(_find_version(name))}</dd>" for name in _PACKAGES
-    )
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        f"<title>Physics · dexgarmentlab</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        '<header><p class="overline">dexgarmentlab · validation of dgl-physics</p><h1>Physics</h1>'
-        f'<ul class="tiles">{items}</ul></header>\n{chr(10).join(sections)}\n'
-        f"<footer><h2>How this was made</h2><pre><code>{html.escape(command)}</code></pre>"
-        f'<dl class="versions">{versions}</dl></footer>\n</main>\n</body>\n</html>\n'
+    facts = [(f"{sum(judged)} of {len(judged)}", "bars met"), (str(len(rows)), "rows")]
+    facts += [(str(skipped), "skipped on this machine"), (date.today().isoformat(), "measured")]
+    versions = {name: _find_version(name) for name in _PACKAGES}
+    return make_page(
+        "Physics",
+        overline="validation of dgl-physics",
+        header=tiles(facts),
+        body=[*sections, provenance([command], versions)],
     )
 
 
 def _table(rows: Sequence[Row]) -> str:
-    lines = "".join(
-        f'<tr><td>{html.escape(row.name)}</td><td class="number">{format_value(row.value)} '
-        f"{html.escape(row.unit)}</td><td>{html.escape(row.bar)}</td><td>{_badge(row)}</td>"
-        f'<td class="quiet note">{html.escape(row.note)}</td></tr>'
-        for row in rows
-    )
-    return (
-        '<div class="scroll"><table><thead><tr><th>measure</th><th class="number">value</th>'
-        f"<th>bar</th><th></th><th>how</th></tr></thead><tbody>{lines}</tbody></table></div>"
-    )
+    columns = {"measure": "", "value": "number", "bar": "", "": "", "how": "note"}
+    return table(columns, [_cells(row) for row in rows])
+
+
+def _cells(row: Row) -> list[str]:
+    return [
+        html.escape(row.name),
+        f"{format_value(row.value)} {html.escape(row.unit)}",
+        html.escape(row.bar),
+        _badge(row),
+        f'<span class="quiet">{html.escape(row.note)}</span>',
+    ]
 
 
 def _badge(row: Row) -> str:
     if row.is_skipped:
-        return '<span class="badge quiet">skipped</span>'
-    if row.ok is None:
-        return ""
-    word, kind = _MARKS[row.ok]
-    return f'<span class="badge {kind}">{word}</span>'
+        return badge("skipped", "quiet")
+    return "" if row.ok is None else badge(*_MARKS[row.ok])
 
 
 def _find_version(package: str) -> str:

@@ -135,7 +135,7 @@ def collect_with_progress(
     Returns:
         The summary, and the report's path.
     """
-    from dexgarmentlab.report import write_report
+    from dexgarmentlab.reports.collection import write_report
     from dgl_collect import WorkerError, collect
     from dgl_collect.runner import check_task
     from dgl_tasks.tasks import task_ids

@@ -85,7 +85,7 @@ def clear_previous(folder: Path) -> None:
     Raises:
         ValueError: If the folder holds anything that a demonstration does not write.
     """
-    from dexgarmentlab.report import REPORT_FILE
+    from dexgarmentlab.reports.collection import REPORT_FILE
     from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, STAGING, SUMMARY_FILE
 
     if not folder.is_dir() or not any(folder.iterdir()):

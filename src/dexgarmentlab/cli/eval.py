@@ -104,9 +104,10 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 
 def run(options: Options) -> int:
-    """Evaluate, write `results.json`, and say how many episodes succeeded."""
+    """Evaluate, write `results.json` and the report, and say how many episodes succeeded."""
     from dexgarmentlab.evaluation.methods import check_method
     from dexgarmentlab.evaluation.results import RESULTS_FILE, Run, summarize, to_json
+    from dexgarmentlab.reports.evaluation import write_report
     from dgl_collect import collect, package_versions
     from dgl_collect.files import write_json
     from dgl_collect.results import read_results
@@ -144,15 +145,16 @@ def run(options: Options) -> int:
                 status = "interrupted"
                 break
     results = summarize(runs)
-    content = to_json(
-        results, runs, asked=_asked(options), status=status, versions=package_versions()
-    )
+    asked, versions = _asked(options), package_versions()
+    content = to_json(results, runs, asked=asked, status=status, versions=versions)
     write_json(options.out / RESULTS_FILE, content)
+    page = write_report(options.out, results, runs, asked=asked, status=status, versions=versions)
     if options.json:
         console.out_json(content)
     else:
         _show(options, results)
         console.out(f"results: {options.out / RESULTS_FILE}")
+        console.out(f"report: {page}")
     if status == "interrupted":
         console.error(
             f"interrupted after {results.total.episodes} of {options.episodes * len(seeds)} episodes; "

@@ -16,8 +16,8 @@ __all__ = [
     "file_uri",
     "format_number",
     "hand_heights",
-    "interval_bar",
     "meter",
+    "picture_uri",
     "picture_with_points",
     "time_bar",
 ]
@@ -42,6 +42,11 @@ def file_uri(path: Path) -> str:
     return _data_uri(path.read_bytes(), path.suffix)
 
 
+def picture_uri(image: np.ndarray) -> str:
+    """Give a picture of shape (H, W, 3), uint8, as a data URI, small enough to have many."""
+    return _data_uri(encode_picture(image, ".webp"), ".webp")
+
+
 def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
     """Draw an image with the found points on it; their names show on hovering, to keep it clear.
 
@@ -50,7 +55,7 @@ def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
         points: Named points; those with `uv`, a pixel (column, row), are drawn.
         alt: What the picture shows, for those who cannot see it.
     """
-    uri = _data_uri(encode_picture(image, ".webp"), ".webp")
+    uri = picture_uri(image)
     marks = "".join(
         _disc(name, float(point["uv"][0]), float(point["uv"][1]), size=0.9)
         for name, point in points.items()
@@ -166,14 +171,6 @@ def meter(criterion: Criterion) -> str:
         f"{format_number(criterion.threshold)}{html.escape(unit)}</span></span></div>"
         f'<div class="track"><i style="width:{filled:.1f}%"></i>'
         f'<u style="left:{limit:.1f}%"></u></div></div>'
-    )
-
-
-def interval_bar(rate: float, low: float, high: float) -> str:
-    """Draw a success rate and its interval on a line from 0 to 100 %."""
-    return (
-        f'<div class="interval" aria-hidden="true"><i style="left:{low:.1%};width:{high - low:.1%}">'
-        f'</i><u style="left:{rate:.1%}"></u><span>0</span><span>50</span><span>100 %</span></div>'
     )
 
 

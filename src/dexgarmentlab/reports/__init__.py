@@ -1,0 +1,1 @@
+"""Pages that show what was run: HTML that needs nothing but its folder."""
