@@ -280,7 +280,9 @@ def run_fake(monkeypatch, folder, end, **options):
 def finish(value=0.9, events=()):
     verdict = Verdict(success=value >= 0.8, value=value, threshold=0.8, quantity="share")
     picture = np.zeros((4, 4, 3), np.uint8)
-    judgement = Judgement(verdict=verdict, is_released=True, is_still=True, picture=picture)
+    judgement = Judgement(
+        verdict=verdict, is_seen=True, is_released=True, is_still=True, picture=picture
+    )
     return EpisodeResult(
         garment="tops/1",
         judgement=judgement,

@@ -417,11 +417,10 @@ def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
     }
     runner = make_evaluation_runner("FoldTops-v1", options)
     try:
-        result = runner.run(attempt_index=0, seed=6, out_dir=tmp_path / "out", episode_id="e")
+        result = runner.run(attempt_index=0, seed=5, out_dir=tmp_path / "out", episode_id="e")
     finally:
         runner.close()
     assert not result.success
     # What it does to the garment is chance: where it drags it away from where a later stage looks for it, it ends there.
-    # From seed 5 it carries it out of sight.
-    assert result.value is not None
+    assert result.value is not None  # even where it is carried out of sight, as from this seed
     assert result.measurements["steps"] > 500

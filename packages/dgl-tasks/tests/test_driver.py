@@ -25,6 +25,7 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.leaving import LEAVES
 from dgl_tasks.motion import PARKED, BimanualMotion
 from dgl_tasks.observation import STEPS_PER_FRAME
+from dgl_tasks.perception import Picture
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
@@ -266,6 +267,29 @@ def test_what_is_nearly_done_is_seen_once_it_lies_still(driver, monkeypatch, lea
     monkeypatch.setattr(driver, "judge", judge)
     assert driver.is_nearly_done({"hem": POINT["left"]}) is expected
     assert seen == ([] if least is None else ["settle", {"hem": POINT["left"]}])
+
+
+@pytest.mark.parametrize(
+    ("segment", "inside", "reason"),
+    [(7, True, None), (7, False, "below the threshold"), (8, True, "out of sight")],
+)
+def test_a_garment_that_is_carried_out_of_sight_is_judged_too(
+    driver, monkeypatch, segment, inside, reason
+):
+    place = np.mean(list(driver.env.before.points.values()), axis=0)
+    picture = Picture(
+        rgb=np.zeros((2, 2, 3), np.uint8),
+        points=np.tile(place + np.array([0 if inside else 5, 0, 0]), (2, 2, 1)),
+        segments=np.full((2, 2), segment),
+    )
+    monkeypatch.setattr("dgl_tasks.perception.take_picture", lambda *_: picture)
+    monkeypatch.setattr(type(driver.env), "garment_segment", 7)
+    monkeypatch.setattr(
+        driver.env, "evaluate", lambda: dict.fromkeys(("is_released", "is_still"), np.True_)
+    )
+    judgement = driver.judge()
+    assert judgement.reason == reason
+    assert judgement.verdict.value == (1.0 if reason is None else 0.0)
 
 
 def check_parked(driver):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dgl_tasks import get_task
+from dgl_tasks import get_task, task_ids
 from dgl_tasks.success import Before, FlingRule, compute_box_share, compute_covered_area
 
 MARKS = {
@@ -94,11 +94,18 @@ def test_covered_area_counts_no_layer_twice_and_no_height():
     assert compute_covered_area(folded) == pytest.approx(0.06, abs=1e-9)
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (5, 4), (3,)])
+@pytest.mark.parametrize("shape", [(0, 4), (5, 4), (3,)])
 def test_what_cannot_be_judged_is_refused(shape):
     for judge in (compute_covered_area, lambda p: compute_box_share(p, (0, 0, 1, 1))):
-        with pytest.raises(ValueError, match=r"must have shape \(N, 2 or 3\) with N > 0; got"):
+        with pytest.raises(ValueError, match=r"must have shape \(N, 2 or 3\); got"):
             judge(np.zeros(shape))
+
+
+@pytest.mark.parametrize("task_id", task_ids())
+def test_of_what_is_out_of_sight_nothing_is_done(task_id):
+    verdict = get_task(task_id).success(np.empty((0, 3)), Before(points=MARKS, flat_area=0.5))
+    assert verdict.value == 0.0
+    assert not verdict.success
 
 
 @each_fold

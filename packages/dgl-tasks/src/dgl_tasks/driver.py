@@ -50,6 +50,8 @@ class Judgement:
 
     verdict: Verdict
     """What the task's rule said of what the garment camera sees."""
+    is_seen: bool
+    """Whether the camera saw anything of the garment."""
     is_released: bool
     """Whether no hand touches the garment."""
     is_still: bool
@@ -60,6 +62,8 @@ class Judgement:
     @property
     def reason(self) -> str | None:
         """Why it is no success, in words that can be counted; None for a success."""
+        if not self.is_seen:
+            return "out of sight"
         if not self.verdict.success:
             return "below the threshold"
         if not self.is_released:
@@ -393,12 +397,12 @@ class Driver:
         Args:
             points: Where the places that the rule names lay on the garment before it was touched
                 [m], shape (3,); the true ones when None.
-
-        Raises:
-            PerceptionError: If the camera sees nothing of the garment.
         """
         picture = see.take_picture(self.env, "garment_camera")
-        seen = see.get_garment_points(self.env, picture)
+        try:
+            seen = see.get_garment_points(self.env, picture)
+        except PerceptionError:  # it has been carried away
+            seen = np.empty((0, 3))
         rule = self.env.task.success
         # The flat garment is known of every garment that is to be flung.
         before = self.env.before
@@ -408,6 +412,7 @@ class Driver:
         state = self.env.evaluate()
         return Judgement(
             verdict=rule(seen, before),
+            is_seen=len(seen) > 0,
             is_released=bool(state["is_released"].item()),
             is_still=bool(state["is_still"].item()),
             picture=picture.rgb,
@@ -418,9 +423,6 @@ class Driver:
 
         Args:
             points: As of `judge`.
-
-        Raises:
-            PerceptionError: If the camera sees nothing of the garment.
         """
         least = self.env.task.nearly_done
         if least is None:

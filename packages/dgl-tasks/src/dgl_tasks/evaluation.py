@@ -65,7 +65,7 @@ def run_episode(
         film: Receives pictures for people, shape (H, W, 3), uint8.
 
     Raises:
-        TaskError: If a hand cannot go where the policy sends it, or a camera sees no garment.
+        TaskError: If a hand cannot go where the policy sends it, or a camera sees no garment to be handled.
         PhysicsError: If the simulation fails.
         ValueError: If the policy gives something that is no action.
     """

@@ -44,7 +44,7 @@ class SuccessRule(Protocol):
         ...
 
     def __call__(self, points: np.ndarray, before: Before) -> Verdict:
-        """Judge what is seen of the garment [m], shape (N, 3), world frame."""
+        """Judge what is seen of the garment [m], shape (N, 3), world frame; N is 0 when it is out of sight."""
         ...
 
 
@@ -57,10 +57,10 @@ def compute_covered_area(points: np.ndarray, *, cell: float = AREA_CELL) -> floa
 
     Returns:
         Area of the cells with a point in them [m^2]; larger than the true one by about half a cell
-        along the outline, for whatever is compared with it as well.
+        along the outline, for whatever is compared with it as well. None is covered without points.
 
     Raises:
-        ValueError: If there are no points: nothing was seen, nothing can be judged.
+        ValueError: If the shape is another one.
     """
     points = _check_points(points)
     return len(np.unique(np.floor(points[:, :2] / cell).astype(np.int64), axis=0)) * cell**2
@@ -77,12 +77,14 @@ def compute_box_share(points: np.ndarray, box: tuple[float, float, float, float]
         box: x low, y low, x high, y high [m].
 
     Returns:
-        Share in [0, 1].
+        Share in [0, 1]; 0 without points: of what is out of sight nothing is seen to be inside.
 
     Raises:
-        ValueError: If there are no points: nothing was seen, nothing can be judged.
+        ValueError: If the shape is another one.
     """
     points = _check_points(points)
+    if len(points) == 0:
+        return 0.0
     x0, y0, x1, y1 = box
     inside = (
         (points[:, 0] >= x0) & (points[:, 0] <= x1) & (points[:, 1] >= y0) & (points[:, 1] <= y1)
@@ -161,6 +163,6 @@ class FlingRule:
 
 def _check_points(points: np.ndarray) -> np.ndarray:
     points = np.asarray(points)
-    if points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) == 0:
-        raise ValueError(f"points must have shape (N, 2 or 3) with N > 0; got {points.shape}")
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f"points must have shape (N, 2 or 3); got {points.shape}")
     return points
