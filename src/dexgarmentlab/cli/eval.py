@@ -127,7 +127,8 @@ def run(options: Options) -> int:
     status: Literal["complete", "interrupted"] = "complete"
     runs: list[Run] = []
     bar_text = f"evaluating {options.policy} on {options.task}"
-    with console.progress(bar_text, options.episodes * len(seeds)) as bar:
+    wanted = options.episodes * len(seeds)
+    with console.progress(bar_text, wanted) as bar:
         for seed, config in configs.items():
             shown = 0
 
@@ -148,7 +149,7 @@ def run(options: Options) -> int:
     asked, versions = _asked(options), package_versions()
     content = to_json(results, runs, asked=asked, status=status, versions=versions)
     write_json(options.out / RESULTS_FILE, content)
-    page = write_report(options.out, results, runs, asked=asked, status=status, versions=versions)
+    page = write_report(options.out, results, runs, asked=asked, wanted=wanted, versions=versions)
     if options.json:
         console.out_json(content)
     else:
@@ -157,7 +158,7 @@ def run(options: Options) -> int:
         console.out(f"report: {page}")
     if status == "interrupted":
         console.error(
-            f"interrupted after {results.total.episodes} of {options.episodes * len(seeds)} episodes; "
+            f"interrupted after {results.total.episodes} of {wanted} episodes; "
             f"continue with: {options.command} --resume"
         )
         return EXIT_INTERRUPTED

@@ -3,7 +3,6 @@
 import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
 
 from dexgarmentlab.evaluation.results import Count, Results, Run
 from dexgarmentlab.reports import figures
@@ -36,7 +35,7 @@ def write_report(
     runs: Sequence[Run],
     *,
     asked: Mapping[str, object],
-    status: Literal["complete", "interrupted"],
+    wanted: int,
     versions: Mapping[str, str],
 ) -> Path:
     """Write the page of an evaluation, and a sheet of all final pictures, replacing older ones.
@@ -45,8 +44,8 @@ def write_report(
         folder: The evaluation's.
         results: Its figures.
         runs: The episodes of each seed.
-        asked: What was asked for: "task", "policy", "episodes", "seeds", "garments", "matcher", "command".
-        status: Whether it ran to its end.
+        asked: What was asked for, of which "task", "policy", "matcher" and "command" are shown.
+        wanted: Episodes that it is to have in all; with fewer it was interrupted.
         versions: Of the packages.
 
     Returns:
@@ -60,10 +59,9 @@ def write_report(
     every = [shot for own in shots.values() for shot in own]
     if every:
         draw_sheet(every, folder / PICTURES_FILE)
-    task, policy = str(asked["task"]), str(asked["policy"])
-    wanted = int(str(asked["episodes"])) * len(_list(asked["seeds"]))
+    done = results.total.episodes
     body = [
-        resume_notice(status, results.total.episodes, wanted, "episodes"),
+        resume_notice("interrupted" if done < wanted else "complete", done, wanted, "episodes"),
         reason_bars("Why episodes failed", results.reasons),
         _counts(results),
         *(_pictures(seed, own, many=len(shots) > 1) for seed, own in shots.items()),
@@ -72,7 +70,7 @@ def write_report(
         provenance([str(asked["command"])], versions),
     ]
     page = make_page(
-        f"{split_words(task)}: {policy}",
+        f"{split_words(str(asked['task']))}: {asked['policy']}",
         overline="evaluation",
         header=_header(results, asked),
         body=body,
@@ -187,7 +185,3 @@ def _address(run: Run, result: AttemptResult, kind: str) -> str | None:
     if kind not in result.files:
         return None
     return html.escape((run.folder / result.files[kind]).as_posix())
-
-
-def _list(value: object) -> list[object]:
-    return list(value) if isinstance(value, list | tuple) else [value]
