@@ -64,7 +64,7 @@ def test_home_is_mirrored_and_read_only():
 def test_hand_poses_lie_within_the_hand_limits():
     lower = np.array([j.lower for j in SHADOW_HAND])
     upper = np.array([j.upper for j in SHADOW_HAND])
-    assert set(HAND_POSES) == {"open", "close", "pinch", "cradle", "smooth"}
+    assert set(HAND_POSES) == {"open", "close", "pinch", "cradle", "smooth", "flat"}
     for name, pose in HAND_POSES.items():
         assert pose.shape == (24,)
         # The poses are rounded to six digits, and some sit on a limit.

@@ -96,6 +96,13 @@ def test_hands_with_equal_joints_are_reflections(pose):
         )
 
 
+@pytest.mark.parametrize(("pose", "depth"), [("open", 0.062), ("flat", 0.0)])
+def test_a_flat_hand_has_its_thumb_beside_the_palm_instead_of_before_it(pose, depth):
+    poses = _poses("left", np.zeros(6), HAND_POSES[pose])
+    thumb = np.linalg.inv(poses["left_ee"]) @ poses["left_th_tip"]
+    assert thumb[1, 3] == pytest.approx(depth, abs=0.01)  # y is out of the palm
+
+
 def test_finger_lengths_and_reach():
     poses = _poses("right", np.zeros(6), np.zeros(24))
     to_forearm = np.linalg.inv(poses["right_hand_forearm"])

@@ -1,4 +1,4 @@
-"""Let both hands take each of the five hand poses in SAPIEN, say how still they stand, and draw them.
+"""Let both hands take each of the six hand poses in SAPIEN, say how still they stand, and draw them.
 
 python packages/dgl-tasks/examples/draw_hand_poses.py docs/images/hand_poses.png
 """
@@ -25,7 +25,7 @@ from dgl_assets.robots import (
 from dgl_tasks.robot import ARM_GAINS, HAND_GAINS
 from dgl_tasks.scene import light_scene
 
-POSES = ("open", "close", "pinch", "cradle", "smooth")
+POSES = tuple(HAND_POSES)
 STEPS_A_SECOND = 240
 WIDTH, HEIGHT, LABEL = 320, 440, 34  # pixels of one picture and of the line under it
 

@@ -151,6 +151,19 @@ def leave_and_count(driver, monkeypatch, distances):
     return driver.step_count - before
 
 
+def test_hands_leave_flat_and_are_open_again_once_parked(driver, monkeypatch):
+    leave_and_count(driver, monkeypatch, [1.0])
+    part = joint_slice("left", "hand")
+    hands = np.array(driver.commands)[:, part]
+    heights = np.array([grasp_point(driver.motion, row)[2] for row in driver.commands])
+    rising = (heights > POINT["left"][2] + 0.02) & (heights < POINT["left"][2] + CLEARANCE - 0.01)
+    assert rising.any()
+    np.testing.assert_allclose(
+        hands[rising], HAND_POSES["flat"] * np.ones((rising.sum(), 1)), atol=1e-5
+    )
+    np.testing.assert_allclose(hands[-1], HAND_POSES["open"], atol=1e-5)
+
+
 def test_what_hangs_on_a_risen_hand_is_put_down_again(driver, monkeypatch):
     near, far = CAUGHT_DISTANCE - 0.01, CAUGHT_DISTANCE + 0.01
     plain = leave_and_count(driver, monkeypatch, [far])

@@ -231,6 +231,8 @@ class Driver:
     ) -> None:
         """Let opened hands leave the cloth and park, from where `motion` is; what is seen to come along is put down again.
 
+        They are laid flat first: the thumb of an open hand is under the cloth and takes it along.
+
         Args:
             points: Grasp point of each of these hands [m], shape (3,), world frame.
             orientations: Of `ee` of each of these hands, wxyz, shape (4,).
@@ -240,6 +242,7 @@ class Driver:
             UnreachableError: If a hand cannot even go straight up.
         """
         self._pass(self.motion.hold(RELEASE_FRAMES))
+        self._pass(self.motion.set_hands(dict.fromkeys(orientations, "flat")))
         for rows in plan_leave(self.motion, points, orientations, name):
             self._pass(rows)
         self._free_hands(tuple(orientations))
@@ -433,9 +436,16 @@ class Driver:
     # -----------------------------------------------------------------------------------------
 
     def _park(self) -> None:
-        """Bring both arms out of the picture, and wait until the hands are at rest."""
+        """Bring both arms out of the picture, open the hands, and wait until they are at rest."""
         self._pass(self.motion.park())
+        if not all(self._is_open(side) for side in SIDES):
+            self._pass(self.motion.set_hands(dict.fromkeys(SIDES, "open")))
         self._pass(self.motion.hold(PARKED_FRAMES))
+
+    def _is_open(self, side: Side) -> bool:
+        robot = self.motion.robot
+        target = self.motion.target[robot.joint_slice(side, "hand")]
+        return np.allclose(target, robot.get_hand_pose("open"), atol=1e-6)
 
     def _pass(self, rows: np.ndarray, listener: StepListener | None = None) -> None:
         self.send(rows, listener, film_steps=PASSAGE_FILM_STEPS)

@@ -58,7 +58,7 @@ class HandPart:
     mounts: Mapping[Side, np.ndarray]
     """Pose of the first link in `ee`, shape (4, 4)."""
     poses: Mapping[str, np.ndarray]
-    """Joint values [rad or m] of open, close, pinch, cradle and smooth, shape (n,)."""
+    """Joint values [rad or m] of open, close, pinch, cradle, smooth and flat, shape (n,)."""
     grasp_point: tuple[float, float, float]
     """Place between the fingers that tasks lead, right hand, in axes of `ee` [m]; left: z negated."""
     ground_links: frozenset[str]

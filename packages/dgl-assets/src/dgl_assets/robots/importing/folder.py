@@ -33,7 +33,7 @@ from dgl_assets.robots.visual import LinkMeshes
 
 FORMAT = 1
 META_FILE = "robot.json"
-POSE_NAMES = ("open", "close", "pinch", "cradle", "smooth")
+POSE_NAMES = ("open", "close", "pinch", "cradle", "smooth", "flat")
 ARM_FILE = "arm.urdf"
 HAND_FILES: dict[Side, str] = {side: f"hand_{side}.urdf" for side in SIDES}
 

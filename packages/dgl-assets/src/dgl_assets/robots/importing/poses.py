@@ -1,4 +1,4 @@
-"""The five hand poses of another hand, taken over from the Shadow Hand's by the places of the fingertips."""
+"""The six hand poses of another hand, taken over from the Shadow Hand's by the places of the fingertips."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,7 @@ THUMB_REACH = 0.3
 
 
 def take_over_poses(tree: KinematicTree, frame: HandFrame) -> dict[str, dict[str, float]]:
-    """Find the joint values of open, close, pinch, cradle and smooth.
+    """Find the joint values of open, close, pinch, cradle, smooth and flat.
 
     Each fingertip goes where the Shadow Hand's is, seen from the finger's base and scaled by the
     length of the finger; the thumb's where it is seen from the first finger's tip. Joints of the wrist
