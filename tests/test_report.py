@@ -5,6 +5,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -175,6 +176,37 @@ def test_the_meter_agrees_with_the_criterion(threshold, state):
 def test_a_degenerate_cloud_is_drawn():
     cloud = np.zeros((1, 3), np.float32)
     assert "data:image/png" in figures.cloud_figure(cloud, np.ones((1, 2)), {}, alt="one point")
+
+
+def name_points(cloud, affordance, points):
+    """Give names and baselines [px] of what is written in the figure of a cloud, and how many discs there are."""
+    drawn = figures.cloud_figure(cloud, affordance, points, alt="a top")
+    texts = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)"[^>]*>([^<]*)<', drawn)
+    return {name: (float(x), float(y)) for x, y, name in texts}, drawn.count("<circle")
+
+
+def test_only_points_that_a_hand_wants_are_named_and_beside_each_other():
+    cloud = np.random.default_rng(0).uniform([-0.4, -0.3, 0], [0.4, 0.3, 0.01], (500, 3))
+    affordance = np.zeros((500, 2))
+    affordance[cloud[:, 1] > -0.2, 0] = figures.NAMED_FROM
+    affordance[cloud[:, 1] <= -0.2, 1] = figures.NAMED_FROM - 0.01
+    names = ["left_sleeve_cuff", "left_sleeve_joint", "left_armpit", "left_shoulder"]
+    points = {name: {"xyz": [0.02 * k - 0.38, 0.01, 0.0]} for k, name in enumerate(names)}
+    points["hem"] = {"xyz": [0.0, -0.3, 0.0]}
+    written, discs = name_points(cloud, affordance, points)
+    assert discs == 5
+    assert list(written) == [name.replace("_", " ") for name in names]
+    baselines = sorted(y for _, y in written.values())
+    assert min(b - a for a, b in pairwise(baselines)) >= 18
+    assert all(0 < y < figures.CLOUD_HEIGHT and x >= 0 for x, y in written.values())
+
+
+def test_cloth_has_the_colour_of_the_hands_that_want_it():
+    weight = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [1, 0.5]])
+    colours = figures._colour_affordance(weight)
+    expected = [figures.CLOTH_RGB, figures.LEFT_RGB, figures.RIGHT_RGB, figures.BOTH_RGB]
+    np.testing.assert_allclose(colours[:4], expected)
+    np.testing.assert_allclose(colours[4], (colours[1] + colours[3]) / 2)
 
 
 # Pictures beside each other -----------------------------------------------------------------------

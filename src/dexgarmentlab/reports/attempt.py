@@ -108,7 +108,7 @@ def _stage(number: int, stage: StagePreview) -> str:
     return (
         f'<div class="stage"><p><b>{number} · {html.escape(name)}</b> '
         f'<span class="quiet">{len(stage.ee_pose)} frames</span></p>'
-        f"<figure>{cloud}<figcaption>Where each hand may grasp</figcaption></figure>"
+        f"<figure>{cloud}<figcaption>Where each hand may grasp; purple: both</figcaption></figure>"
         f"<figure>{first}<figcaption>Start</figcaption></figure>"
         f"<figure>{last}<figcaption>End</figcaption></figure></div>"
     )

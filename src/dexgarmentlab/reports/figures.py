@@ -22,9 +22,16 @@ __all__ = [
     "time_bar",
 ]
 
-LEFT_RGB, RIGHT_RGB, CLOTH_RGB = (45, 127, 209), (232, 107, 63), (150, 152, 160)
-"""Colours of the left hand, the right hand and of cloth that neither wants."""
+LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB = (
+    (45, 127, 209),
+    (232, 107, 63),
+    (134, 66, 168),
+    (150, 152, 160),
+)
+"""Colours of what the left hand wants, the right hand, both and neither."""
 CLOUD_WIDTH, CLOUD_HEIGHT, CLOUD_MARGIN = 480, 360, 26
+NAMED_FROM = 0.5
+"""Affordance from which a point's name is written; those of others show on hovering, to keep it clear."""
 _MEDIA_TYPES = {".mp4": "video/mp4", ".png": "image/png", ".webp": "image/webp"}
 
 
@@ -74,7 +81,7 @@ def cloud_figure(cloud: np.ndarray, affordance: np.ndarray, points: Points, *, a
     Args:
         cloud: Positions [m], shape (N, 3), world frame.
         affordance: Affordance for the left and the right hand in [0, 1], shape (N, 2).
-        points: Named points; those with `xyz` [m] are drawn.
+        points: Named points; those with `xyz` [m] are drawn, those that a hand wants with their names.
         alt: What the figure shows.
     """
     extent = np.ptp(cloud, axis=0)
@@ -89,24 +96,34 @@ def cloud_figure(cloud: np.ndarray, affordance: np.ndarray, points: Points, *, a
         pixels[..., 1] = CLOUD_HEIGHT - pixels[..., 1]
         return pixels
 
-    weight = np.clip(affordance, 0.0, 1.0)[:, :, None] ** 1.5
-    colours = np.array(CLOTH_RGB) * (1 - weight.max(axis=1))
-    share = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9)
-    hands = (share * np.array([LEFT_RGB, RIGHT_RGB])).sum(axis=1)
-    colours = colours + hands * weight.max(axis=1)
-    order = np.argsort(weight.max(axis=(1, 2)))
-    canvas = _draw_discs(project(cloud)[order], colours[order])
+    weight = np.clip(affordance, 0.0, 1.0)
+    strength = weight.max(axis=1)
+    pixels, colours = project(cloud), _colour_affordance(weight**1.5)
+    order = np.argsort(strength)
+    canvas = _draw_discs(pixels[order], colours[order])
     uri = _data_uri(encode_picture(canvas, ".png"), ".png")
-    marks = ""
-    for name, point in points.items():
-        if "xyz" in point:
-            x, y = project(np.asarray(point["xyz"], float)).tolist()
-            marks += _mark(name, x, y, CLOUD_WIDTH, size=1.1)
+    nearest = {
+        name: int(np.linalg.norm(cloud - point["xyz"], axis=1).argmin())
+        for name, point in points.items()
+        if "xyz" in point
+    }
+    places = {name: project(np.asarray(points[name]["xyz"], float)).tolist() for name in nearest}
+    named = [name for name, index in nearest.items() if strength[index] >= NAMED_FROM]
     return (
         f'<span class="picture cloud"><img src="{uri}" alt="{html.escape(alt)}" '
         f'width="{CLOUD_WIDTH}" height="{CLOUD_HEIGHT}">'
-        f'<svg viewBox="0 0 {CLOUD_WIDTH} {CLOUD_HEIGHT}" aria-hidden="true">{marks}</svg></span>'
+        f'<svg viewBox="0 0 {CLOUD_WIDTH} {CLOUD_HEIGHT}" aria-hidden="true">'
+        f"{_marks(places, named, size=1.1)}</svg></span>"
     )
+
+
+def _colour_affordance(weight: np.ndarray) -> np.ndarray:
+    """Give RGB, shape (N, 3), for the weights of the left and the right hand in [0, 1], shape (N, 2)."""
+    both = weight.min(axis=1, keepdims=True)
+    left, right = np.split(weight - both, 2, axis=1)
+    neither = 1 - weight.max(axis=1, keepdims=True)
+    shares = np.concatenate([left, right, both, neither], axis=1)
+    return shares @ np.array([LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB])
 
 
 def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
@@ -207,16 +224,40 @@ def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> 
     return canvas
 
 
-def _mark(name: str, x: float, y: float, width: int, *, size: float) -> str:
-    side = _side(name)
-    # Outwards, away from the other hand's point, unless the label would leave the picture.
-    is_leftwards = x > 0.3 * width if side == "left" else x > 0.7 * width
-    dx = -12 * size if is_leftwards else 12 * size
-    anchor = "end" if is_leftwards else "start"
+def _marks(places: Mapping[str, Sequence[float]], named: Sequence[str], *, size: float) -> str:
+    """Draw discs at pixels (x, y) of the cloud's figure, and some of their names, where there is room."""
+    line, gap = 17 * size, 12 * size
+    taken = [(x - gap / 2, y - gap / 2, x + gap / 2, y + gap / 2) for x, y in places.values()]
+    marks = ""
+    for name in named:
+        (x, y), text, side = places[name], _words(name), _side(name)
+        length = 0.6 * line * len(text)
+        # Outwards if possible, away from the other hand's point, and beside the disc rather than below or above.
+        sides = (x - gap - length, x + gap)[:: -1 if side != "left" else 1]
+        corners = [
+            (min(max(left, 0.0), CLOUD_WIDTH - length), y + (step - 0.5) * line)
+            for step in (0, 1, -1, 2, -2, 3, -3)
+            for left in sides
+        ]
+        boxes = [(left, top, left + length, top + line) for left, top in corners]
+        box = next((box for box in boxes if _has_room(box, taken)), boxes[0])
+        taken.append(box)
+        marks += (
+            f'<text x="{box[0]:.1f}" y="{box[1] + 0.78 * line:.1f}" font-size="{line:g}">'
+            f"{html.escape(text)}</text>"
+        )
+    return marks + "".join(_disc(name, x, y, size=size) for name, (x, y) in places.items())
+
+
+def _has_room(
+    box: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]
+) -> bool:
+    """Say whether a box (left, top, right, bottom) is not above or below the figure and on none of the others."""
+    left, top, right, bottom = box
     return (
-        f'<g class="mark {side}">{_disc(name, x, y, size=size)}'
-        f'<text x="{x + dx:.1f}" y="{y + 5 * size:.1f}" text-anchor="{anchor}" '
-        f'font-size="{17 * size:g}">{html.escape(_words(name))}</text></g>'
+        top >= 0
+        and bottom <= CLOUD_HEIGHT
+        and not any(left < r and l < right and top < b and t < bottom for l, t, r, b in taken)
     )
 
 
