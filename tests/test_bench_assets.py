@@ -19,7 +19,7 @@ from dexgarmentlab.bench_assets import (
     make_rows,
     write_report,
 )
-from dexgarmentlab.bench_assets.attempts import append_attempt, find_positions, read_attempts
+from dexgarmentlab.bench_assets.attempts import find_positions, read_attempts
 from dexgarmentlab.bench_assets.drop import drop_garment
 from dexgarmentlab.bench_assets.measures import (
     compute_smallest_angles,
@@ -33,6 +33,7 @@ from dexgarmentlab.bench_assets.sheets import load_dropped
 from dexgarmentlab.cli import main
 from dgl_assets import garment_ids, list_categories, load_garment
 from dgl_collect.errors import WorkerError
+from dgl_collect.files import append_line
 
 GOOD = Attempt(
     id="Scarf/000001",
@@ -265,7 +266,7 @@ def test_attempts_survive_their_file(tmp_path):
     assert read_attempts(path) == []
     failed = Attempt(id="Scarf/000009", error="MeshError: \u2028 line")
     for attempt in (GOOD, failed):
-        append_attempt(path, attempt)
+        append_line(path, attempt.to_line())
     assert read_attempts(path) == [GOOD, failed]
     with path.open("a") as file:
         file.write('{"id": "Scarf/0000')  # torn
@@ -344,7 +345,7 @@ def test_the_report_of_hand_made_garments(tmp_path):
     moving = replace(GOOD, id="Glove/000001", still_seconds=None, speed=0.0125, crossings_end=3)
     failed = Attempt(id="Glove/000002", error="MeshError: a <b> edge")
     for attempt in (GOOD, strained, moving, failed):
-        append_attempt(tmp_path / "attempts.jsonl", attempt)
+        append_line(tmp_path / "attempts.jsonl", attempt.to_line())
     content = {"count": 5, "frames": 300, "versions": {"numpy": "9.9"}, "commands": ["dgl <x>"]}
     (tmp_path / "run.json").write_text(json.dumps(content))
     for garment in (scarf, glove):  # nothing is there of the other scarf
@@ -376,7 +377,7 @@ def test_the_report_of_hand_made_garments(tmp_path):
 
 
 def test_pictures_of_another_mesh_are_refused(tmp_path):
-    append_attempt(tmp_path / "attempts.jsonl", GOOD)
+    append_line(tmp_path / "attempts.jsonl", GOOD.to_line())
     content = {"count": 1, "frames": 300, "versions": {}, "commands": []}
     (tmp_path / "run.json").write_text(json.dumps(content))
     path = find_positions(tmp_path, GOOD.id)

@@ -1,7 +1,6 @@
 """Training data of the affordance model: what cameras see, states, and runs that can be interrupted."""
 
 import json
-from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -300,21 +299,11 @@ def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path, capsys):
 
 
 def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
-    class Pool:
-        """Makes no garment."""
+    def fail(calls, workers):
+        for call in calls:
+            yield Made(id=call.args[0], error="flung: it burst", seconds=1.0)
 
-        def __init__(self, **_):
-            pass
-
-        def submit(self, function, garment_id, split, **_):
-            future = Future()
-            future.set_result(Made(id=garment_id, error="flung: it burst", seconds=1.0))
-            return future
-
-        def shutdown(self, **_):
-            pass
-
-    monkeypatch.setattr(generate, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(generate, "run_each", fail)
     config = DataConfig(categories=("Scarf",), train=1, test=1)
     ids = sorted(made.id for made in generate_data(config, tmp_path))
     lines = (tmp_path / "failures.jsonl").read_text(encoding="utf-8").splitlines()

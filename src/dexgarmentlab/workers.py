@@ -6,13 +6,21 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
 import warp
 
-__all__ = ["locked_folder", "prepare_worker"]
+from dgl_collect.errors import WorkerError
+
+__all__ = ["check_continued", "locked_folder", "prepare_worker", "run_each"]
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -32,6 +40,64 @@ def locked_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(lock)  # which gives up the lock
+
+
+def check_continued(
+    folder: Path, found: Mapping[str, object], identity: Mapping[str, object]
+) -> None:
+    """Check that a folder's run is the one that is to be continued.
+
+    Args:
+        folder: Of the run.
+        found: What its file says of the run that is there.
+        identity: What must be equal.
+
+    Raises:
+        ValueError: If something is not.
+    """
+    for key, value in identity.items():
+        if found.get(key) != value:
+            raise ValueError(
+                f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is {value!r}; "
+                "choose another --out"
+            )
+
+
+def run_each(calls: Iterable[Callable[[], T]], workers: int) -> Generator[T, None, None]:
+    """Make calls in processes of their own, and give what they return as they end.
+
+    Closing the generator ends the processes, each after the call that it has in hand.
+
+    Args:
+        calls: They and what they return have to be picklable. They are taken as they are needed.
+        workers: Processes.
+
+    Raises:
+        WorkerError: If a process died.
+    """
+    # A fresh process inherits no locks of threads that the caller may run.
+    pool = ProcessPoolExecutor(
+        max_workers=workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=prepare_worker,
+    )
+    waiting = iter(calls)
+    pending: set[Future[T]] = set()
+    try:
+        while True:
+            room = 2 * workers - len(pending)  # one in hand and one waiting
+            pending |= {pool.submit(call) for call in islice(waiting, room)}
+            if not pending:
+                return
+            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield future.result()
+    except BrokenProcessPool as err:
+        raise WorkerError(
+            "a worker process died, out of memory or killed; finished garments are kept, and --resume continues"
+        ) from err
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def prepare_worker() -> None:

@@ -3,7 +3,8 @@ import json
 import pytest
 
 from dgl_collect import AttemptResult, Criterion, OutputFolderError, wilson_interval
-from dgl_collect.results import append_result, drop_unfinished_line, read_results, summarize
+from dgl_collect.files import append_line, drop_unfinished_line
+from dgl_collect.results import read_results, summarize
 
 
 def make_result(index, *, success=True, **changes):
@@ -61,12 +62,12 @@ def test_a_contradictory_result_is_refused(change, message):
 def test_results_come_back_in_order_and_without_a_broken_last_line(tmp_path):
     path = tmp_path / "attempts.jsonl"
     for index in (2, 0):
-        append_result(path, make_result(index))
+        append_line(path, make_result(index).to_line())
     with path.open("a") as file:
         file.write(make_result(5).to_line()[:20])
     assert [result.index for result in read_results(path)] == [0, 2]
     drop_unfinished_line(path)
-    append_result(path, make_result(1))
+    append_line(path, make_result(1).to_line())
     assert [result.index for result in read_results(path)] == [0, 1, 2]
 
 

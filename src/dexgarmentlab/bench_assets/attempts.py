@@ -1,7 +1,6 @@
 """What is known of one dropped garment: one line of JSON."""
 
 import json
-import os
 import time
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -18,7 +17,6 @@ __all__ = [
     "POSITIONS",
     "STRAIN_LIMIT",
     "Attempt",
-    "append_attempt",
     "find_positions",
     "make_attempt",
     "read_attempts",
@@ -146,14 +144,6 @@ def make_attempt(
 def find_positions(folder: Path, garment_id: str) -> Path:
     """Give the file with where a garment came to lie: shape (V, 3), float32."""
     return folder / POSITIONS / f"{garment_id}.npy"
-
-
-def append_attempt(path: Path, attempt: Attempt) -> None:
-    """Append one whole line and flush it to disk."""
-    with path.open("ab") as file:
-        file.write(attempt.to_line().encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def read_attempts(path: Path) -> list[Attempt]:

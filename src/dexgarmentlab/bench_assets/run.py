@@ -2,25 +2,22 @@
 
 import json
 import logging
-import multiprocessing
 from collections.abc import Generator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from dexgarmentlab.bench_assets.attempts import (
     Attempt,
-    append_attempt,
     make_attempt,
     read_attempts,
 )
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
 from dexgarmentlab.bench_assets.selection import choose_categories, find_partners, select_ids
-from dexgarmentlab.workers import locked_folder, prepare_worker
-from dgl_collect.errors import WorkerError
-from dgl_collect.files import write_json
-from dgl_collect.results import drop_unfinished_line, package_versions
+from dexgarmentlab.workers import check_continued, locked_folder, run_each
+from dgl_collect.files import append_line, drop_unfinished_line, write_json
+from dgl_collect.results import package_versions
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
 
@@ -99,44 +96,22 @@ def drop_garments(
         ids = select_ids(config.count, config.categories)
         partners = find_partners(ids)
         known = {attempt.id for attempt in done}
-        left = [garment_id for garment_id in ids if garment_id not in known]
-        # A fresh process inherits no locks of threads that the caller may run.
-        pool = ProcessPoolExecutor(
-            max_workers=workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=prepare_worker,
+        calls = (
+            partial(
+                make_attempt,
+                garment_id,
+                partners[garment_id],
+                frames=config.frames,
+                height=config.height,
+                folder=folder,
+            )
+            for garment_id in ids
+            if garment_id not in known
         )
-        try:
-            pending: set[Future[Attempt]] = set()
-            while left or pending:
-                while left and len(pending) < 2 * workers:  # one in hand and one waiting
-                    garment_id = left.pop(0)
-                    pending.add(
-                        pool.submit(
-                            make_attempt,
-                            garment_id,
-                            partners[garment_id],
-                            frames=config.frames,
-                            height=config.height,
-                            folder=folder,
-                        )
-                    )
-                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    attempt = _get_result(future)
-                    append_attempt(folder / ATTEMPTS_FILE, attempt)
-                    yield attempt
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _get_result(future: Future[Attempt]) -> Attempt:
-    try:
-        return future.result()
-    except BrokenProcessPool as err:
-        raise WorkerError(
-            "a worker process died, out of memory or killed; finished garments are kept, and --resume continues"
-        ) from err
+        with closing(run_each(calls, workers)) as results:
+            for attempt in results:
+                append_line(folder / ATTEMPTS_FILE, attempt.to_line())
+                yield attempt
 
 
 def load_run(folder: Path) -> tuple[dict, list[Attempt]]:
@@ -171,12 +146,7 @@ def _open_run(config: RunConfig, folder: Path, *, resume: bool, command: str) ->
     done: list[Attempt] = []
     if not is_empty:
         found, _ = load_run(folder)
-        for key, value in config.identity.items():
-            if found.get(key) != value:
-                raise ValueError(
-                    f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is "
-                    f"{value!r}; choose another --out"
-                )
+        check_continued(folder, found, config.identity)
         if found["versions"] != versions:
             logger.warning("%s was begun with other package versions", folder)
         commands = list(found["commands"])

@@ -1,12 +1,10 @@
 """A data set: many garments, by one or more processes, which can be interrupted and continued."""
 
 import json
-import multiprocessing
-import os
 from collections.abc import Generator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -18,11 +16,9 @@ from dexgarmentlab.gam_data.garment import (
     get_versions,
     make_garment_data,
 )
-from dexgarmentlab.workers import locked_folder, prepare_worker
+from dexgarmentlab.workers import check_continued, locked_folder, run_each
 from dgl_assets import garment_ids
-from dgl_collect.errors import WorkerError
-from dgl_collect.files import write_json
-from dgl_collect.results import drop_unfinished_line
+from dgl_collect.files import append_line, drop_unfinished_line, write_json
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
 
@@ -147,44 +143,23 @@ def generate_data(
                 yield Made(id=entry.id, bytes=path.stat().st_size)
             else:
                 left.append(entry)
-        # A fresh process inherits no locks of threads that the caller may run.
-        pool = ProcessPoolExecutor(
-            max_workers=workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=prepare_worker,
+        calls = (
+            partial(
+                make_garment_data,
+                entry.id,
+                entry.split,
+                seed=config.seed,
+                folder=folder,
+                is_flat=entry.is_flat,
+            )
+            for entry in left
         )
-        try:
-            pending: set[Future[Made]] = set()
-            while left or pending:
-                while left and len(pending) < 2 * workers:  # one in hand and one waiting
-                    entry = left.pop(0)
-                    pending.add(
-                        pool.submit(
-                            make_garment_data,
-                            entry.id,
-                            entry.split,
-                            seed=config.seed,
-                            folder=folder,
-                            is_flat=entry.is_flat,
-                        )
-                    )
-                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    made = _get_result(future)
-                    if made.error:
-                        _append_failure(folder / FAILURES_FILE, made)
-                    yield made
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _get_result(future: Future[Made]) -> Made:
-    try:
-        return future.result()
-    except BrokenProcessPool as err:
-        raise WorkerError(
-            "a worker process died, out of memory or killed; finished garments are kept, and --resume continues"
-        ) from err
+        with closing(run_each(calls, workers)) as results:
+            for made in results:
+                if made.error:
+                    failure = {"id": made.id, "reason": made.error}
+                    append_line(folder / FAILURES_FILE, json.dumps(failure))
+                yield made
 
 
 def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, str]:
@@ -201,14 +176,9 @@ def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, st
             found = dict(json.loads(path.read_text(encoding="utf-8")))
         except (ValueError, TypeError) as err:
             raise ValueError(f"{path} cannot be read: {err}") from err
-        for key, value in config.identity.items():
-            if found.get(key) != value:
-                raise ValueError(
-                    f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is "
-                    f"{value!r}; choose another --out"
-                )
-        for partial in folder.glob("*/.*.part"):
-            partial.unlink()  # of a run that was killed; the lock says that no other is at work
+        check_continued(folder, found, config.identity)
+        for unfinished in folder.glob("*/.*.part"):
+            unfinished.unlink()  # of a run that was killed; the lock says that no other is at work
     else:
         write_json(path, config.identity)
     drop_unfinished_line(folder / FAILURES_FILE)
@@ -226,11 +196,3 @@ def _read_failures(path: Path) -> dict[str, str]:
         except (ValueError, KeyError, TypeError) as err:
             raise ValueError(f"{path}, line {number}: it is no failure: {err!r}") from err
     return found
-
-
-def _append_failure(path: Path, made: Made) -> None:
-    """Append one whole line and flush it to disk."""
-    with path.open("ab") as file:
-        file.write(json.dumps({"id": made.id, "reason": made.error}).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())

@@ -1,4 +1,4 @@
-"""Files that are either whole or absent."""
+"""Files that are either whole or absent, and files of whole lines."""
 
 from __future__ import annotations
 
@@ -61,3 +61,26 @@ def write_json(path: Path, content: Mapping[str, object]) -> None:
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     with written_beside(path) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def append_line(path: Path, line: str) -> None:
+    """Append one whole line and flush it to disk.
+
+    Args:
+        path: Made when missing.
+        line: Without its line end.
+    """
+    with path.open("ab") as file:
+        file.write(line.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def drop_unfinished_line(path: Path) -> None:
+    """Cut off a last line without a line end, so that the next one starts on a line of its own."""
+    if not path.exists():
+        return
+    content = path.read_bytes()
+    whole = content.rfind(b"\n") + 1
+    if whole < len(content):
+        os.truncate(path, whole)

@@ -6,7 +6,6 @@ import dataclasses
 import importlib.metadata
 import json
 import math
-import os
 import platform
 import statistics
 from collections import Counter
@@ -124,19 +123,6 @@ class AttemptResult:
             raise ValueError(f"line must be an attempt's result; {err}") from err
 
 
-def append_result(path: Path, result: AttemptResult) -> None:
-    """Append one whole line and flush it to disk.
-
-    Args:
-        path: `attempts.jsonl`; made when missing.
-        result: What to append.
-    """
-    with path.open("ab") as file:
-        file.write(result.to_line().encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
 def read_results(path: Path) -> list[AttemptResult]:
     """Read every result, in the order of the attempts.
 
@@ -160,16 +146,6 @@ def read_results(path: Path) -> list[AttemptResult]:
             raise OutputFolderError(f"{path}, line {number}: attempt {result.index} is there twice")
         results[result.index] = result
     return [results[index] for index in sorted(results)]
-
-
-def drop_unfinished_line(path: Path) -> None:
-    """Cut off a last line without a line end, so that the next one starts on a line of its own."""
-    if not path.exists():
-        return
-    content = path.read_bytes()
-    whole = content.rfind(b"\n") + 1
-    if whole < len(content):
-        os.truncate(path, whole)
 
 
 def wilson_interval(successes: int, attempts: int, *, z: float = Z_95) -> tuple[float, float]:

@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Literal
 
 from dgl_collect.errors import OutputFolderError
-from dgl_collect.files import sync_folder, write_json
+from dgl_collect.files import append_line, drop_unfinished_line, sync_folder, write_json
 from dgl_collect.results import (
     AttemptResult,
     Summary,
-    append_result,
-    drop_unfinished_line,
     package_versions,
     read_results,
     summarize,
@@ -107,7 +105,7 @@ class RunFolder:
             sync_folder(self.path / target)
         shutil.rmtree(staging, ignore_errors=True)
         result = dataclasses.replace(result, files=files)
-        append_result(self.attempts_path, result)
+        append_line(self.attempts_path, result.to_line())
         self.results.append(result)
         return result
 
