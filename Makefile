@@ -15,8 +15,9 @@ setup: ## Install everything that is missing; a second run takes seconds
 demo: setup ## Collect one Fold Tops demonstration with its video and report
 	$(RUN) dgl demo
 
+# What tests compute is small: threads that wait for each other take longer than one.
 test: setup ## Run the tests that need no GPU
-	$(RUN) pytest -m "not slow"
+	OMP_NUM_THREADS=1 $(RUN) pytest -m "not slow"
 
 test-package: setup ## Test one package alone, in an environment of its own: make test-package P=dgl-gam
 	@test -n "$(P)" || { echo "say which package: make test-package P=dgl-gam" >&2; exit 2; }

@@ -12,6 +12,7 @@ from dexgarmentlab.gam.axes import turn_up
 from dexgarmentlab.gam.clouds import load_cloud, see_from_above
 from dgl_assets import garment_ids, load_garment
 from dgl_gam.data import GarmentFolder, write_garment
+from dgl_gam.evaluate import evaluate
 
 CATEGORY = "Trousers"
 
@@ -250,9 +251,17 @@ def test_points_seen_from_above_are_on_the_upper_layer():
     assert (garment.canonical[seen, 2] >= 0).mean() > 0.97
 
 
-def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
+def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys, monkeypatch):
+    found = []
+
+    def evaluate_and_keep(*args, **options):
+        found[:] = evaluate(*args, **options)
+        return found
+
     measured = ["gam", "eval", "--data", str(data), "--weights", str(runs), "--pairs", "2"]
-    assert main([*measured, "--json"]) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr("dgl_gam.evaluate.evaluate", evaluate_and_keep)
+        assert main([*measured, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["condition"] for row in rows] == [
         "flat_30",
@@ -262,12 +271,14 @@ def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys):
         "noise_any",
         "all",
     ]
-    assert main([*measured, "--markdown"]) == 0
-    assert capsys.readouterr().out.startswith("| category | condition |")
-    assert main(measured) == 0
-    assert "swap_rate" in capsys.readouterr().out
+    with monkeypatch.context() as patch:  # the same rows, written in other ways
+        patch.setattr("dgl_gam.evaluate.evaluate", lambda *_, **__: found)
+        assert main([*measured, "--markdown"]) == 0
+        assert capsys.readouterr().out.startswith("| category | condition |")
+        assert main(measured) == 0
+        assert "swap_rate" in capsys.readouterr().out
     packing = ["gam", "pack", "--runs", str(runs), "--data", str(data), "--pairs", "2"]
-    packing += ["--samples", str(tmp_path / "samples")]
+    packing += ["--calibration-pairs", "2", "--samples", str(tmp_path / "samples")]
     assert main([*packing, "--out", str(tmp_path), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     (packed,) = result["packed"]
