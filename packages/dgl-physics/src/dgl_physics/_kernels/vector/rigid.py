@@ -1,0 +1,109 @@
+"""Twin of `_kernels.rigid.solve_rigid_contact`."""
+
+from dgl_physics._kernels import rigid
+from dgl_physics._kernels.distance import PLANE
+from dgl_physics._kernels.vector.twin import make_twin
+
+solve_rigid_contact = make_twin(
+    rigid.solve_rigid_contact,
+    f"const int PLANE = {int(PLANE)};"
+    """
+// Particles that are near nothing or near one plane that stands still, the ground, are done here, eight neighbours of
+// one garment at a time. The others are left over.
+int left = 0;
+for (int i = 0; i < count; i += 8) {
+    int n = i + 8 <= count ? 8 : count - i;
+    int e = i / particles_per_env, kind = garment.data[i];
+    bool is_alike = (i + n - 1) / particles_per_env == e && garment.data[i + n - 1] == kind;
+    auto m = materials.data[kind];
+    int plane = -1;
+    i8 takes = 0, meets = 0, slips = 0;
+    int at[8];
+    for (int l = 0; l < 8; l++) {
+        int p = at[l] = i + (l < n ? l : 0);
+        if (l >= n) continue;
+        if (inverse_mass.data[p] == 0.0f) {
+            is_torn.data[p] = 0;
+            continue;
+        }
+        bool is_simple = is_alike && near_count.data[p] <= 1;
+        if (is_simple && near_count.data[p] == 1 && m.is_solid == 0) {
+            int k = near.data[p * limits.near_capacity];
+            int s = active.data[e * active.shape[1] + k];
+            if (plane < 0) plane = k;
+            is_simple = k == plane && shapes.kind.data[s] == PLANE && shapes.is_moving.data[s] == 0
+                && shapes.is_measured.data[s] == 0;
+            meets[l] = -is_simple;
+        }
+        if (!is_simple) scratch.data[left++] = p;
+        else {
+            takes[l] = -1;
+            slips[l] = -(is_torn.data[p] == 1);
+            is_torn.data[p] = 0;
+        }
+    }
+    int taken = lane::bits(takes);
+    if (taken == 0) continue;
+
+    f8 w = lane::some(inverse_mass.data + i, n);
+    f8x3 before = lane::rows3(previous.data, at), v = lane::rows3(velocity.data, at);
+    f8x3 x = lane::rows3(position.data, at);
+    f8x3 predicted = {before.x + v.x * dt, before.y + v.y * dt, before.z + v.z * dt};
+    f8 zero = 0.0f;
+    f8x3 pushed = {zero, zero, zero};
+    i8 stuck = 0;
+    if (lane::bits(meets)) {
+        int s = active.data[e * active.shape[1] + plane];
+        wp::transform pose = pose_now.data[e * pose_now.shape[1] + plane];
+        auto q = pose.q;
+        wp::vec3 up = wp::quat_rotate(q, wp::vec3(0.0f, 0.0f, 1.0f));
+        f8x3 normal = {lane::all(up[0]), lane::all(up[1]), lane::all(up[2])};
+        f8x3 r = {x.x - pose.p[0], x.y - pose.p[1], x.z - pose.p[2]};
+        f8 turned = 2.0f * (q.x * r.x + q.y * r.y + q.z * r.z);
+        f8 distance = r.z * (2.0f * q.w * q.w - 1.0f) + q.z * turned - (q.x * r.y - q.y * r.x) * q.w * 2.0f;
+        f8 gap = distance - m.rest_offset;
+        meets = meets & (gap < m.adhesion_radius);
+        i8 inside = meets & (gap < 0.0f);
+        f8x3 slip = {x.x - before.x, x.y - before.y, x.z - before.z};
+        f8 along = lane::dot(normal, slip);
+        slip = {slip.x - normal.x * along, slip.y - normal.y * along, slip.z - normal.z * along};
+        f8 held = -lane::min(m.adhesion * w * dt * dt, lane::all(1.0f)) * gap;
+        f8 push = inside ? -gap : held;
+        f8 support = inside ? push : -push;
+        f8x3 pull = lane::rows3(tension.data, at), squeezed = lane::rows3(squeeze.data, at);
+        along = lane::dot(normal, pull);
+        f8 pressed = -lane::min(lane::dot(normal, squeezed), zero) * (m.stiffening * dt * dt);
+        support = push > 0.0f ? lane::max(support - along, zero) + pressed : support;
+        f8x3 wanted = {slip.x + pull.x - normal.x * along, slip.y + pull.y - normal.y * along,
+                       slip.z + pull.z - normal.z * along};
+        f8 length = lane::sqrt(lane::dot(wanted, wanted));
+        f8 limit = slips ? zero : m.friction * shapes.friction.data[s] * support;
+        i8 slides = length > limit;
+        f8 kept = slides ? lane::min(limit / (slides ? length : 1.0f), lane::all(1.0f)) : 1.0f;
+        stuck = meets & ~slides & (push > 0.0f);
+        x = {meets ? x.x + normal.x * push - slip.x * kept : x.x,
+             meets ? x.y + normal.y * push - slip.y * kept : x.y,
+             meets ? x.z + normal.z * push - slip.z * kept : x.z};
+        pushed = {inside ? normal.x : zero, inside ? normal.y : zero, inside ? normal.z : zero};
+    }
+    v = {v.x + (x.x - predicted.x) / dt, v.y + (x.y - predicted.y) / dt, v.z + (x.z - predicted.z) / dt};
+    f8 leaving = lane::max(lane::dot(v, pushed) - limits.separation_speed, zero);
+    v = {v.x - pushed.x * leaving, v.y - pushed.y * leaving, v.z - pushed.z * leaving};
+    f8 speed = lane::sqrt(lane::dot(v, v));
+    i8 races = speed > limits.max_speed;
+    f8 slower = races ? limits.max_speed / (races ? speed : 1.0f) : 1.0f;
+    v = {v.x * slower, v.y * slower, v.z * slower};
+    f4 places[8], velocities[8];
+    lane::back({x.x, x.y, x.z, zero}, places);
+    lane::back({v.x, v.y, v.z, zero}, velocities);
+    for (int l = 0; l < n; l++)
+        if (taken >> l & 1) {
+            lane::set_row3(position.data, i + l, places[l]);
+            lane::set_row3(velocity.data, i + l, velocities[l]);
+            is_stuck.data[i + l] = stuck[l] != 0;
+        }
+}
+return left;
+""",
+    rest=rigid.resolve_rigid_contact,
+)
