@@ -86,10 +86,12 @@ for (int i = 0; i < count; i++) {
                     pull += lane::row3(reaction.data, node[k])
                         * (weight[k] * node_inverse_mass.data[node[k]] / held.data[node[k]]);
         } else {
-            f4 moved = (weight.x * shift[node[0]] + weight.y * shift[node[1]])
-                + (weight.z * shift[node[2]] + weight.w * shift[node[3]]);
-            float length2 = moved.x * moved.x + moved.y * moved.y + moved.z * moved.z;
-            if (length2 > farthest * farthest) moved *= farthest / __builtin_sqrtf(length2);
+            f4 moved = weight.x * shift[node[0]];
+            moved += weight.y * shift[node[1]];
+            moved += weight.z * shift[node[2]];
+            moved += weight.w * shift[node[3]];
+            float length = __builtin_sqrtf(moved.x * moved.x + moved.y * moved.y + moved.z * moved.z);
+            if (length > farthest) moved *= farthest / length;
             lane::set_row3(position.data, i, lane::row3(position.data, i) + moved);
         }
     }
