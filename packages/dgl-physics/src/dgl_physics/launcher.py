@@ -55,6 +55,7 @@ class Launcher:
         """
         self._is_cpu = device == "cpu"
         self._twins: dict[wp.Kernel, wp.Kernel] = {}
+        self._starts: dict[tuple[int, ...], wp.array] = {}
         obstacle = find_vector_obstacle() if self._is_cpu and cpu_code != "warp" else None
         if obstacle and cpu_code == "vector":
             raise UnsupportedCpuError(
@@ -91,8 +92,14 @@ class Launcher:
             colour_start: First constraint of each colour, and the end of the last.
             inputs: Its other arguments.
         """
-        if self._is_cpu and not self.has_twin(kernel):
+        if twin := self._twins.get(kernel):
+            if colour_start not in self._starts:
+                self._starts[colour_start] = wp.array(colour_start, dtype=wp.int32, device="cpu")
+            inputs = [self._starts[colour_start], *inputs, self._scratch]
+            wp.launch(twin, dim=1, inputs=inputs)
+            return
+        if self._is_cpu:
             # One thread takes the constraints in their order, so all colours share a launch.
             colour_start = (colour_start[0], colour_start[-1])
         for first, end in pairwise(colour_start):
-            self.launch(kernel, end - first, [first, *inputs])
+            wp.launch(kernel, dim=end - first, inputs=[first, *inputs])

@@ -14,37 +14,48 @@ __all__ = ["make_twin"]
 def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) -> wp.Kernel:
     """Make a kernel of one thread that does what `count` threads of another do.
 
-    The twin takes `count`, the arguments of the kernel, and `scratch`, an array of float32 that it may write to.
+    The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it may write to. Where the
+    first argument of the kernel is `first`, it solves constraints of one colour; its twin solves those of all, one colour
+    after the other, and takes the array `colour_start` in the place of `count` and `first`.
 
     Args:
         kernel: The kernel that it is the twin of.
-        code: C++ with the arguments' names. Its one result, where there is a `rest`, is how many places it has left
-            over, whose numbers it writes to the beginning of `scratch` as int32.
+        code: C++ with the arguments' names. Its result, where there is a `rest`, is how many threads it has left over,
+            whose numbers it writes to the beginning of `scratch`.
         rest: Does what a thread of the kernel does, for those that the code has left over. Takes the number of the
             thread and the arguments of the kernel.
     """
     types = {"count": wp.int32, **inspect.get_annotations(kernel.func)}
-    types["scratch"] = wp.array(dtype=wp.int32)
-    name = kernel.key
-    declared = ", ".join(f"{argument}: types[{argument!r}]" for argument in types)
-    given = ", ".join(types)
-    call = f"native({given})"
-    if rest is not None:
-        own = ", ".join(list(types)[1:-1])
-        call = f"for k in range({call}):\n        rest(scratch[k], {own})"
+    types |= {"scratch": wp.array(dtype=wp.int32), "colour_start": wp.array(dtype=wp.int32)}
+    native = [name for name in types if name != "colour_start"]
+    taken, body = native, [f"native({', '.join(native)})"]
+    if native[1] == "first":
+        taken = ["colour_start", *native[2:]]
+        body = [
+            "for colour in range(colour_start.shape[0] - 1):",
+            "    first = colour_start[colour]",
+            "    count = colour_start[colour + 1] - first",
+            f"    {body[0]}",
+        ]
+    elif rest is not None:
+        body = [f"for k in range({body[0]}):", f"    rest(scratch[k], {', '.join(native[1:-1])})"]
+
+    def declare(names: list[str]) -> str:
+        return ", ".join(f"{name}: types[{name!r}]" for name in names)
+
     lines = [
         "@wp.func_native(code)",
-        f"def native({declared}){' -> wp.int32' if rest else ''}: ...",
+        f"def native({declare(native)}){' -> wp.int32' if rest else ''}: ...",
         "@wp.kernel",
-        f"def {name}({declared}):",
-        f"    {call}",
+        f"def {kernel.key}({declare(taken)}):",
+        *(f"    {line}" for line in body),
     ]
     # Warp reads the source of what it compiles.
-    file = f"<twin of {kernel.module.name}.{name}>"
+    file = f"<twin of {kernel.module.name}.{kernel.key}>"
     source = "\n".join(lines) + "\n"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     scope: dict[str, Any] = {
         "__name__": f"{kernel.module.name}.vector", "wp": wp, "types": types, "code": LANES + code, "rest": rest
     }  # fmt: skip
     exec(compile(source, file, "exec"), scope)
-    return scope[name]
+    return scope[kernel.key]
