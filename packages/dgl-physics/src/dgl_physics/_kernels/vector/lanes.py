@@ -19,6 +19,7 @@ struct lane {
     static inline f8 min(f8 a, f8 b) { return __builtin_elementwise_min(a, b); }
     static inline f8 max(f8 a, f8 b) { return __builtin_elementwise_max(a, b); }
     static inline f8 sqrt(f8 a) { return __builtin_elementwise_sqrt(a); }
+    static inline f8 join(f4 a, f4 b) { return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
     static inline f8 dot(f8x3 a, f8x3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     static inline f8 load(const float* p) { return *(const f8_any*)p; }
     static inline void store(float* p, f8 v) { *(f8_any*)p = v; }

@@ -25,11 +25,9 @@ for (int i = 0; i < count; i++) {
 }
 // Sums of each particle, apart for the pairs that it is the first and the second of: corrections with the shares in
 // contacts, and what squeezes it. They are added up in the order in which threads of the kernel would.
-f4_any* first = nature + count;
-f4_any* second = first + count;
-f4_any* press_first = second + count;
-f4_any* press_second = press_first + count;
-for (int i = 0; i < 4 * count; i++) first[i] = 0.0f;
+f8_any* first = (f8_any*)(nature + count);
+f8_any* second = first + count;
+for (int i = 0; i < 2 * count; i++) first[i] = 0.0f;
 
 const int ROOM = 512;
 int I[ROOM + 8], J[ROOM + 8];
@@ -71,18 +69,13 @@ auto solve = [&](int k, int n) __attribute__((always_inline)) {
     change = {meets ? change.x : drawn.x, meets ? change.y : drawn.y, meets ? change.z : drawn.z};
     ci = near ? ci : 0.0f;
     cj = near ? cj : 0.0f;
-    f4 rows[8];
+    f8 loft = lane::min(depth / (LOFT * thickness), lane::all(1.0f)), size = deep ? depth * loft * loft : 0.0f;
+    f4 rows[8], presses[8];
+    lane::back({normal.x * size, normal.y * size, normal.z * size, zero}, presses);
     lane::back({change.x * ci, change.y * ci, change.z * ci, deep ? wi * inertia : 0.0f}, rows);
-    for (int l = 0; l < n; l++) first[at[l]] += rows[l];
+    for (int l = 0; l < n; l++) first[at[l]] += lane::join(rows[l], presses[l]);
     lane::back({-(change.x * cj), -(change.y * cj), -(change.z * cj), deep ? wj * inertia : 0.0f}, rows);
-    for (int l = 0; l < n; l++) second[to[l]] += rows[l];
-    if (lane::bits(deep)) {
-        f8 loft = lane::min(depth / (LOFT * thickness), lane::all(1.0f));
-        f8 size = deep ? depth * loft * loft : 0.0f;
-        lane::back({normal.x * size, normal.y * size, normal.z * size, zero}, rows);
-        for (int l = 0; l < n; l++) press_first[at[l]] += rows[l];
-        for (int l = 0; l < n; l++) press_second[to[l]] -= rows[l];
-    }
+    for (int l = 0; l < n; l++) second[to[l]] += lane::join(rows[l], -presses[l]);
 };
 auto solve_found = [&](int n) {
     int whole = n / 8 * 8;
@@ -115,10 +108,10 @@ for (int i = 0; i < count; i++) {
 }
 solve_found(found);
 for (int i = 0; i < count; i++) {
-    f4 total = second[i] + first[i], press = press_second[i] + press_first[i];
-    lane::set_row3(correction.data, i, lane::row3(correction.data, i) + total);
-    lane::set_row3(squeeze_next.data, i, lane::row3(squeeze_next.data, i) + press);
-    crowd_next.data[i] += total.w;
+    f8 total = second[i] + first[i];
+    lane::set_row3(correction.data, i, lane::row3(correction.data, i) + total.lo);
+    lane::set_row3(squeeze_next.data, i, lane::row3(squeeze_next.data, i) + total.hi);
+    crowd_next.data[i] += total.lo.w;
 }
 """,
 )
