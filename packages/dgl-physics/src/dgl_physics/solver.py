@@ -232,7 +232,7 @@ class SolverXPBD:
                 [
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     self._inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                    near.near_count, self._previous, self._contact.squeeze, state.positions,
+                    near.near_count, near.near_bodies, self._previous, self._contact.squeeze, state.positions,
                     state.velocities, state.impulse, self._pressed, state.is_stuck,
                     self._coarse.tension, self._is_torn,
                 ],

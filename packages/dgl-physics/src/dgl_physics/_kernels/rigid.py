@@ -264,6 +264,7 @@ def resolve_rigid_contact(
     pose_now: wp.array2d(dtype=wp.transform),
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
     squeeze: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
@@ -363,6 +364,7 @@ def solve_rigid_contact(
     pose_now: wp.array2d(dtype=wp.transform),
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
     squeeze: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
@@ -383,7 +385,7 @@ def solve_rigid_contact(
     """
     resolve_rigid_contact(
         wp.tid(), dt, particles_per_env, limits, shapes, garment, materials, inverse_mass, active,
-        pose_before, pose_now, near, near_count, previous, squeeze, position, velocity,
+        pose_before, pose_now, near, near_count, near_bodies, previous, squeeze, position, velocity,
         impulse, press, is_stuck, tension, is_torn,
     )  # fmt: skip
 

@@ -31,6 +31,8 @@ struct lane {
         for (int l = 0; l < 8; l++) v[l] = p[l < n ? l : 0];
         return v;
     }
+    static inline i8 some(const int* p, int n) { return __builtin_bit_cast(i8, some((const float*)p, n)); }
+    static inline void put(int* p, i8 v, int n) { put((float*)p, __builtin_bit_cast(f8, v), n); }
     static inline void put(float* p, f8 v, int n) {
         if (n == 8) store(p, v);
         else

@@ -10,42 +10,31 @@ solve_rigid_contact = make_twin(
     """
 // Particles that are near nothing or near one plane that stands still, the ground, are done here, eight neighbours of
 // one garment at a time. The others are left over.
-int left = 0;
+int left = 0, planes = 0, ground = 0;
+for (int s = 0; s < shapes.kind.shape[0]; s++)
+    if (shapes.kind.data[s] == PLANE) planes++, ground = s;
+bool is_still = planes == 1 && !shapes.is_moving.data[ground] && !shapes.is_measured.data[ground];
+const i8 own = {0, 1, 2, 3, 4, 5, 6, 7};
 for (int i = 0; i < count; i += 8) {
-    int n = i + 8 <= count ? 8 : count - i;
+    int n = i + 8 <= count ? 8 : count - i, last = i + n - 1;
     int e = i / particles_per_env, kind = garment.data[i];
-    bool is_alike = (i + n - 1) / particles_per_env == e && garment.data[i + n - 1] == kind;
+    bool is_alike = last / particles_per_env == e && garment.data[last] == kind;
     auto m = materials.data[kind];
-    int plane = -1;
-    i8 takes = 0, meets = 0, slips = 0;
     int at[8];
-    for (int l = 0; l < 8; l++) {
-        int p = at[l] = i + (l < n ? l : 0);
-        if (l >= n) continue;
-        if (inverse_mass.data[p] == 0.0f) {
-            is_torn.data[p] = 0;
-            continue;
-        }
-        bool is_simple = is_alike && near_count.data[p] <= 1;
-        if (is_simple && near_count.data[p] == 1 && m.is_solid == 0) {
-            int k = near.data[p * limits.near_capacity];
-            int s = active.data[e * active.shape[1] + k];
-            if (plane < 0) plane = k;
-            is_simple = k == plane && shapes.kind.data[s] == PLANE && shapes.is_moving.data[s] == 0
-                && shapes.is_measured.data[s] == 0;
-            meets[l] = -is_simple;
-        }
-        if (!is_simple) scratch.data[left++] = p;
-        else {
-            takes[l] = -1;
-            slips[l] = -(is_torn.data[p] == 1);
-            is_torn.data[p] = 0;
-        }
-    }
+    for (int l = 0; l < 8; l++) at[l] = i + (l < n ? l : 0);
+    f8 w = lane::some(inverse_mass.data + i, n);
+    i8 shapes_near = lane::some(near_count.data + i, n), torn = lane::some(is_torn.data + i, n);
+    i8 acts = (own < n) & (w != 0.0f);
+    i8 meets = shapes_near > 0;
+    i8 is_alike_all = is_alike ? -1 : 0, is_still_all = is_still ? -1 : 0;
+    i8 takes = acts & (lane::some(near_bodies.data + i, n) == 0) & ((shapes_near == 0) | is_still_all) & is_alike_all;
+    for (int rest = lane::bits(acts & ~takes); rest; rest &= rest - 1) scratch.data[left++] = i + __builtin_ctz(rest);
+    lane::put(is_torn.data + i, acts & ~takes ? torn : 0, n);
     int taken = lane::bits(takes);
     if (taken == 0) continue;
+    i8 slips = torn == 1;
+    meets = meets & takes & (m.is_solid == 0 ? -1 : 0);
 
-    f8 w = lane::some(inverse_mass.data + i, n);
     f8x3 before = lane::rows3(previous.data, at), v = lane::rows3(velocity.data, at);
     f8x3 x = lane::rows3(position.data, at);
     f8x3 predicted = {before.x + v.x * dt, before.y + v.y * dt, before.z + v.z * dt};
@@ -53,7 +42,7 @@ for (int i = 0; i < count; i += 8) {
     f8x3 pushed = {zero, zero, zero};
     i8 stuck = 0;
     if (lane::bits(meets)) {
-        int s = active.data[e * active.shape[1] + plane];
+        int plane = near.data[(i + __builtin_ctz(lane::bits(meets))) * limits.near_capacity];
         wp::transform pose = pose_now.data[e * pose_now.shape[1] + plane];
         auto q = pose.q;
         wp::vec3 up = wp::quat_rotate(q, wp::vec3(0.0f, 0.0f, 1.0f));
@@ -77,7 +66,7 @@ for (int i = 0; i < count; i += 8) {
         f8x3 wanted = {slip.x + pull.x - normal.x * along, slip.y + pull.y - normal.y * along,
                        slip.z + pull.z - normal.z * along};
         f8 length = lane::sqrt(lane::dot(wanted, wanted));
-        f8 limit = slips ? zero : m.friction * shapes.friction.data[s] * support;
+        f8 limit = slips ? zero : m.friction * shapes.friction.data[ground] * support;
         i8 slides = length > limit;
         f8 kept = slides ? lane::min(limit / (slides ? length : 1.0f), lane::all(1.0f)) : 1.0f;
         stuck = meets & ~slides & (push > 0.0f);

@@ -124,7 +124,8 @@ int* cell_of = scratch.data;
 int* joined_to = cell_of + count;
 int* near = joined_to + count;
 int* order = near + count + 8;
-float* xs = (float*)(order + count + 8);
+int* around = order + count + 8;
+float* xs = (float*)(around + count + 8);
 float* ys = xs + count + 8;
 float* zs = ys + count + 8;
 float* radius = zs + count + 8;
@@ -171,42 +172,51 @@ for (int from = 0, to; from < count; from = to) {
     // Each cell's particles now begin where `begin[cell + 1]` says, and end where the next one's begin.
     int* first = begin + 1;
     first[total] = 0;
-    for (int k = 0; k < counted + 8; k++) {
-        int i = k < counted ? order[k] : -1;
-        f4 x = i >= 0 ? row_of(i) : (f4)(1.0e9f);
-        f4 t = i >= 0 ? lane::row4(touch.data, i) : (f4)(0.0f);
-        order[k] = i, xs[k] = x.x, ys[k] = x.y, zs[k] = x.z, radius[k] = t.x, adhesion[k] = t.w;
-    }
 
-    for (int i = from; i < to; i++) {
-        f4 x = row_of(i);
+    // The particles of a cell share what is around them, which is laid side by side when the first of them asks.
+    int laid_for = -1, laid = 0;
+    auto lay_out = [&](int c) {
+        laid_for = c, laid = 0;
+        for (int dz = -1; dz <= 1; dz++)
+            for (int dy = -1; dy <= 1; dy++) {
+                int row = c + (dz * ny + dy) * nx;
+                for (int k = first[row - 1]; k < first[row + 2]; k++, laid++) {
+                    int j = order[k];
+                    f4 y = row_of(j), t = lane::row4(touch.data, j);
+                    around[laid] = j, xs[laid] = y.x, ys[laid] = y.y, zs[laid] = y.z;
+                    radius[laid] = t.x, adhesion[laid] = t.w;
+                }
+            }
+        for (int k = laid; k < laid + 8; k++) around[k] = -1;
+    };
+    auto is_stirred = [&](f4 x) {
         auto hash = [&](float at, unsigned prime) {
             return (unsigned)(int)__builtin_floorf(at / limits.cell_size) * prime;
         };
         unsigned cell = hash(x.x, 73856093u) ^ hash(x.y, 19349663u)
             ^ (hash(x.z, 83492791u) ^ (unsigned)(env * 40960001));
-        if (stirred.data[cell & (unsigned)(stirred.shape[0] - 1)] == 0) continue;
+        return stirred.data[cell & (unsigned)(stirred.shape[0] - 1)] != 0;
+    };
+    auto search = [&](int i) {
+        f4 x = row_of(i);
+        if (!is_stirred(x)) return;
         lane::set_row3(searched_at.data, i, x);
         neighbour_count.data[i] = 0;
-        if (cell_of[i] < 0) continue;
+        if (cell_of[i] < 0) return;
+        if (cell_of[i] != laid_for) lay_out(cell_of[i]);
 
-        for (int k = adjacency_start.data[i]; k < adjacency_start.data[i + 1]; k++) joined_to[adjacency.data[k]] = i;
         f4 own = lane::row4(touch.data, i);
         int found = 0;
-        for (int dz = -1; dz <= 1; dz++)
-            for (int dy = -1; dy <= 1; dy++) {
-                int c = cell_of[i] + (dz * ny + dy) * nx;
-                for (int k = first[c - 1], end = first[c + 2]; k < end; k += 8) {
-                    i8 j = lane::load(order + k);
-                    f8x3 d = {x.x - lane::load(xs + k), x.y - lane::load(ys + k), x.z - lane::load(zs + k)};
-                    f8 far = own.x + lane::load(radius + k) + lane::max(lane::all(own.w), lane::load(adhesion + k))
-                        + limits.neighbour_margin;
-                    int bits = lane::bits((lane::dot(d, d) < far * far) & (j > i));
-                    if (k + 8 > end) bits &= (1 << (end - k)) - 1;
-                    lane::store(near + found, lane::compress(j, bits));
-                    found += __builtin_popcount(bits);
-                }
-            }
+        for (int k = 0; k < laid; k += 8) {
+            i8 j = lane::load(around + k);
+            f8x3 d = {x.x - lane::load(xs + k), x.y - lane::load(ys + k), x.z - lane::load(zs + k)};
+            f8 far = own.x + lane::load(radius + k) + lane::max(lane::all(own.w), lane::load(adhesion + k))
+                + limits.neighbour_margin;
+            int bits = lane::bits((lane::dot(d, d) < far * far) & (j > i));
+            lane::store(near + found, lane::compress(j, bits));
+            found += __builtin_popcount(bits);
+        }
+        for (int k = adjacency_start.data[i]; k < adjacency_start.data[i + 1]; k++) joined_to[adjacency.data[k]] = i;
         int kept = 0;
         for (int q = 0; q < found; q++) {
             near[kept] = near[q];
@@ -214,7 +224,7 @@ for (int from = 0, to; from < count; from = to) {
         }
         // Each goes to the place that the number of smaller ones says.
         int* list = neighbours.data + i * limits.neighbour_capacity;
-        for (int q = kept; q < kept + 8; q++) near[q] = 1 << 30;
+        lane::store(near + kept, (i8)(1 << 30));
         for (int q = 0; q < kept; q++) {
             int smaller = 0;
             for (int k = 0; k < kept; k += 8)
@@ -224,7 +234,10 @@ for (int from = 0, to; from < count; from = to) {
         int listed = kept < limits.neighbour_capacity ? kept : limits.neighbour_capacity;
         overflow.data[env] += kept - listed;
         neighbour_count.data[i] = listed;
-    }
+    };
+    for (int k = 0; k < counted; k++) search(order[k]);
+    for (int i = from; i < to; i++)
+        if (cell_of[i] < 0) search(i);
 }
 """,
 )
