@@ -68,7 +68,7 @@ class Launcher:
 
             self._twins = TWINS
         self._scratch = wp.zeros(
-            32 * particle_count + 4096 if self._twins else 0, dtype=wp.int32, device=device
+            32 * particle_count + 8192 if self._twins else 0, dtype=wp.int32, device=device
         )
 
     def has_twin(self, kernel: wp.Kernel) -> bool:

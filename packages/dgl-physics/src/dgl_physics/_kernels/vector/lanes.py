@@ -67,6 +67,25 @@ struct lane {
     static inline void store(int* p, i8 v) { *(i8_any*)p = v; }
     static inline i8 load(const int* p) { return *(const i8_any*)p; }
 
+    static inline i8 pick(const int* p, const int* i) {
+        return __builtin_bit_cast(i8, pick((const float*)p, i));
+    }
+    // Batcher's network: each step orders lanes by pairs.
+    static inline i8 sort(i8 v) {
+#define ORDER(a, b, c, d, e, f, g, h, low) { \\
+        i8 w = __builtin_shufflevector(v, v, a, b, c, d, e, f, g, h); \\
+        v = (i8)low ? __builtin_elementwise_min(v, w) : __builtin_elementwise_max(v, w); }
+        const int L = -1, H = 0;
+        ORDER(1, 0, 3, 2, 5, 4, 7, 6, (i8{L, H, L, H, L, H, L, H}))
+        ORDER(2, 3, 0, 1, 6, 7, 4, 5, (i8{L, L, H, H, L, L, H, H}))
+        ORDER(0, 2, 1, 3, 4, 6, 5, 7, (i8{L, L, H, L, L, L, H, L}))
+        ORDER(4, 5, 6, 7, 0, 1, 2, 3, (i8{L, L, L, L, H, H, H, H}))
+        ORDER(0, 1, 4, 5, 2, 3, 6, 7, (i8{L, L, L, L, H, H, L, L}))
+        ORDER(0, 2, 1, 4, 3, 6, 5, 7, (i8{L, L, H, L, H, L, H, L}))
+#undef ORDER
+        return v;
+    }
+
     // See `_kernels.damping.compute_damping`.
     static inline f8 damping(f8 before, f8 value, f8 steps, f8 compliance, f8 w) {
         f8 resolved = compliance / (compliance + w);

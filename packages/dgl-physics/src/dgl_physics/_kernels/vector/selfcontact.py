@@ -120,17 +120,17 @@ find_neighbours = make_twin(
     selfcontact.find_neighbours,
     """
 // Particles are sorted by the cubic cells of a box, x fastest: three cells in a row are one range of particles.
+const int row = count + 16;
 int* cell_of = scratch.data;
-int* joined_to = cell_of + count;
-int* near = joined_to + count;
-int* order = near + count + 8;
-int* around = order + count + 8;
-float* xs = (float*)(around + count + 8);
-float* ys = xs + count + 8;
-float* zs = ys + count + 8;
-float* radius = zs + count + 8;
-float* adhesion = radius + count + 8;
-int* begin = (int*)(adhesion + count + 8);
+int* joined_to = cell_of + row;
+int* near = joined_to + row;
+int* begin = near + 13 * row;
+struct Places {
+    int* index;
+    float *x, *y, *z, *radius, *adhesion;
+    Places(int* at, int row) : index(at), x((float*)at + row), y(x + row), z(y + row), radius(z + row), adhesion(radius + row) {}
+};
+Places sorted(near + row, row), around(near + 7 * row, row);
 int room = scratch.shape[0] - (int)(begin - scratch.data);
 for (int i = 0; i < count; i++) joined_to[i] = -1;
 auto row_of = [&](int i) { return lane::row3(position.data, i); };
@@ -168,10 +168,15 @@ for (int from = 0, to; from < count; from = to) {
     for (int c = 0; c < total; c++) begin[c + 1] += begin[c];
     int counted = begin[total];
     for (int i = to - 1; i >= from; i--)
-        if (cell_of[i] >= 0) order[--begin[cell_of[i] + 1]] = i;
+        if (cell_of[i] >= 0) sorted.index[--begin[cell_of[i] + 1]] = i;
     // Each cell's particles now begin where `begin[cell + 1]` says, and end where the next one's begin.
     int* first = begin + 1;
     first[total] = 0;
+    for (int k = 0; k < counted; k++) {
+        int i = sorted.index[k];
+        f4 x = row_of(i), t = lane::row4(touch.data, i);
+        sorted.x[k] = x.x, sorted.y[k] = x.y, sorted.z[k] = x.z, sorted.radius[k] = t.x, sorted.adhesion[k] = t.w;
+    }
 
     // The particles of a cell share what is around them, which is laid side by side when the first of them asks.
     int laid_for = -1, laid = 0;
@@ -179,27 +184,28 @@ for (int from = 0, to; from < count; from = to) {
         laid_for = c, laid = 0;
         for (int dz = -1; dz <= 1; dz++)
             for (int dy = -1; dy <= 1; dy++) {
-                int row = c + (dz * ny + dy) * nx;
-                for (int k = first[row - 1]; k < first[row + 2]; k++, laid++) {
-                    int j = order[k];
-                    f4 y = row_of(j), t = lane::row4(touch.data, j);
-                    around[laid] = j, xs[laid] = y.x, ys[laid] = y.y, zs[laid] = y.z;
-                    radius[laid] = t.x, adhesion[laid] = t.w;
-                }
+                int k = first[c + (dz * ny + dy) * nx - 1], end = first[c + (dz * ny + dy) * nx + 2];
+                do {
+                    lane::store(around.index + laid, lane::load(sorted.index + k));
+                    lane::store(around.x + laid, lane::load(sorted.x + k));
+                    lane::store(around.y + laid, lane::load(sorted.y + k));
+                    lane::store(around.z + laid, lane::load(sorted.z + k));
+                    lane::store(around.radius + laid, lane::load(sorted.radius + k));
+                    lane::store(around.adhesion + laid, lane::load(sorted.adhesion + k));
+                    laid += end - k < 8 ? end - k : 8;
+                    k += 8;
+                } while (k < end);
             }
-        for (int k = laid; k < laid + 8; k++) around[k] = -1;
+        lane::store(around.index + laid, (i8)(-1));
     };
-    auto is_stirred = [&](f4 x) {
+    auto search = [&](int i) {
+        f4 x = row_of(i);
         auto hash = [&](float at, unsigned prime) {
             return (unsigned)(int)__builtin_floorf(at / limits.cell_size) * prime;
         };
         unsigned cell = hash(x.x, 73856093u) ^ hash(x.y, 19349663u)
             ^ (hash(x.z, 83492791u) ^ (unsigned)(env * 40960001));
-        return stirred.data[cell & (unsigned)(stirred.shape[0] - 1)] != 0;
-    };
-    auto search = [&](int i) {
-        f4 x = row_of(i);
-        if (!is_stirred(x)) return;
+        if (stirred.data[cell & (unsigned)(stirred.shape[0] - 1)] == 0) return;
         lane::set_row3(searched_at.data, i, x);
         neighbour_count.data[i] = 0;
         if (cell_of[i] < 0) return;
@@ -208,9 +214,9 @@ for (int from = 0, to; from < count; from = to) {
         f4 own = lane::row4(touch.data, i);
         int found = 0;
         for (int k = 0; k < laid; k += 8) {
-            i8 j = lane::load(around + k);
-            f8x3 d = {x.x - lane::load(xs + k), x.y - lane::load(ys + k), x.z - lane::load(zs + k)};
-            f8 far = own.x + lane::load(radius + k) + lane::max(lane::all(own.w), lane::load(adhesion + k))
+            i8 j = lane::load(around.index + k);
+            f8x3 d = {x.x - lane::load(around.x + k), x.y - lane::load(around.y + k), x.z - lane::load(around.z + k)};
+            f8 far = own.x + lane::load(around.radius + k) + lane::max(lane::all(own.w), lane::load(around.adhesion + k))
                 + limits.neighbour_margin;
             int bits = lane::bits((lane::dot(d, d) < far * far) & (j > i));
             lane::store(near + found, lane::compress(j, bits));
@@ -218,24 +224,29 @@ for (int from = 0, to; from < count; from = to) {
         }
         for (int k = adjacency_start.data[i]; k < adjacency_start.data[i + 1]; k++) joined_to[adjacency.data[k]] = i;
         int kept = 0;
-        for (int q = 0; q < found; q++) {
-            near[kept] = near[q];
-            kept += joined_to[near[q]] != i;
+        lane::store(near + found, (i8)(i));  // what fills the last lanes is joined to nothing, and left out by its index
+        for (int q = 0; q < found; q += 8) {
+            i8 j = lane::load(near + q);
+            int bits = lane::bits(lane::pick(joined_to, near + q) != i & j > i);
+            lane::store(near + kept, lane::compress(j, bits));
+            kept += __builtin_popcount(bits);
         }
-        // Each goes to the place that the number of smaller ones says.
         int* list = neighbours.data + i * limits.neighbour_capacity;
-        lane::store(near + kept, (i8)(1 << 30));
-        for (int q = 0; q < kept; q++) {
-            int smaller = 0;
-            for (int k = 0; k < kept; k += 8)
-                smaller += __builtin_popcount(lane::bits(lane::load(near + k) < near[q]));
-            if (smaller < limits.neighbour_capacity) list[smaller] = near[q];
-        }
         int listed = kept < limits.neighbour_capacity ? kept : limits.neighbour_capacity;
+        lane::store(near + kept, (i8)(count - 1));  // none is greater
+        if (kept <= 8 && limits.neighbour_capacity >= 8) lane::store(list, lane::sort(lane::load(near)));
+        else
+            // Each goes to the place that the number of smaller ones says.
+            for (int q = 0; q < kept; q++) {
+                int smaller = 0;
+                for (int k = 0; k < kept; k += 8)
+                    smaller += __builtin_popcount(lane::bits(lane::load(near + k) < near[q]));
+                if (smaller < listed) list[smaller] = near[q];
+            }
         overflow.data[env] += kept - listed;
         neighbour_count.data[i] = listed;
     };
-    for (int k = 0; k < counted; k++) search(order[k]);
+    for (int k = 0; k < counted; k++) search(sorted.index[k]);
     for (int i = from; i < to; i++)
         if (cell_of[i] < 0) search(i);
 }
