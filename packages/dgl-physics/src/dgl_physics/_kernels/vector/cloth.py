@@ -23,26 +23,25 @@ solve_distances = make_twin(
     cloth.solve_distances,
     f"const float TORN_STRETCH = {float(cloth.TORN_STRETCH)}f;"
     """
-const wp::vec2i* ends = pairs.data;
+f4_any* place = (f4_any*)scratch.data;
+lane::pack(position.data, inverse_mass.data, place, position.shape[0]);
 auto project = [&](int c, int n) __attribute__((always_inline)) {
     int I[8], J[8];
     for (int l = 0; l < 8; l++) {
-        I[l] = ends[c + (l < n ? l : 0)][0];
-        J[l] = ends[c + (l < n ? l : 0)][1];
+        I[l] = pairs.data[c + (l < n ? l : 0)][0];
+        J[l] = pairs.data[c + (l < n ? l : 0)][1];
     }
-    f8x3 a = lane::rows3(position.data, I), b = lane::rows3(position.data, J);
-    f8 wi = lane::pick(inverse_mass.data, I), wj = lane::pick(inverse_mass.data, J);
+    f8x4 a = lane::rows4(place, I), b = lane::rows4(place, J);
     f8 rest = lane::some(rest_length.data + c, n), soft = lane::some(compliance.data + c, n) * inverse_dt2;
     f8x3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
-    f8 w = wi + wj, length = lane::sqrt(lane::dot(d, d));
+    f8 w = a.w + b.w, length = lane::sqrt(lane::dot(d, d));
     i8 acts = (w > 0.0f) & (length > 1.0e-9f);
     w = acts ? w : 1.0f;
     f8 s = (rest - length) / (w + soft);
     if (damping_rate >= 0.0f) {
-        f8 steps;
+        f8 steps, before = lane::some(length_before.data + c, n);
         for (int l = 0; l < 8; l++)
             steps[l] = damping_rate * materials.data[garment.data[I[l]]].stretch_damping;
-        f8 before = lane::some(length_before.data + c, n);
         s -= lane::damping(before, length, steps, soft, w);
         lane::put(length_before.data + c, acts ? length : before, n);
     }
@@ -51,13 +50,11 @@ auto project = [&](int c, int n) __attribute__((always_inline)) {
         for (int l = 0; l < n; l++)
             if (torn[l]) is_torn.data[I[l]] = is_torn.data[J[l]] = 1;
     s = acts ? s / length : 0.0f;
-    f8 sa = s * wi, sb = s * wj;
-    lane::set_rows3(position.data, I, {a.x + d.x * sa, a.y + d.y * sa, a.z + d.z * sa}, n);
-    lane::set_rows3(position.data, J, {b.x - d.x * sb, b.y - d.y * sb, b.z - d.z * sb}, n);
+    f8 sa = s * a.w, sb = s * b.w;
+    lane::set_rows4(place, I, {a.x + d.x * sa, a.y + d.y * sa, a.z + d.z * sa, a.w}, n);
+    lane::set_rows4(place, J, {b.x - d.x * sb, b.y - d.y * sb, b.z - d.z * sb, b.w}, n);
 };
-int last = first + count;
-for (int c = first; c < last; c += 8)
-    if (c + 8 <= last) project(c, 8);
-    else project(c, last - c);
+FOR_EACH_COLOUR(project)
+lane::unpack(place, position.data, position.shape[0]);
 """,
 )

@@ -38,32 +38,31 @@ for (int c = 0; c < count; c++) {
 solve_limits = make_twin(
     coarse.solve_limits,
     """
+f4_any* node = (f4_any*)scratch.data;
+lane::pack(centre.data, mobility.data, node, centre.shape[0]);
 auto project = [&](int c, int n) __attribute__((always_inline)) {
     int I[8], J[8];
     for (int l = 0; l < 8; l++) {
         I[l] = pairs.data[c + (l < n ? l : 0)][0];
         J[l] = pairs.data[c + (l < n ? l : 0)][1];
     }
-    f8x3 a = lane::rows3(centre.data, I), b = lane::rows3(centre.data, J);
+    f8x4 a = lane::rows4(node, I), b = lane::rows4(node, J);
     f8x3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
     f8 length = lane::sqrt(lane::dot(d, d)), most = lane::some(limit.data + c, n);
-    int over = lane::bits(length > most) & ((1 << n) - 1);
+    int over = lane::bits((length > most) & (a.w + b.w > 0.0f)) & ((1 << n) - 1);
     // Most limits are kept.
     for (; over; over &= over - 1) {
         int l = __builtin_ctz(over);
-        float wi = mobility.data[I[l]], wj = mobility.data[J[l]], w = wi + wj;
-        if (w == 0.0f) continue;
+        float wi = a.w[l], wj = b.w[l], w = wi + wj;
         f4 pull = (f4){d.x[l], d.y[l], d.z[l], 0.0f} * ((most[l] - length[l]) / (length[l] * w));
-        lane::set_row3(centre.data, I[l], lane::row3(centre.data, I[l]) + pull * wi);
-        lane::set_row3(centre.data, J[l], lane::row3(centre.data, J[l]) - pull * wj);
+        node[I[l]] += pull * wi;
+        node[J[l]] -= pull * wj;
         if (wi == 0.0f) lane::set_row3(reaction.data, I[l], lane::row3(reaction.data, I[l]) + pull);
         if (wj == 0.0f) lane::set_row3(reaction.data, J[l], lane::row3(reaction.data, J[l]) - pull);
     }
 };
-int last = first + count;
-for (int c = first; c < last; c += 8)
-    if (c + 8 <= last) project(c, 8);
-    else project(c, last - c);
+FOR_EACH_COLOUR(project)
+lane::unpack(node, centre.data, centre.shape[0]);
 """,
 )
 

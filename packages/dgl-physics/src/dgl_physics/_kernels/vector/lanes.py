@@ -121,9 +121,11 @@ struct lane {
                 __builtin_shufflevector(q, s, 0, 1, 8, 9, 4, 5, 12, 13),
                 __builtin_shufflevector(q, s, 2, 3, 10, 11, 6, 7, 14, 15)};
     }
-    static inline f8x3 rows3(const wp::vec3* p, const int* i) {
-        f8x4 v = turn(row3(p, i[0]), row3(p, i[1]), row3(p, i[2]), row3(p, i[3]),
-                      row3(p, i[4]), row3(p, i[5]), row3(p, i[6]), row3(p, i[7]));
+    // The first n of eight rows side by side; the other lanes repeat the first.
+    static inline f8x3 some3(const wp::vec3* p, int n) {
+        f4 r[8];
+        for (int l = 0; l < 8; l++) r[l] = row3(p, l < n ? l : 0);
+        f8x4 v = turn(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]);
         return {v.x, v.y, v.z};
     }
     static inline f8x4 rows4(const f4_any* p, const int* i) {
@@ -142,11 +144,29 @@ struct lane {
         rows[0] = ae.lo; rows[1] = bf.lo; rows[2] = cg.lo; rows[3] = dh.lo;
         rows[4] = ae.hi; rows[5] = bf.hi; rows[6] = cg.hi; rows[7] = dh.hi;
     }
-    static inline void set_rows3(wp::vec3* p, const int* i, f8x3 v, int count) {
+    static inline void set_rows4(f4_any* p, const int* i, f8x4 v, int n) {
         f4 rows[8];
-        back({v.x, v.y, v.z, v.z}, rows);
-        for (int l = 0; l < count; l++) set_row3(p, i[l], rows[l]);
+        back(v, rows);
+        for (int l = 0; l < n; l++) p[i[l]] = rows[l];
+    }
+
+    // Places with inverse masses behind them are faster to gather and to scatter than rows of three.
+    static inline void pack(const wp::vec3* place, const float* inverse_mass, f4_any* packed, int count) {
+        for (int i = 0; i < count; i++) {
+            f4 x = row3(place, i);
+            x.w = inverse_mass[i];
+            packed[i] = x;
+        }
+    }
+    static inline void unpack(const f4_any* packed, wp::vec3* place, int count) {
+        for (int i = 0; i < count; i++) set_row3(place, i, packed[i]);
     }
 };
+#define FOR_EACH_COLOUR(project) \\
+    for (int q = 0; q + 1 < colour_start.shape[0]; q++) { \\
+        int c = colour_start.data[q], end = colour_start.data[q + 1]; \\
+        for (; c + 8 <= end; c += 8) project(c, 8); \\
+        if (c < end) project(c, end - c); \\
+    }
 """
 """Lanes `f8`, rows of arrays gathered into lanes (`rows3`, `rows4`) and scattered from them (`set_rows3`)."""

@@ -20,8 +20,6 @@ for (int i = 0; i < count; i += 8) {
     int e = i / particles_per_env, kind = garment.data[i];
     bool is_alike = last / particles_per_env == e && garment.data[last] == kind;
     auto m = materials.data[kind];
-    int at[8];
-    for (int l = 0; l < 8; l++) at[l] = i + (l < n ? l : 0);
     f8 w = lane::some(inverse_mass.data + i, n);
     i8 shapes_near = lane::some(near_count.data + i, n), torn = lane::some(is_torn.data + i, n);
     i8 acts = (own < n) & (w != 0.0f);
@@ -35,8 +33,8 @@ for (int i = 0; i < count; i += 8) {
     i8 slips = torn == 1;
     meets = meets & takes & (m.is_solid == 0 ? -1 : 0);
 
-    f8x3 before = lane::rows3(previous.data, at), v = lane::rows3(velocity.data, at);
-    f8x3 x = lane::rows3(position.data, at);
+    f8x3 before = lane::some3(previous.data + i, n), v = lane::some3(velocity.data + i, n);
+    f8x3 x = lane::some3(position.data + i, n);
     f8x3 predicted = {before.x + v.x * dt, before.y + v.y * dt, before.z + v.z * dt};
     f8 zero = 0.0f;
     f8x3 pushed = {zero, zero, zero};
@@ -59,7 +57,7 @@ for (int i = 0; i < count; i += 8) {
         f8 held = -lane::min(m.adhesion * w * dt * dt, lane::all(1.0f)) * gap;
         f8 push = inside ? -gap : held;
         f8 support = inside ? push : -push;
-        f8x3 pull = lane::rows3(tension.data, at), squeezed = lane::rows3(squeeze.data, at);
+        f8x3 pull = lane::some3(tension.data + i, n), squeezed = lane::some3(squeeze.data + i, n);
         along = lane::dot(normal, pull);
         f8 pressed = -lane::min(lane::dot(normal, squeezed), zero) * (m.stiffening * dt * dt);
         support = push > 0.0f ? lane::max(support - along, zero) + pressed : support;

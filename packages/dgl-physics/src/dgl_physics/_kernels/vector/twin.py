@@ -16,7 +16,8 @@ def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) 
 
     The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it may write to. Where the
     first argument of the kernel is `first`, it solves constraints of one colour; its twin solves those of all, one colour
-    after the other, and takes the array `colour_start` in the place of `count` and `first`.
+    after the other, and takes the array `colour_start` in the place of `count` and `first`. Its code defines a function
+    of the first of up to eight constraints of a colour and their number, and gives it to `FOR_EACH_COLOUR`.
 
     Args:
         kernel: The kernel that it is the twin of.
@@ -25,29 +26,23 @@ def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) 
         rest: Does what a thread of the kernel does, for those that the code has left over. Takes the number of the
             thread and the arguments of the kernel.
     """
-    types = {"count": wp.int32, **inspect.get_annotations(kernel.func)}
-    types |= {"scratch": wp.array(dtype=wp.int32), "colour_start": wp.array(dtype=wp.int32)}
-    native = [name for name in types if name != "colour_start"]
-    taken, body = native, [f"native({', '.join(native)})"]
-    if native[1] == "first":
-        taken = ["colour_start", *native[2:]]
-        body = [
-            "for colour in range(colour_start.shape[0] - 1):",
-            "    first = colour_start[colour]",
-            "    count = colour_start[colour + 1] - first",
-            f"    {body[0]}",
-        ]
-    elif rest is not None:
-        body = [f"for k in range({body[0]}):", f"    rest(scratch[k], {', '.join(native[1:-1])})"]
-
-    def declare(names: list[str]) -> str:
-        return ", ".join(f"{name}: types[{name!r}]" for name in names)
-
+    own = inspect.get_annotations(kernel.func)
+    if next(iter(own)) == "first":
+        del own["first"]
+        types = {"colour_start": wp.array(dtype=wp.int32), **own}
+    else:
+        types = {"count": wp.int32, **own}
+    types["scratch"] = wp.array(dtype=wp.int32)
+    call = f"native({', '.join(types)})"
+    body = [call]
+    if rest is not None:
+        body = [f"for k in range({call}):", f"    rest(scratch[k], {', '.join(own)})"]
+    declared = ", ".join(f"{name}: types[{name!r}]" for name in types)
     lines = [
         "@wp.func_native(code)",
-        f"def native({declare(native)}){' -> wp.int32' if rest else ''}: ...",
+        f"def native({declared}){' -> wp.int32' if rest else ''}: ...",
         "@wp.kernel",
-        f"def {kernel.key}({declare(taken)}):",
+        f"def {kernel.key}({declared}):",
         *(f"    {line}" for line in body),
     ]
     # Warp reads the source of what it compiles.
