@@ -123,10 +123,37 @@ struct lane {
     }
     // The first n of eight rows side by side; the other lanes repeat the first.
     static inline f8x3 some3(const wp::vec3* p, int n) {
-        f4 r[8];
-        for (int l = 0; l < 8; l++) r[l] = row3(p, l < n ? l : 0);
-        f8x4 v = turn(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]);
-        return {v.x, v.y, v.z};
+        const float* q = (const float*)p;
+        if (n == 8) {
+            f8 a = load(q), b = load(q + 8), c = load(q + 16);
+            f8 x = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, -1, -1);
+            f8 y = __builtin_shufflevector(a, b, 1, 4, 7, 10, 13, -1, -1, -1);
+            f8 z = __builtin_shufflevector(a, b, 2, 5, 8, 11, 14, -1, -1, -1);
+            return {__builtin_shufflevector(x, c, 0, 1, 2, 3, 4, 5, 10, 13),
+                    __builtin_shufflevector(y, c, 0, 1, 2, 3, 4, 8, 11, 14),
+                    __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 9, 12, 15)};
+        }
+        f8x3 v;
+        for (int l = 0; l < 8; l++) {
+            const float* r = q + (l < n ? 3 * l : 0);
+            v.x[l] = r[0], v.y[l] = r[1], v.z[l] = r[2];
+        }
+        return v;
+    }
+    // Writes those of eight rows side by side whose bits are set.
+    static inline void put3(wp::vec3* p, f8x3 v, int bits) {
+        float* q = (float*)p;
+        if (bits == 255) {
+            f8 a = __builtin_shufflevector(v.x, v.y, 0, 8, -1, 1, 9, -1, 2, 10);
+            f8 b = __builtin_shufflevector(v.x, v.y, -1, 3, 11, -1, 4, 12, -1, 5);
+            f8 c = __builtin_shufflevector(v.x, v.y, 13, -1, 6, 14, -1, 7, 15, -1);
+            store(q, __builtin_shufflevector(a, v.z, 0, 1, 8, 3, 4, 9, 6, 7));
+            store(q + 8, __builtin_shufflevector(b, v.z, 10, 1, 2, 11, 4, 5, 12, 7));
+            store(q + 16, __builtin_shufflevector(c, v.z, 0, 13, 2, 3, 14, 5, 6, 15));
+            return;
+        }
+        for (int l = 0; l < 8; l++)
+            if (bits >> l & 1) q[3 * l] = v.x[l], q[3 * l + 1] = v.y[l], q[3 * l + 2] = v.z[l];
     }
     static inline f8x4 rows4(const f4_any* p, const int* i) {
         return turn(p[i[0]], p[i[1]], p[i[2]], p[i[3]], p[i[4]], p[i[5]], p[i[6]], p[i[7]]);

@@ -80,15 +80,10 @@ for (int i = 0; i < count; i += 8) {
     i8 races = speed > limits.max_speed;
     f8 slower = races ? limits.max_speed / (races ? speed : 1.0f) : 1.0f;
     v = {v.x * slower, v.y * slower, v.z * slower};
-    f4 places[8], velocities[8];
-    lane::back({x.x, x.y, x.z, zero}, places);
-    lane::back({v.x, v.y, v.z, zero}, velocities);
-    for (int l = 0; l < n; l++)
-        if (taken >> l & 1) {
-            lane::set_row3(position.data, i + l, places[l]);
-            lane::set_row3(velocity.data, i + l, velocities[l]);
-            is_stuck.data[i + l] = stuck[l] != 0;
-        }
+    lane::put3(position.data + i, x, taken);
+    lane::put3(velocity.data + i, v, taken);
+    i8 sticks = lane::some(is_stuck.data + i, n);
+    lane::put(is_stuck.data + i, takes ? stuck & 1 : sticks, n);
 }
 return left;
 """,
