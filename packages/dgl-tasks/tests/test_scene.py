@@ -30,7 +30,7 @@ def _colour_at(image, side, x, y):
 
 
 def test_floor_has_the_mat_in_its_middle_and_darker_feet():
-    image = paint_floor(6.0, 512, mat_centre=CENTRE, pedestals=[(0.8, 0.0)])
+    image = paint_floor(6.0, 512, mat_centre=CENTRE, pedestals=((0.8, 0.0),))
     assert image.shape == (512, 512, 3)
     assert image.dtype == np.uint8
     np.testing.assert_allclose(_colour_at(image, 6.0, 0, 0), MAT, atol=0.01)
@@ -39,6 +39,13 @@ def test_floor_has_the_mat_in_its_middle_and_darker_feet():
     np.testing.assert_allclose(_colour_at(image, 6.0, just_outside, 0), FLOOR, atol=0.01)
     foot, clear = _colour_at(image, 6.0, 0.8, -0.8), _colour_at(image, 6.0, -0.8, -0.8)
     assert (foot < 0.6 * clear).all()
+
+
+def test_a_floor_is_painted_once_and_cannot_be_written_to():
+    image = paint_floor(6.0, 64, mat_centre=CENTRE)
+    assert paint_floor(6.0, 64, mat_centre=CENTRE) is image
+    with pytest.raises(ValueError, match="read-only"):
+        image[0, 0] = 0
 
 
 def test_near_and_far_floor_agree_where_they_meet():

@@ -155,7 +155,7 @@ class FloorPicture:
         for component in self._components:
             self._entity.remove_component(component)
         self._components = []
-        feet = [base[:2] for base in self._pedestals]
+        feet = tuple(base[:2] for base in self._pedestals)
         for side, hole, pixels in ((_FAR_SIDE, _NEAR_SIDE, 512), (_NEAR_SIDE, 0.0, 1024)):
             self._image = paint_floor(
                 side, pixels, mat_centre=self._centre, pedestals=feet, look=look
@@ -223,12 +223,13 @@ def paint_dome(pixels: int = 256) -> dict[str, np.ndarray]:
     return faces
 
 
+@functools.lru_cache(maxsize=4)  # two are the studio, which every scene begins with
 def paint_floor(
     side: float,
     pixels: int,
     *,
     mat_centre: Point2,
-    pedestals: Sequence[Point2] = (),
+    pedestals: tuple[Point2, ...] = (),
     look: FloorLook = STUDIO,
 ) -> np.ndarray:
     """Paint a square of floor around the mat.
@@ -241,7 +242,7 @@ def paint_floor(
         look: Of floor and mat.
 
     Returns:
-        Picture, shape (pixels, pixels, 3), uint8, sRGB; rows follow world y, columns world x.
+        Picture, shape (pixels, pixels, 3), uint8, sRGB, read-only; rows follow world y, columns world x.
     """
     offset = ((np.arange(pixels) + 0.5) / pixels - 0.5) * side
     x, y = np.meshgrid(offset, offset)  # from the mat's centre
@@ -266,7 +267,9 @@ def paint_floor(
     # shows its colour times the light that falls on it.
     is_backdrop = _ramp(np.hypot(x, y), 2.2, 9.0)
     colour = _mix(colour, np.array(HORIZON) / light_on_floor(), is_backdrop)
-    return np.clip(255 * np.clip(colour, 0, 1) ** (1 / 2.2) + 0.5, 0, 255).astype(np.uint8)
+    picture = np.clip(255 * np.clip(colour, 0, 1) ** (1 / 2.2) + 0.5, 0, 255).astype(np.uint8)
+    picture.setflags(write=False)  # it is kept for the next scene
+    return picture
 
 
 def _lay(
