@@ -1,0 +1,64 @@
+"""What can be drawn: triangle meshes and how their surfaces look."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgl_tasks.drawing.light import DECODE, encode
+
+SHADOW = -1
+"""Segment of a mesh that is no surface but a shadow: it darkens what is behind it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Image:
+    """A picture that is laid on a surface; its first row is at v = 0."""
+
+    pixels: np.ndarray
+    """Shape (H, W, 3), uint8, sRGB."""
+    is_repeated: bool = True
+    """Whether it repeats; otherwise its edge goes on."""
+
+    def build_levels(self) -> list[np.ndarray]:
+        """Halve the picture again and again, by the mean of linear values, shapes (H, W, 3), uint8."""
+        levels = [self.pixels]
+        while min(levels[-1].shape[:2]) > 1:
+            fine = DECODE[levels[-1]]
+            height, width = (n // 2 for n in fine.shape[:2])
+            fine = fine[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3)
+            levels.append(encode(fine.mean(axis=(1, 3))))
+        return levels
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surface:
+    """How a surface looks, as in glTF: a blend of plastic and metal."""
+
+    colour: tuple[float, float, float]
+    """Linear, each in [0, 1]; unused with an image."""
+    roughness: float = 1.0
+    """0 for a mirror, 1 for chalk."""
+    metallic: float = 0.0
+    """0 for plastic, 1 for bare metal."""
+    specular: float = 0.0
+    """Share of the light that falls straight on it and is reflected, metal aside; 0.04 for most plastics."""
+    image: Image | None = None
+    inside_shade: float = 0.0
+    """Brightness of its back, a factor on the linear colour; 0 where the back is not seen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles of one surface on one body."""
+
+    vertices: np.ndarray
+    """[m], shape (V, 3), frame of the body."""
+    normals: np.ndarray
+    """Of the vertices, shape (V, 3), frame of the body."""
+    faces: np.ndarray
+    """Vertex indices, counter-clockwise from outside, shape (F, 3)."""
+    surface: Surface
+    segment: int
+    """What the segmentation picture shows of it; `SHADOW` for a shadow."""
+    uvs: np.ndarray | None = None
+    """Places in the surface's image, shape (V, 2)."""
