@@ -81,7 +81,11 @@ class Tables:
     """Functions that are looked up."""
 
     dome: wp.array2d(dtype=wp.vec3)
-    """Light of the dome by roughness in [0, 1] and sine of the height in [-1, 1], linear."""
+    """Light of the dome, linear: a row as it is, one as matt surfaces see it, and one as each material
+    mirrors it, by the sine of the height in [-1, 1]."""
+    mirror: wp.array2d(dtype=wp.vec2)
+    """Share of that light that each material mirrors, a factor on its reflection of straight light and a term, by
+    the cosine to the eye in [0, 1]."""
     decode: wp.array(dtype=wp.float32)
     """Linear value of each of 256 values of a texture."""
     encode: wp.array(dtype=wp.uint8)
@@ -149,11 +153,14 @@ def draw_triangles(
         ib = 1.0 / b[2]
         ic = 1.0 / c[2]
         ax = a[0] * ia
-        bx = b[0] * ib
-        cx = c[0] * ic
         ay = a[1] * ia
+        bx = b[0] * ib
         by = b[1] * ib
+        cx = c[0] * ic
         cy = c[1] * ic
+        # most triangles end here: they show their back, or lie between the centres of pixels
+        if (bx - ax) * (cy - ay) > (by - ay) * (cx - ax) and materials[triangle_material[t]].inside_shade == 0.0:
+            return
         x0 = wp.max(x0, wp.int32(wp.ceil(wp.min(ax, wp.min(bx, cx)) - 0.5)))
         x1 = wp.min(x1, wp.int32(wp.floor(wp.max(ax, wp.max(bx, cx)) - 0.5)))
         y0 = wp.max(y0, wp.int32(wp.ceil(wp.min(ay, wp.min(by, cy)) - 0.5)))
@@ -177,21 +184,47 @@ def draw_triangles(
     ea = ea * s
     eb = eb * s
     ec = ec * s
-    sum = ea + eb + ec  # of the inverse depth
+    total = ea + eb + ec  # of the weights: the inverse depth
     number = wp.uint64(t + 1)
+    # where a row crosses the edges, per unit of their value at its beginning
+    ia = _invert(ea[0])
+    ib = _invert(eb[0])
+    ic = _invert(ec[0])
+    last = wp.float32(x1 - x0)
     for y in range(y0, y1 + 1):
         fy = wp.float32(y - y0)
         ra = ea[1] * fy + ea[2]
         rb = eb[1] * fy + eb[2]
         rc = ec[1] * fy + ec[2]
-        rs = sum[1] * fy + sum[2]
-        for x in range(x0, x1 + 1):
+        rs = total[1] * fy + total[2]
+        low = wp.float32(0.0)
+        high = last
+        if last > 3.0:  # a long thin triangle fills little of its rectangle
+            low = wp.max(low, wp.max(_enter(ea[0], ra * ia), wp.max(_enter(eb[0], rb * ib), _enter(ec[0], rc * ic))))
+            high = wp.min(high, wp.min(_leave(ea[0], ra * ia), wp.min(_leave(eb[0], rb * ib), _leave(ec[0], rc * ic))))
+        for x in range(x0 + wp.int32(low), x0 + wp.int32(high) + 1):
             fx = wp.float32(x - x0)
-            inverse = sum[0] * fx + rs
+            inverse = total[0] * fx + rs
             least = wp.min(ea[0] * fx + ra, wp.min(eb[0] * fx + rb, ec[0] * fx + rc))
             if least >= _EDGE * inverse and inverse * near <= 1.0 and inverse > 0.0:
                 key = (wp.uint64(wp.cast(inverse, wp.uint32)) << wp.uint64(32)) | number
                 wp.atomic_max(keys, y * camera.width + x, key)
+
+
+@wp.func
+def _invert(slope: wp.float32) -> wp.float32:
+    return wp.where(slope == 0.0, 0.0, 1.0 / slope)
+
+
+@wp.func
+def _enter(slope: wp.float32, place: wp.float32) -> wp.float32:
+    """Where a row comes inside of an edge, up to a pixel before; `place` is minus where it crosses it."""
+    return wp.where(slope > 0.0, -place - 1.0, -1.0)
+
+
+@wp.func
+def _leave(slope: wp.float32, place: wp.float32) -> wp.float32:
+    return wp.where(slope < 0.0, 1.0 - place, 1.0e6)
 
 
 @wp.func
@@ -319,16 +352,11 @@ def _sample(
 
 
 @wp.func
-def _look_up_dome(dome: wp.array2d(dtype=wp.vec3), roughness: wp.float32, sine: wp.float32) -> wp.vec3:
-    x = roughness * wp.float32(dome.shape[0] - 1)
+def _look_up_dome(dome: wp.array2d(dtype=wp.vec3), row: wp.int32, sine: wp.float32) -> wp.vec3:
     y = (0.5 + 0.5 * wp.clamp(sine, -1.0, 1.0)) * wp.float32(dome.shape[1] - 1)
-    i = wp.min(wp.int32(x), dome.shape[0] - 2)
     j = wp.min(wp.int32(y), dome.shape[1] - 2)
-    s = x - wp.float32(i)
     t = y - wp.float32(j)
-    return (dome[i, j] * (1.0 - t) + dome[i, j + 1] * t) * (1.0 - s) + (
-        dome[i + 1, j] * (1.0 - t) + dome[i + 1, j + 1] * t
-    ) * s
+    return dome[row, j] * (1.0 - t) + dome[row, j + 1] * t
 
 
 @wp.func
@@ -343,40 +371,44 @@ def _encode(colour: wp.vec3, encode: wp.array(dtype=wp.uint8)) -> wp.vec3ub:
 
 @wp.func
 def _shine(
-    material: Material, albedo: wp.vec3, n: wp.vec3, v: wp.vec3, light: Light, tables: Tables
+    number: wp.int32,
+    material: Material,
+    albedo: wp.vec3,
+    n: wp.vec3,
+    v: wp.vec3,
+    light: Light,
+    tables: Tables,
 ) -> wp.vec3:
     """Light that a surface sends to the eye, linear.
 
-    GGX with Schlick's Fresnel and Smith's shadowing as Karis (2013) writes them, and his fit of the
-    dome's share (2014), which are those of SAPIEN's shaders.
+    A matt share and a mirrored one: GGX, Schlick's Fresnel and Smith's shadowing as Karis (2013) writes them.
     """
     to_lamp = wp.max(wp.dot(n, light.toward), 0.0)
-    to_eye = wp.clamp(wp.dot(n, v), 1.0e-6, 1.0)
-    r = material.roughness
     metallic = material.metallic
-    diffuse = albedo * (1.0 - metallic)
     colour = wp.cw_mul(
-        diffuse, light.colour * (to_lamp / wp.pi) + _look_up_dome(tables.dome, 1.0, n[2])
+        albedo * (1.0 - metallic),
+        light.colour * (to_lamp / wp.pi) + _look_up_dome(tables.dome, 1, n[2]),
     )
+    if material.specular == 0.0 and metallic == 0.0:
+        return colour
     f0 = wp.vec3(1.0, 1.0, 1.0) * (material.specular * (1.0 - metallic)) + albedo * metallic
-    h = wp.normalize(light.toward + v)
-    on_h = wp.clamp(wp.dot(n, h), 0.0, 1.0)
-    eye_h = wp.clamp(wp.dot(v, h), 0.0, 1.0)
-    alpha = r * r
-    alpha2 = alpha * alpha
-    k = (alpha + 2.0 * r + 1.0) / 8.0
-    spread = on_h * on_h * (alpha2 - 1.0) + 1.0
-    hidden = (to_eye * (1.0 - k) + k) * (to_lamp * (1.0 - k) + k)
-    lobe = alpha2 * to_lamp / wp.max(4.0 * wp.pi * spread * spread * hidden, 1.0e-6)
-    rim = wp.pow(2.0, (-5.55473 * eye_h - 6.98316) * eye_h)
-    colour += wp.cw_mul(light.colour, f0 + (wp.vec3(1.0, 1.0, 1.0) - f0) * rim) * lobe
-    mirror = 2.0 * to_eye * n[2] - v[2]
-    q = wp.vec4(1.0 - r, 0.0425 - 0.0275 * r, 1.04 - 0.572 * r, 0.022 * r - 0.04)
-    a004 = wp.min(q[0] * q[0], wp.pow(2.0, -9.28 * to_eye)) * q[0] + q[1]
-    scale = -1.04 * a004 + q[2]
-    bias = 1.04 * a004 + q[3]
-    share = f0 * scale + wp.vec3(bias, bias, bias)
-    return colour + wp.cw_mul(_look_up_dome(tables.dome, r, mirror), share)
+    to_eye = wp.clamp(wp.dot(n, v), 1.0e-6, 1.0)
+    if to_lamp > 0.0:
+        h = wp.normalize(light.toward + v)
+        on_h = wp.clamp(wp.dot(n, h), 0.0, 1.0)
+        aside = 1.0 - wp.clamp(wp.dot(v, h), 0.0, 1.0)
+        aside2 = aside * aside
+        alpha = material.roughness * material.roughness
+        alpha2 = alpha * alpha
+        k = (alpha + 2.0 * material.roughness + 1.0) / 8.0
+        spread = on_h * on_h * (alpha2 - 1.0) + 1.0
+        hidden = (to_eye * (1.0 - k) + k) * (to_lamp * (1.0 - k) + k)
+        lobe = alpha2 * to_lamp / wp.max(4.0 * wp.pi * spread * spread * hidden, 1.0e-6)
+        fresnel = f0 + (wp.vec3(1.0, 1.0, 1.0) - f0) * (aside2 * aside2 * aside)
+        colour += wp.cw_mul(light.colour, fresnel) * lobe
+    share = tables.mirror[number, wp.int32(to_eye * wp.float32(tables.mirror.shape[1] - 1) + 0.5)]
+    seen = _look_up_dome(tables.dome, 2 + number, 2.0 * to_eye * n[2] - v[2])
+    return colour + wp.cw_mul(seen, f0 * share[0] + wp.vec3(share[1], share[1], share[1]))
 
 
 @wp.kernel
@@ -401,7 +433,8 @@ def shade_pixels(
     t = _get_triangle(keys[i])
     if t < first:
         return
-    material = materials[triangle_material[t]]
+    number = triangle_material[t]
+    material = materials[number]
     if material.segment < 0:
         seen = rgb[i]
         rgb[i] = wp.vec3ub(
@@ -445,7 +478,7 @@ def shade_pixels(
     if wp.dot(a, ea) > 0.0:  # the back
         n = -n
         albedo = albedo * material.inside_shade
-    rgb[i] = _encode(_shine(material, albedo, n, -ray, light, tables), tables.encode)
+    rgb[i] = _encode(_shine(number, material, albedo, n, -ray, light, tables), tables.encode)
 
 
 @wp.func
@@ -461,4 +494,4 @@ def draw_backdrop(
     """Fill a picture with the dome."""
     i = wp.tid()
     ray = wp.normalize(_trace(camera, i % camera.width, i // camera.width))
-    rgb[i] = _encode(_look_up_dome(tables.dome, 0.0, ray[2]), tables.encode)
+    rgb[i] = _encode(_look_up_dome(tables.dome, 0, ray[2]), tables.encode)

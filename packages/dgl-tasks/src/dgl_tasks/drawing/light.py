@@ -7,9 +7,8 @@ import numpy as np
 
 GAMMA = 2.2
 """Pictures have this power of linear values."""
-_ROUGHNESSES = 6
-_SINES = 65
-_DIRECTIONS = (32, 64)  # of the microfacets that a rough mirror is made of: by tilt and around
+_SINES, _COSINES = 65, 64
+_TILTS, _TURNS = 32, 64  # of the facets that a rough mirror is made of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,29 +24,36 @@ class Studio:
     shade: float
     """Brightness of what lies in shadow, linear, a factor."""
 
-    def compute_dome_table(self) -> np.ndarray:
-        """Blur the dome as rough mirrors do, shape (roughnesses in [0, 1], sines in [-1, 1], 3).
+    def blur_dome(self, roughness: float) -> np.ndarray:
+        """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).
 
-        The last is what a matt surface sees. Source: Karis 2013, Real Shading in Unreal Engine 4, the
+        A roughness of 1 is also what a matt surface sees. Source: Karis 2013, Real Shading in Unreal Engine 4: the
         prefiltered environment of the split sum, whose eye looks along the normal.
         """
         sines = np.linspace(-1.0, 1.0, _SINES)
-        rows = [self.dome(sines)]
-        tilts, turns = _DIRECTIONS
-        u = (np.arange(tilts) + 0.5) / tilts
-        around = (np.arange(turns) + 0.5) * 2 * np.pi / turns
-        for roughness in np.linspace(0.0, 1.0, _ROUGHNESSES)[1:]:
-            alpha = roughness**2
-            cosine = np.sqrt((1 - u) / (1 + (alpha**2 - 1) * u))  # of the facets' tilt, by GGX
-            on_normal = 2 * cosine**2 - 1  # of the mirrored way
-            aside = np.sqrt(1 - on_normal**2)
-            weight = np.maximum(on_normal, 0.0)
-            height = on_normal[:, None] * sines[:, None, None] + np.sqrt(1 - sines**2)[
-                :, None, None
-            ] * (aside[:, None] * np.cos(around))
-            seen = self.dome(height).mean(axis=2)  # (sines, tilts, 3)
-            rows.append((seen * weight[:, None]).sum(axis=1) / weight.sum())
-        return np.stack(rows).astype(np.float32)
+        if roughness == 0.0:
+            return self.dome(sines)
+        alpha = roughness**2
+        u = (np.arange(_TILTS) + 0.5) / _TILTS
+        turn = (np.arange(_TURNS) + 0.5) * 2 * np.pi / _TURNS
+        cosine2 = (1 - u) / (1 + (alpha**2 - 1) * u)  # of the facets' tilts, by GGX
+        along = 2 * cosine2 - 1  # of the mirrored ways
+        weight = np.maximum(along, 0.0)
+        level = np.sqrt(1 - sines**2)[:, None, None] * np.sqrt(1 - along**2)[:, None] * np.cos(turn)
+        seen = self.dome(sines[:, None, None] * along[:, None] + level).mean(axis=2)
+        return (seen * weight[:, None]).sum(axis=1) / weight.sum()
+
+
+def compute_mirror(roughness: float) -> np.ndarray:
+    """Share of the dome's light that a surface mirrors, by the cosine to the eye in [0, 1], shape (64, 2).
+
+    The first is a factor on its reflection of straight light, the second a term.
+    Source: Karis 2014, Physically Based Shading on Mobile, a fit of the split sum's second part.
+    """
+    cosine = np.linspace(0.0, 1.0, _COSINES)
+    x, y, z, w = np.array([-1, -0.0275, -0.572, 0.022]) * roughness + [1, 0.0425, 1.04, -0.04]
+    a = np.minimum(x * x, 2.0 ** (-9.28 * cosine)) * x + y
+    return np.stack([-1.04 * a + z, 1.04 * a + w], axis=1)
 
 
 def encode(linear: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import warp as wp
 
 from dgl_tasks.cameras import CameraPlacement
 from dgl_tasks.drawing import kernels
-from dgl_tasks.drawing.light import DECODE, ENCODE, GAMMA, Studio
+from dgl_tasks.drawing.light import DECODE, ENCODE, GAMMA, Studio, compute_mirror
 from dgl_tasks.drawing.mesh import Mesh, Surface
 
 _DEVICE = "cpu"
@@ -70,7 +70,12 @@ class Rasteriser:
         self._light.colour = wp.vec3(*studio.colour)
         self._light.shade = studio.shade ** (1 / GAMMA)
         self._tables = kernels.Tables()
-        self._tables.dome = wp.array(studio.compute_dome_table(), dtype=wp.vec3, device=_DEVICE)
+        roughnesses = [m.surface.roughness for m in meshes]
+        blurred = {r: studio.blur_dome(r) for r in {0.0, 1.0, *roughnesses}}
+        rows = np.stack([blurred[r] for r in (0.0, 1.0, *roughnesses)])
+        self._tables.dome = wp.array(rows.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
+        mirrors = np.stack([compute_mirror(r) for r in roughnesses])
+        self._tables.mirror = wp.array(mirrors.astype(np.float32), dtype=wp.vec2, device=_DEVICE)
         self._tables.decode = _make(DECODE, wp.float32)
         self._tables.encode = wp.array(ENCODE, dtype=wp.uint8, device=_DEVICE)
         self._views: dict[CameraPlacement, _View] = {}
