@@ -34,11 +34,12 @@ WATCHED = frozenset(
 ALLOWED: dict[str, frozenset[str]] = {
     "dexgarmentlab": frozenset(),
     "dgl_physics": frozenset({"warp"}),
-    "dgl_assets": frozenset({"scipy", "trimesh"}),
+    "dgl_assets": frozenset({"scipy"}),
     "dgl_gam": frozenset({"torch"}),
     "dgl_sadp": frozenset({"h5py", "torch"}),  # diffusers takes seconds: imported where it is used
-    "dgl_tasks": WATCHED - {"diffusers", "ray"},  # ManiSkill brings most of them along.
-    "dgl_collect": WATCHED - {"diffusers", "ray"},
+    # ManiSkill, torch and what they bring along take seconds: only who makes an environment imports them.
+    "dgl_tasks": frozenset({"gymnasium", "scipy", "warp"}),
+    "dgl_collect": frozenset({"gymnasium", "h5py", "imageio", "scipy", "warp"}),
 }
 
 _PROBE = """

@@ -1,5 +1,6 @@
 """Made-up episodes and attempts; a module of its own name, so that worker processes can import it."""
 
+import gc
 import os
 import sys
 import time
@@ -59,6 +60,9 @@ class FakeRunner:
         sys.stdout.write(f"attempt {attempt_index} speaks\n")
         save_png(out_dir / f"{episode_id}.png", np.full((8, 8, 3), attempt_index, np.uint8))
         (out_dir / f"{episode_id}.mp4").write_bytes(b"film")
+        if self.options.get("tell_garbage"):
+            many = gc.get_freeze_count() > 100_000
+            sys.stdout.write(f"collects {gc.isenabled()}, passes over many {many}\n")
         time.sleep(self.options.get("seconds", 0.0))
         if attempt_index in self.options.get("hang_at", ()):
             time.sleep(60)

@@ -77,6 +77,12 @@ def test_a_run_writes_what_the_design_names(run, tmp_path):
     assert "attempt 3 speaks" in (out / "logs/worker-0.log").read_text()
 
 
+def test_the_garbage_collector_passes_over_what_a_worker_has_imported(run, tmp_path):
+    run(episodes=1, options={"tell_garbage": True})
+    log = (tmp_path / "out/logs/worker-0.log").read_text()
+    assert "collects True, passes over many True" in log
+
+
 def test_results_do_not_depend_on_the_number_of_workers(run, tmp_path):
     run(out=tmp_path / "one", episodes=5, workers=1)
     run(out=tmp_path / "three", episodes=5, workers=3)

@@ -136,6 +136,14 @@ def test_action_is_sixty_absolute_positions_in_task_order(env):
     np.testing.assert_allclose(env.agent.get_joint_state()[0].numpy(), q, atol=2e-3)
 
 
+def test_an_action_is_the_target_of_the_drives_to_the_last_bit(env):
+    action = HOME_CONFIGURATION.astype(np.float32) + np.linspace(-0.1, 0.1, 60, dtype=np.float32)
+    _step(env, action)
+    joints = {joint.name: joint for joint in env.agent.robot.active_joints}
+    targets = [joints[name]._objs[0].drive_target.item() for name in JOINT_NAMES]
+    np.testing.assert_array_equal(np.array(targets, dtype=np.float32), action)
+
+
 def test_state_is_placed_and_read_in_task_order(env):
     q = HOME_CONFIGURATION + np.linspace(0.001, 0.1, 60)
     env.agent.set_joint_state(q)

@@ -6,7 +6,15 @@ import pytest
 
 import dgl_tasks  # noqa: F401  registers the environments
 from dgl_tasks.cameras import FOLD_CAMERAS
-from dgl_tasks.scene import FLOOR, MAT, MAT_SIZE, paint_floor, sample_studio_fabric
+from dgl_tasks.scene import (
+    DOME_PATH,
+    FLOOR,
+    MAT,
+    MAT_SIZE,
+    paint_dome,
+    paint_floor,
+    sample_studio_fabric,
+)
 from dgl_tasks.shadows import outline, project
 
 CENTRE = (0.0, 0.8)
@@ -22,7 +30,7 @@ def _colour_at(image, side, x, y):
 
 
 def test_floor_has_the_mat_in_its_middle_and_darker_feet():
-    image = paint_floor(6.0, 512, mat_centre=CENTRE, pedestals=[(0.8, 0.0)])
+    image = paint_floor(6.0, 512, mat_centre=CENTRE, pedestals=((0.8, 0.0),))
     assert image.shape == (512, 512, 3)
     assert image.dtype == np.uint8
     np.testing.assert_allclose(_colour_at(image, 6.0, 0, 0), MAT, atol=0.01)
@@ -33,6 +41,13 @@ def test_floor_has_the_mat_in_its_middle_and_darker_feet():
     assert (foot < 0.6 * clear).all()
 
 
+def test_a_floor_is_painted_once_and_cannot_be_written_to():
+    image = paint_floor(6.0, 64, mat_centre=CENTRE)
+    assert paint_floor(6.0, 64, mat_centre=CENTRE) is image
+    with pytest.raises(ValueError, match="read-only"):
+        image[0, 0] = 0
+
+
 def test_near_and_far_floor_agree_where_they_meet():
     near = paint_floor(6.0, 512, mat_centre=CENTRE)
     far = paint_floor(60.0, 512, mat_centre=CENTRE)
@@ -40,6 +55,18 @@ def test_near_and_far_floor_agree_where_they_meet():
         np.testing.assert_allclose(
             _colour_at(near, 6.0, x, y), _colour_at(far, 60.0, x, y), atol=0.02
         )
+
+
+def test_the_file_of_the_dome_is_made_of_its_present_colours():
+    data = DOME_PATH.read_bytes()
+    # KTX 2: from byte 80 on offset and length of each level, the sharpest first
+    offset, length = np.frombuffer(data, "<u8", count=2, offset=80)
+    sharpest = np.frombuffer(data, np.uint8, count=length, offset=offset)
+    faces = paint_dome()
+    order = [faces[name] for name in ("side", "side", "top", "bottom", "side", "side")]
+    np.testing.assert_array_equal(
+        sharpest.reshape(6, 256, 256, 4)[..., :3], order, "run scripts/make_dome.py"
+    )
 
 
 def test_studio_fabrics_are_told_from_floor_and_mat():

@@ -22,6 +22,15 @@ def env():
     made.close()
 
 
+def test_building_an_environment_waits_for_no_garment_to_settle():
+    made = gymnasium.make("FoldTops-v1", obs_mode="none", render_backend="none")
+    env = made.unwrapped
+    assert env.get_particles()[:, 2].min() == pytest.approx(env.task.drop_height)
+    env.reset(seed=0)
+    assert env.get_particles()[:, 2].min() < 0.01
+    made.close()
+
+
 def test_what_falls_flat_is_dropped_again_steeper(env):
     declared = env.task
     env.task = dataclasses.replace(declared, start_below=None)

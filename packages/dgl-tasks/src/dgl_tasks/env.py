@@ -56,7 +56,8 @@ class GarmentEnv(BaseEnv):
     The episode's draws depend on the seed alone. `evaluate` judges the surface that is visible
     from above, computed from the particles; `dgl_tasks.perception` gives what the cameras see.
 
-    Limitations: one environment, PhysX on the CPU; run several processes for more.
+    Limitations: one environment, PhysX on the CPU; run several processes for more. Reset it before
+    anything else: until then the garment hangs in the air.
     """
 
     SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
@@ -106,6 +107,7 @@ class GarmentEnv(BaseEnv):
         self.fabric: FabricMaterial
         self.props: dict[str, SceneProp] = {}
         self.draws: dict[str, float | str] = {}
+        self._is_built = False
         if robot_uids is None:
             if isinstance(robot, str):
                 robot = load_robot(robot, robots)
@@ -124,6 +126,7 @@ class GarmentEnv(BaseEnv):
             raise RenderingUnavailableError(
                 f"no usable Vulkan device ({err}); `dgl doctor` says what to install"
             ) from err
+        self._is_built = True
 
     # Scene ---------------------------------------------------------------------------------
 
@@ -191,7 +194,7 @@ class GarmentEnv(BaseEnv):
         while True:
             self.draws["roll"] = float(roll)
             self._drop(garment, float(x), float(y), float(roll))
-            if limit is None or self._start_value < limit or roll >= steepest:
+            if not self._is_built or limit is None or self._start_value < limit or roll >= steepest:
                 break
             roll = min(roll + STEEPER, steepest)
 
@@ -204,9 +207,12 @@ class GarmentEnv(BaseEnv):
         return garment
 
     def _drop(self, garment: Garment, x: float, y: float, roll: float) -> None:
-        """Let the garment fall and settle, and see what there is before it is touched."""
+        """Let the garment fall and settle, and see what there is before it is touched.
+
+        It stays in the air while ManiSkill builds the environment, whose reset only shows the shapes of observations.
+        """
         self._load_garment(garment, x, y, roll)
-        for _ in range(self.task.settle_frames):
+        for _ in range(self.task.settle_frames if self._is_built else 0):
             self.cloth.step()
         positions = self.get_particles()
         self.before = Before(

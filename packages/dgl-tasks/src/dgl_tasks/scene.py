@@ -5,13 +5,11 @@ cheap to draw on a processor, and so are the flat shadows of `dgl_tasks.shadows`
 """
 
 import functools
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import imageio.v3 as iio
 import numpy as np
 import sapien
 
@@ -46,6 +44,8 @@ HORIZON = (0.50, 0.49, 0.475)
 """Light of the dome from the sides and colour of the backdrop, linear."""
 NADIR = (0.13, 0.12, 0.11)
 """Light that the floor throws back, linear."""
+DOME_PATH = Path(__file__).with_name("dome.ktx")
+"""The dome of these three colours as a cube map; `scripts/make_dome.py` writes it."""
 KEY_DIRECTION = (0.52, -0.27, -0.81)
 """Where the lamp's light goes: in from the side, so that folds show."""
 KEY_COLOUR = (2.75, 2.68, 2.55)
@@ -155,7 +155,7 @@ class FloorPicture:
         for component in self._components:
             self._entity.remove_component(component)
         self._components = []
-        feet = [base[:2] for base in self._pedestals]
+        feet = tuple(base[:2] for base in self._pedestals)
         for side, hole, pixels in ((_FAR_SIDE, _NEAR_SIDE, 512), (_NEAR_SIDE, 0.0, 1024)):
             self._image = paint_floor(
                 side, pixels, mat_centre=self._centre, pedestals=feet, look=look
@@ -193,17 +193,43 @@ def light_scene(scene: "ManiSkillScene") -> None:
     """Add the lamp and the dome, which is also the backdrop."""
     scene.set_ambient_light([0.0, 0.0, 0.0])
     scene.add_directional_light(list(KEY_DIRECTION), list(KEY_COLOUR), shadow=False)
-    cubemap = _make_dome()
     for sub_scene in scene.sub_scenes:
-        sub_scene.set_environment_map(cubemap)
+        sub_scene.set_environment_map(_load_dome())
 
 
+@functools.cache  # one for all scenes, which also keeps SAPIEN's renderer between them
+def _load_dome() -> sapien.render.RenderCubemap:
+    return sapien.render.RenderCubemap(str(DOME_PATH))
+
+
+def paint_dome(pixels: int = 256) -> dict[str, np.ndarray]:
+    """Paint the environment map: light by height, the same all around.
+
+    `scripts/make_dome.py` makes `DOME_PATH` of it.
+
+    Returns:
+        Faces of the cube "side" (first row uppermost), "top" and "bottom", each of shape
+        (pixels, pixels, 3), uint8, sRGB.
+    """
+    ramp = (np.arange(pixels) + 0.5) / pixels * 2 - 1
+    across, down = np.meshgrid(ramp, ramp)
+    side = -down / np.sqrt(1 + across**2 + down**2)  # sine of the height
+    top = 1 / np.sqrt(1 + across**2 + down**2)
+    faces = {}
+    for name, sine in (("side", side), ("top", top), ("bottom", -top)):
+        colour = _mix(np.array(HORIZON), np.array(ZENITH), _ramp(sine, 0.1, 0.9))
+        colour = _mix(colour, np.array(NADIR), _ramp(-sine, 0.0, 0.7))
+        faces[name] = (255 * colour ** (1 / 2.2) + 0.5).astype(np.uint8)
+    return faces
+
+
+@functools.lru_cache(maxsize=4)  # two are the studio, which every scene begins with
 def paint_floor(
     side: float,
     pixels: int,
     *,
     mat_centre: Point2,
-    pedestals: Sequence[Point2] = (),
+    pedestals: tuple[Point2, ...] = (),
     look: FloorLook = STUDIO,
 ) -> np.ndarray:
     """Paint a square of floor around the mat.
@@ -216,7 +242,7 @@ def paint_floor(
         look: Of floor and mat.
 
     Returns:
-        Picture, shape (pixels, pixels, 3), uint8, sRGB; rows follow world y, columns world x.
+        Picture, shape (pixels, pixels, 3), uint8, sRGB, read-only; rows follow world y, columns world x.
     """
     offset = ((np.arange(pixels) + 0.5) / pixels - 0.5) * side
     x, y = np.meshgrid(offset, offset)  # from the mat's centre
@@ -241,7 +267,9 @@ def paint_floor(
     # shows its colour times the light that falls on it.
     is_backdrop = _ramp(np.hypot(x, y), 2.2, 9.0)
     colour = _mix(colour, np.array(HORIZON) / light_on_floor(), is_backdrop)
-    return np.clip(255 * np.clip(colour, 0, 1) ** (1 / 2.2) + 0.5, 0, 255).astype(np.uint8)
+    picture = np.clip(255 * np.clip(colour, 0, 1) ** (1 / 2.2) + 0.5, 0, 255).astype(np.uint8)
+    picture.setflags(write=False)  # it is kept for the next scene
+    return picture
 
 
 def _lay(
@@ -303,26 +331,6 @@ def _make_matt(image: np.ndarray) -> sapien.render.RenderMaterial:
         srgb=True,
     )
     return material
-
-
-@functools.cache  # takes SAPIEN seconds, and every scene has the same
-def _make_dome(pixels: int = 256) -> sapien.render.RenderCubemap:
-    """Make the environment map: light by height, the same all around."""
-    ramp = (np.arange(pixels) + 0.5) / pixels * 2 - 1
-    across, down = np.meshgrid(ramp, ramp)
-    side = -down / np.sqrt(1 + across**2 + down**2)  # sine of the height, first row uppermost
-    top = 1 / np.sqrt(1 + across**2 + down**2)
-    with tempfile.TemporaryDirectory() as folder:  # SAPIEN reads cube maps from files only
-        paths = []
-        for name, sine in (("side", side), ("top", top), ("bottom", -top)):
-            paths.append(str(Path(folder) / f"{name}.png"))
-            colour = _mix(np.array(HORIZON), np.array(ZENITH), _ramp(sine, 0.1, 0.9))
-            colour = _mix(colour, np.array(NADIR), _ramp(-sine, 0.0, 0.7))
-            iio.imwrite(paths[-1], (255 * colour ** (1 / 2.2) + 0.5).astype(np.uint8))
-        around, above, below = paths
-        cubemap = sapien.render.RenderCubemap(around, around, above, below, around, around)
-        cubemap.export(str(Path(folder) / "dome.ktx"))  # reads the files now, not at first use
-    return cubemap
 
 
 def _depth_in_rounded_box(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import KDTree
-from trimesh.triangles import closest_point, points_to_barycentric
 
 from dgl_assets.garments.garment import Garment
 
@@ -70,6 +69,9 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
 
 def _project(garment: Garment, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nearest places on the lying-flat garment: vertex ids and weights, both (N, 3), and layers, (N,)."""
+    # takes longer to import than all else that a garment needs
+    from trimesh.triangles import closest_point, points_to_barycentric
+
     triangles = garment.vertices[garment.faces].astype(np.float64)
     count = min(_CANDIDATES, len(triangles))
     candidates = KDTree(triangles.mean(axis=1)).query(points, k=count)[1].reshape(-1, count)

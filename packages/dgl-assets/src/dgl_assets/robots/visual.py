@@ -1,18 +1,20 @@
 """Meshes of all robot links as binary glTF, generated in code."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
 from dgl_assets.robots._solids import Solid, shade
 from dgl_assets.robots.hand import HAND_MASS, Side
 from dgl_assets.robots.visual_arm import build_arm_solids, build_pedestal_solids
 from dgl_assets.robots.visual_hand import build_hand_solids
+
+if TYPE_CHECKING:
+    from trimesh.visual.material import PBRMaterial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +54,12 @@ class LinkMeshes:
     by_link: dict[str, tuple[str, ...]]
     """Names of the binary glTF files that a link shows."""
 
-    def with_prefix(self, prefix: str) -> "LinkMeshes":
+    def with_prefix(self, prefix: str) -> LinkMeshes:
         """The same files for links whose names have a prefix."""
         by_link = {f"{prefix}{link}": names for link, names in self.by_link.items()}
         return LinkMeshes(files=self.files, by_link=by_link)
 
-    def __or__(self, other: "LinkMeshes") -> "LinkMeshes":
+    def __or__(self, other: LinkMeshes) -> LinkMeshes:
         """Join two; a link of both shows what it has in either."""
         by_link = dict(self.by_link)
         for link, names in other.by_link.items():
@@ -123,6 +125,10 @@ def _robot_files() -> dict[str, bytes]:
 
 def _encode(solids: list[Solid]) -> bytes:
     """Write solids as one glTF scene with one mesh per material."""
+    import trimesh  # takes longer than all else that a robot's description needs
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
+
     scene = trimesh.Scene()
     for material in sorted({s.material for s in solids}):
         vertices, normals, faces, start = [], [], [], 0
@@ -149,6 +155,8 @@ def _encode(solids: list[Solid]) -> bytes:
 
 
 def _pbr(name: str) -> PBRMaterial:
+    from trimesh.visual.material import PBRMaterial
+
     finish = FINISHES[name]
     return PBRMaterial(
         name=name,
