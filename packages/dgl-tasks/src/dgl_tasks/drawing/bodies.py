@@ -2,51 +2,62 @@
 
 import numpy as np
 import sapien
+from sapien.render import (
+    RenderBodyComponent,
+    RenderMaterial,
+    RenderShapePrimitive,
+    RenderShapeTriangleMesh,
+    RenderShapeTriangleMeshPart,
+)
 
 from dgl_tasks.drawing.mesh import Image, Mesh, Surface
 
-
-def read_meshes(entity: sapien.Entity, images: dict[int, Image]) -> list[Mesh]:
-    """Read everything that an entity shows.
-
-    Args:
-        entity: Of a scene that can render.
-        images: Textures that have been read already, by SAPIEN's texture; new ones are added.
-    """
-    meshes = []
-    for component in entity.components:
-        if isinstance(component, sapien.render.RenderBodyComponent):
-            for shape in component.render_shapes:
-                meshes += [_read_part(shape, part, entity.per_scene_id, images) for part in shape.parts]
-    return meshes
+_STRAIGHT = 0.08  # SAPIEN's unit of specular reflection
 
 
-def _read_part(shape, part, segment: int, images: dict[int, Image]) -> Mesh:
+def read_meshes(entity: sapien.Entity) -> list[Mesh]:
+    """Read everything that an entity shows; the scene must be able to render."""
+    return [
+        _read_part(shape, part, entity.per_scene_id)
+        for component in entity.components
+        if isinstance(component, RenderBodyComponent)
+        for shape in component.render_shapes
+        for part in shape.parts
+    ]
+
+
+def _read_part(
+    shape: RenderShapeTriangleMesh | RenderShapePrimitive,
+    part: RenderShapeTriangleMeshPart,
+    segment: int,
+) -> Mesh:
     T = shape.local_pose.to_transformation_matrix()
-    scale = np.asarray(getattr(shape, "scale", (1.0, 1.0, 1.0)))
-    normals = np.asarray(part.get_vertex_normal()) / scale @ T[:3, :3].T
+    # primitives have their size in their vertices
+    scale = np.asarray(shape.scale if isinstance(shape, RenderShapeTriangleMesh) else (1, 1, 1))
     faces = np.asarray(part.triangles, dtype=np.int32).reshape(-1, 3)
     if shape.front_face == "clockwise":
         faces = faces[:, ::-1]
     return Mesh(
         vertices=np.asarray(part.vertices) * scale @ T[:3, :3].T + T[:3, 3],
-        normals=normals,
+        normals=np.asarray(part.get_vertex_normal()) / scale @ T[:3, :3].T,
         faces=faces,
-        uvs=part.get_vertex_uv(),
-        surface=_read_surface(part.material, images),
+        uvs=np.asarray(part.get_vertex_uv()),
+        surface=_read_surface(part.material),
         segment=segment,
     )
 
 
-def _read_surface(material, images) -> Surface:
+def _read_surface(material: RenderMaterial) -> Surface:
+    r, g, b, _ = material.base_color
     texture = material.base_color_texture
     image = None
     if texture is not None:
-        image = Image(pixels=np.ascontiguousarray(texture.download()[..., :3]), is_repeated=texture.address_mode == "repeat")
+        pixels = np.ascontiguousarray(texture.download()[..., :3])
+        image = Image(pixels=pixels, is_repeated=texture.address_mode == "repeat")
     return Surface(
-        colour=tuple(material.base_color[:3]),
+        colour=(r, g, b),
         roughness=material.roughness,
         metallic=material.metallic,
-        specular=0.08 * material.specular,
+        specular=_STRAIGHT * material.specular,
         image=image,
     )

@@ -159,7 +159,9 @@ def draw_triangles(
         cx = c[0] * ic
         cy = c[1] * ic
         # most triangles end here: they show their back, or lie between the centres of pixels
-        if (bx - ax) * (cy - ay) > (by - ay) * (cx - ax) and materials[triangle_material[t]].inside_shade == 0.0:
+        if (bx - ax) * (cy - ay) > (by - ay) * (cx - ax) and materials[
+            triangle_material[t]
+        ].inside_shade == 0.0:
             return
         x0 = wp.max(x0, wp.int32(wp.ceil(wp.min(ax, wp.min(bx, cx)) - 0.5)))
         x1 = wp.min(x1, wp.int32(wp.floor(wp.max(ax, wp.max(bx, cx)) - 0.5)))
@@ -200,8 +202,18 @@ def draw_triangles(
         low = wp.float32(0.0)
         high = last
         if last > 3.0:  # a long thin triangle fills little of its rectangle
-            low = wp.max(low, wp.max(_enter(ea[0], ra * ia), wp.max(_enter(eb[0], rb * ib), _enter(ec[0], rc * ic))))
-            high = wp.min(high, wp.min(_leave(ea[0], ra * ia), wp.min(_leave(eb[0], rb * ib), _leave(ec[0], rc * ic))))
+            low = wp.max(
+                low,
+                wp.max(
+                    _enter(ea[0], ra * ia), wp.max(_enter(eb[0], rb * ib), _enter(ec[0], rc * ic))
+                ),
+            )
+            high = wp.min(
+                high,
+                wp.min(
+                    _leave(ea[0], ra * ia), wp.min(_leave(eb[0], rb * ib), _leave(ec[0], rc * ic))
+                ),
+            )
         for x in range(x0 + wp.int32(low), x0 + wp.int32(high) + 1):
             fx = wp.float32(x - x0)
             inverse = total[0] * fx + rs
@@ -488,9 +500,7 @@ def _weigh(a: wp.float32, b: wp.float32, c: wp.float32) -> wp.vec3:
 
 
 @wp.kernel
-def draw_backdrop(
-    camera: Camera, tables: Tables, rgb: wp.array(dtype=wp.vec3ub)
-):
+def draw_backdrop(camera: Camera, tables: Tables, rgb: wp.array(dtype=wp.vec3ub)):
     """Fill a picture with the dome."""
     i = wp.tid()
     ray = wp.normalize(_trace(camera, i % camera.width, i // camera.width))

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 GAMMA = 2.2
 """Pictures have this power of linear values."""
 _SINES, _COSINES = 65, 64
-_TILTS, _TURNS = 32, 64  # of the facets that a rough mirror is made of
+_TILTS, _TURNS = 32, 16  # of the facets that a rough mirror is made of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +25,7 @@ class Studio:
     shade: float
     """Brightness of what lies in shadow, linear, a factor."""
 
+    @lru_cache(maxsize=64)  # noqa: B019  scenes share a studio, which lives as long as its module
     def blur_dome(self, roughness: float) -> np.ndarray:
         """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).
 
@@ -35,7 +37,7 @@ class Studio:
             return self.dome(sines)
         alpha = roughness**2
         u = (np.arange(_TILTS) + 0.5) / _TILTS
-        turn = (np.arange(_TURNS) + 0.5) * 2 * np.pi / _TURNS
+        turn = (np.arange(_TURNS) + 0.5) * np.pi / _TURNS  # both halves are alike
         cosine2 = (1 - u) / (1 + (alpha**2 - 1) * u)  # of the facets' tilts, by GGX
         along = 2 * cosine2 - 1  # of the mirrored ways
         weight = np.maximum(along, 0.0)

@@ -23,10 +23,10 @@ class Image:
         """Halve the picture again and again, by the mean of linear values, shapes (H, W, 3), uint8."""
         levels = [self.pixels]
         while min(levels[-1].shape[:2]) > 1:
-            fine = DECODE[levels[-1]]
-            height, width = (n // 2 for n in fine.shape[:2])
-            fine = fine[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3)
-            levels.append(encode(fine.mean(axis=(1, 3))))
+            height, width = (n // 2 * 2 for n in levels[-1].shape[:2])
+            fine = DECODE[levels[-1][:height, :width]]
+            rows = fine[::2] + fine[1::2]
+            levels.append(encode((rows[:, ::2] + rows[:, 1::2]) / 4))
         return levels
 
 
@@ -34,7 +34,7 @@ class Image:
 class Surface:
     """How a surface looks, as in glTF: a blend of plastic and metal."""
 
-    colour: tuple[float, float, float]
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Linear, each in [0, 1]; unused with an image."""
     roughness: float = 1.0
     """0 for a mirror, 1 for chalk."""

@@ -15,7 +15,19 @@ _DEVICE = "cpu"
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Picture:
+    """What a camera sees, drawn once and used for everything."""
+
+    rgb: np.ndarray
+    """Shape (H, W, 3), uint8."""
+    points: np.ndarray
+    """Place of each pixel [m], shape (H, W, 3), world frame; NaN where nothing is."""
+    segments: np.ndarray
+    """Segment of each pixel, shape (H, W), int32; 0 where nothing is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
     """A camera, and what it sees of all that never moves."""
 
@@ -34,7 +46,14 @@ class Rasteriser:
     Limitations: nothing is transparent; no anti-aliasing; shadows are meshes of their own.
     """
 
-    def __init__(self, still: Sequence[Mesh], moving: Sequence[Mesh], bodies: Sequence[int], *, studio: Studio) -> None:
+    def __init__(
+        self,
+        still: Sequence[Mesh],
+        moving: Sequence[Mesh],
+        bodies: Sequence[int],
+        *,
+        studio: Studio,
+    ) -> None:
         """Prepare meshes.
 
         Args:
@@ -51,12 +70,15 @@ class Rasteriser:
         self._still_faces = sum(len(m.faces) for m in still)
         owner = [0] * len(still) + [1 + b for b in bodies]
         sizes = [len(m.vertices) for m in meshes]
-        self._poses = _make(np.tile(np.float32(_IDENTITY), (2 + max(bodies, default=-1), 1)), wp.transform)
+        self._poses = _make(
+            np.tile(np.float32(_IDENTITY), (2 + max(bodies, default=-1), 1)), wp.transform
+        )
         self._body = _make(np.repeat(owner, sizes), wp.int32)
         self._local = _make(_join([m.vertices for m in meshes]), wp.vec3)
         self._local_normal = _make(_join([m.normals for m in meshes]), wp.vec3)
         self._uvs = _make(
-            _join([np.zeros((len(m.vertices), 2)) if m.uvs is None else m.uvs for m in meshes]), wp.vec2
+            _join([np.zeros((len(m.vertices), 2)) if m.uvs is None else m.uvs for m in meshes]),
+            wp.vec2,
         )
         self._normal, self._projected = wp.zeros_like(self._local), wp.zeros_like(self._local)
         self._triangles = _make(_join(faces), wp.vec3i, np.int32)
@@ -101,7 +123,9 @@ class Rasteriser:
                 material.texture = numbers[id(image)]
             materials.append(material)
         self._materials = wp.array(materials, dtype=kernels.Material, device=_DEVICE)
-        self._textures = wp.array(textures or [kernels.Texture()], dtype=kernels.Texture, device=_DEVICE)
+        self._textures = wp.array(
+            textures or [kernels.Texture()], dtype=kernels.Texture, device=_DEVICE
+        )
         self._texels = wp.array(
             np.concatenate([*texels, np.zeros((1, 3), np.uint8)]), dtype=wp.vec3ub, device=_DEVICE
         )
@@ -114,7 +138,9 @@ class Rasteriser:
         """
         self._poses.numpy()[1:] = poses[:, [0, 1, 2, 4, 5, 6, 3]]
 
-    def set_vertices(self, mesh: int, vertices: np.ndarray, normals: np.ndarray | None = None) -> None:
+    def set_vertices(
+        self, mesh: int, vertices: np.ndarray, normals: np.ndarray | None = None
+    ) -> None:
         """Change the shape of a moving mesh.
 
         Args:
@@ -136,29 +162,31 @@ class Rasteriser:
         self._shade(view.camera, keys, rgb, self._still_faces)
         return rgb.numpy().reshape(placement.height, placement.width, 3)
 
-    def draw_all(self, placement: CameraPlacement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw colours, and what is where.
-
-        Returns:
-            Colours, shape (H, W, 3), uint8; the point of each pixel [m], shape (H, W, 3), world frame, NaN where there is
-            nothing; and its segment, shape (H, W), int32, 0 where there is nothing.
-        """
+    def draw_picture(self, placement: CameraPlacement) -> Picture:
+        """Draw colours, and what is where."""
         view = self._get_view(placement)
         rgb, points, segments = (wp.clone(a) for a in (view.rgb, view.points, view.segments))
         keys = self._draw_moving(view)
         self._shade(view.camera, keys, rgb, self._still_faces)
         self._locate(view.camera, keys, points, segments, self._still_faces)
         size = (placement.height, placement.width)
-        return (
-            rgb.numpy().reshape(*size, 3),
-            points.numpy().reshape(*size, 3),
-            segments.numpy().reshape(size),
+        return Picture(
+            rgb=rgb.numpy().reshape(*size, 3),
+            points=points.numpy().reshape(*size, 3),
+            segments=segments.numpy().reshape(size),
         )
 
     def _draw_moving(self, view: _View) -> wp.array:
         keys = wp.clone(view.keys)
         vertices = len(self._local) - self._still_vertices
-        self._enter(view.camera, keys, self._still_vertices, vertices, self._still_faces, len(self._triangles) - self._still_faces)
+        self._enter(
+            view.camera,
+            keys,
+            self._still_vertices,
+            vertices,
+            self._still_faces,
+            len(self._triangles) - self._still_faces,
+        )
         return keys
 
     def _get_view(self, placement: CameraPlacement) -> _View:
@@ -172,14 +200,27 @@ class Rasteriser:
                 points=wp.full(count, wp.vec3(np.nan), dtype=wp.vec3, device=_DEVICE),
                 segments=wp.zeros(count, dtype=wp.int32, device=_DEVICE),
             )
-            wp.launch(kernels.draw_backdrop, dim=count, inputs=[camera, self._tables, view.rgb], device=_DEVICE)
+            wp.launch(
+                kernels.draw_backdrop,
+                dim=count,
+                inputs=[camera, self._tables, view.rgb],
+                device=_DEVICE,
+            )
             self._enter(camera, view.keys, 0, self._still_vertices, 0, self._still_faces)
             self._shade(camera, view.keys, view.rgb, 0)
             self._locate(camera, view.keys, view.points, view.segments, 0)
             self._views[placement] = view
         return self._views[placement]
 
-    def _enter(self, camera: kernels.Camera, keys: wp.array, vertex: int, vertices: int, face: int, faces: int) -> None:
+    def _enter(
+        self,
+        camera: kernels.Camera,
+        keys: wp.array,
+        vertex: int,
+        vertices: int,
+        face: int,
+        faces: int,
+    ) -> None:
         wp.launch(
             kernels.place_vertices,
             dim=vertices,
@@ -210,11 +251,26 @@ class Rasteriser:
             device=_DEVICE,
         )  # fmt: skip
 
-    def _locate(self, camera: kernels.Camera, keys: wp.array, points: wp.array, segments: wp.array, first: int) -> None:
+    def _locate(
+        self,
+        camera: kernels.Camera,
+        keys: wp.array,
+        points: wp.array,
+        segments: wp.array,
+        first: int,
+    ) -> None:
         wp.launch(
             kernels.locate_pixels,
             dim=len(keys),
-            inputs=[camera, first, self._triangle_material, self._materials, keys, points, segments],
+            inputs=[
+                camera,
+                first,
+                self._triangle_material,
+                self._materials,
+                keys,
+                points,
+                segments,
+            ],
             device=_DEVICE,
         )
 
