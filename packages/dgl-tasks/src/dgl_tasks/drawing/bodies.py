@@ -15,10 +15,15 @@ from dgl_tasks.drawing.mesh import Image, Mesh, Surface
 _STRAIGHT = 0.08  # SAPIEN's unit of specular reflection
 
 
-def read_meshes(entity: sapien.Entity) -> list[Mesh]:
-    """Read everything that an entity shows; the scene must be able to render."""
+def read_meshes(entity: sapien.Entity, body: int | None) -> list[Mesh]:
+    """Read everything that an entity shows.
+
+    Args:
+        entity: Of a scene that can render.
+        body: Number of the body that it becomes; None for what never moves.
+    """
     return [
-        _read_part(shape, part, entity.per_scene_id)
+        _read_part(shape, part, entity.per_scene_id, body)
         for component in entity.components
         if isinstance(component, RenderBodyComponent)
         for shape in component.render_shapes
@@ -30,6 +35,7 @@ def _read_part(
     shape: RenderShapeTriangleMesh | RenderShapePrimitive,
     part: RenderShapeTriangleMeshPart,
     segment: int,
+    body: int | None,
 ) -> Mesh:
     T = shape.local_pose.to_transformation_matrix()
     # primitives have their size in their vertices
@@ -44,6 +50,7 @@ def _read_part(
         uvs=np.asarray(part.get_vertex_uv()),
         surface=_read_surface(part.material),
         segment=segment,
+        body=body,
     )
 
 

@@ -25,25 +25,26 @@ class Studio:
     shade: float
     """Brightness of what lies in shadow, linear, a factor."""
 
-    @lru_cache(maxsize=64)  # noqa: B019  scenes share a studio, which lives as long as its module
-    def blur_dome(self, roughness: float) -> np.ndarray:
-        """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).
 
-        A roughness of 1 is also what a matt surface sees. Source: Karis 2013, Real Shading in Unreal Engine 4: the
-        prefiltered environment of the split sum, whose eye looks along the normal.
-        """
-        sines = np.linspace(-1.0, 1.0, _SINES)
-        if roughness == 0.0:
-            return self.dome(sines)
-        alpha = roughness**2
-        u = (np.arange(_TILTS) + 0.5) / _TILTS
-        turn = (np.arange(_TURNS) + 0.5) * np.pi / _TURNS  # both halves are alike
-        cosine2 = (1 - u) / (1 + (alpha**2 - 1) * u)  # of the facets' tilts, by GGX
-        along = 2 * cosine2 - 1  # of the mirrored ways
-        weight = np.maximum(along, 0.0)
-        level = np.sqrt(1 - sines**2)[:, None, None] * np.sqrt(1 - along**2)[:, None] * np.cos(turn)
-        seen = self.dome(sines[:, None, None] * along[:, None] + level).mean(axis=2)
-        return (seen * weight[:, None]).sum(axis=1) / weight.sum()
+@lru_cache(maxsize=64)  # for the next scene
+def blur_dome(studio: Studio, roughness: float) -> np.ndarray:
+    """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).
+
+    A roughness of 1 is also what a matt surface sees. Source: Karis 2013, Real Shading in Unreal Engine 4: the
+    prefiltered environment of the split sum, whose eye looks along the normal.
+    """
+    sines = np.linspace(-1.0, 1.0, _SINES)
+    if roughness == 0.0:
+        return studio.dome(sines)
+    alpha = roughness**2
+    u = (np.arange(_TILTS) + 0.5) / _TILTS
+    turn = (np.arange(_TURNS) + 0.5) * np.pi / _TURNS  # both halves are alike
+    cosine2 = (1 - u) / (1 + (alpha**2 - 1) * u)  # of the facets' tilts, by GGX
+    along = 2 * cosine2 - 1  # of the mirrored ways
+    weight = np.maximum(along, 0.0)
+    level = np.sqrt(1 - sines**2)[:, None, None] * np.sqrt(1 - along**2)[:, None] * np.cos(turn)
+    seen = studio.dome(sines[:, None, None] * along[:, None] + level).mean(axis=2)
+    return (seen * weight[:, None]).sum(axis=1) / weight.sum()
 
 
 def compute_mirror(roughness: float) -> np.ndarray:

@@ -60,5 +60,7 @@ class Mesh:
     surface: Surface
     segment: int
     """What the segmentation picture shows of it; `SHADOW` for a shadow."""
+    body: int | None = None
+    """Number of the body it moves with; None for what never moves, whose frame is the world's."""
     uvs: np.ndarray | None = None
     """Places in the surface's image, shape (V, 2)."""

@@ -1,18 +1,19 @@
-"""Draws meshes as a camera sees them."""
+"""Draws meshes as cameras see them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from dgl_tasks.cameras import CameraPlacement
-from dgl_tasks.drawing import kernels
-from dgl_tasks.drawing.light import DECODE, ENCODE, GAMMA, Studio, compute_mirror
-from dgl_tasks.drawing.mesh import Mesh, Surface
+from dgl_tasks.drawing._kernels import raster, shading
+from dgl_tasks.drawing._kernels.types import Camera, Geometry, Looks, Material, Texture
+from dgl_tasks.drawing.light import DECODE, ENCODE, GAMMA, Studio, blur_dome, compute_mirror
+from dgl_tasks.drawing.mesh import Image, Mesh, Surface
 
 _DEVICE = "cpu"
-_IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +32,7 @@ class Picture:
 class _View:
     """A camera, and what it sees of all that never moves."""
 
-    camera: kernels.Camera
+    camera: Camera
     keys: wp.array
     rgb: wp.array
     points: wp.array
@@ -39,96 +40,35 @@ class _View:
 
 
 class Rasteriser:
-    """Draws what moves over pictures of what never does, which are drawn once a camera.
+    """Draws what moves over what never does, which is drawn once a camera.
 
-    Everything is computed on the processor, in one thread, and is the same on every machine up to rounding.
+    Everything is computed on the processor, in one thread, and equal scenes give equal pictures to the last bit.
 
-    Limitations: nothing is transparent; no anti-aliasing; shadows are meshes of their own.
+    Limitations: nothing is transparent, edges are not smoothed, and shadows are meshes of their own.
     """
 
-    def __init__(
-        self,
-        still: Sequence[Mesh],
-        moving: Sequence[Mesh],
-        bodies: Sequence[int],
-        *,
-        studio: Studio,
-    ) -> None:
+    def __init__(self, meshes: Sequence[Mesh], studio: Studio) -> None:
         """Prepare meshes.
 
         Args:
-            still: What never moves, in the world frame.
-            moving: What does.
-            bodies: Which of the poses of `draw` each of the moving meshes has, shape (len(moving),).
+            meshes: What there is.
             studio: The light.
         """
-        meshes = [*still, *moving]
-        self._starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-        self._still = len(still)
-        self._still_vertices = int(self._starts[len(still)])
-        faces = [m.faces + s for m, s in zip(meshes, self._starts, strict=False)]
-        self._still_faces = sum(len(m.faces) for m in still)
-        owner = [0] * len(still) + [1 + b for b in bodies]
-        sizes = [len(m.vertices) for m in meshes]
-        self._poses = _make(
-            np.tile(np.float32(_IDENTITY), (2 + max(bodies, default=-1), 1)), wp.transform
-        )
-        self._body = _make(np.repeat(owner, sizes), wp.int32)
-        self._local = _make(_join([m.vertices for m in meshes]), wp.vec3)
-        self._local_normal = _make(_join([m.normals for m in meshes]), wp.vec3)
-        self._uvs = _make(
-            _join([np.zeros((len(m.vertices), 2)) if m.uvs is None else m.uvs for m in meshes]),
-            wp.vec2,
-        )
-        self._normal, self._projected = wp.zeros_like(self._local), wp.zeros_like(self._local)
-        self._triangles = _make(_join(faces), wp.vec3i, np.int32)
-        self._triangle_material = _make(
-            np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]), wp.int32
-        )
-        self._set_materials(meshes)
-        self._light = kernels.Light()
-        toward = -np.array(studio.direction) / np.linalg.norm(studio.direction)
-        self._light.toward = wp.vec3(*toward)
-        self._light.colour = wp.vec3(*studio.colour)
-        self._light.shade = studio.shade ** (1 / GAMMA)
-        self._tables = kernels.Tables()
-        roughnesses = [m.surface.roughness for m in meshes]
-        blurred = {r: studio.blur_dome(r) for r in {0.0, 1.0, *roughnesses}}
-        rows = np.stack([blurred[r] for r in (0.0, 1.0, *roughnesses)])
-        self._tables.dome = wp.array(rows.astype(np.float32), dtype=wp.vec3, device=_DEVICE)
-        mirrors = np.stack([compute_mirror(r) for r in roughnesses])
-        self._tables.mirror = wp.array(mirrors.astype(np.float32), dtype=wp.vec2, device=_DEVICE)
-        self._tables.decode = _make(DECODE, wp.float32)
-        self._tables.encode = wp.array(ENCODE, dtype=wp.uint8, device=_DEVICE)
+        # Poses and triangles of what never moves come first.
+        order = sorted(range(len(meshes)), key=lambda k: meshes[k].body is not None)
+        ordered = [meshes[k] for k in order]
+        still = [mesh for mesh in ordered if mesh.body is None]
+        self._still_vertices = sum(len(mesh.vertices) for mesh in still)
+        self._still_faces = sum(len(mesh.faces) for mesh in still)
+        bodies = [0 if mesh.body is None else mesh.body + 1 for mesh in ordered]
+        poses = np.zeros((max(bodies, default=0) + 1, 7), dtype=np.float32)
+        poses[:, 6] = 1.0
+        self._poses = _make(poses, wp.transform)
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in ordered)])
+        self._parts = {k: slice(starts[i], starts[i + 1]) for i, k in enumerate(order)}
+        self._geometry = _make_geometry(ordered, bodies)
+        self._looks = _make_looks(ordered, studio)
         self._views: dict[CameraPlacement, _View] = {}
-
-    def _set_materials(self, meshes: Sequence[Mesh]) -> None:
-        materials, textures, texels, first = [], [], [], 0
-        numbers: dict[int, int] = {}
-        for mesh in meshes:
-            material = _make_material(mesh.surface, mesh.segment)
-            image = mesh.surface.image
-            if image is not None:
-                if id(image) not in numbers:
-                    numbers[id(image)] = len(textures)
-                    levels = image.build_levels()
-                    texture = kernels.Texture()
-                    texture.first = first
-                    texture.height, texture.width = image.pixels.shape[:2]
-                    texture.levels = len(levels)
-                    texture.is_repeated = int(image.is_repeated)
-                    textures.append(texture)
-                    texels += [level.reshape(-1, 3) for level in levels]
-                    first += sum(level.shape[0] * level.shape[1] for level in levels)
-                material.texture = numbers[id(image)]
-            materials.append(material)
-        self._materials = wp.array(materials, dtype=kernels.Material, device=_DEVICE)
-        self._textures = wp.array(
-            textures or [kernels.Texture()], dtype=kernels.Texture, device=_DEVICE
-        )
-        self._texels = wp.array(
-            np.concatenate([*texels, np.zeros((1, 3), np.uint8)]), dtype=wp.vec3ub, device=_DEVICE
-        )
 
     def set_poses(self, poses: np.ndarray) -> None:
         """Move the bodies.
@@ -141,25 +81,23 @@ class Rasteriser:
     def set_vertices(
         self, mesh: int, vertices: np.ndarray, normals: np.ndarray | None = None
     ) -> None:
-        """Change the shape of a moving mesh.
+        """Change the shape of a mesh that moves.
 
         Args:
-            mesh: Its number among the moving ones.
+            mesh: Its number.
             vertices: [m], shape (V, 3), frame of its body.
             normals: Shape (V, 3); as they were when None.
         """
-        k = self._still + mesh
-        part = slice(int(self._starts[k]), int(self._starts[k + 1]))
-        self._local.numpy()[part] = vertices
+        part = self._parts[mesh]
+        self._geometry.local.numpy()[part] = vertices
         if normals is not None:
-            self._local_normal.numpy()[part] = normals
+            self._geometry.local_normal.numpy()[part] = normals
 
     def draw(self, placement: CameraPlacement) -> np.ndarray:
         """Draw colours, shape (H, W, 3), uint8."""
         view = self._get_view(placement)
         rgb = wp.clone(view.rgb)
-        keys = self._draw_moving(view)
-        self._shade(view.camera, keys, rgb, self._still_faces)
+        self._shade(view.camera, self._draw_moving(view), rgb, first=self._still_faces)
         return rgb.numpy().reshape(placement.height, placement.width, 3)
 
     def draw_picture(self, placement: CameraPlacement) -> Picture:
@@ -167,8 +105,8 @@ class Rasteriser:
         view = self._get_view(placement)
         rgb, points, segments = (wp.clone(a) for a in (view.rgb, view.points, view.segments))
         keys = self._draw_moving(view)
-        self._shade(view.camera, keys, rgb, self._still_faces)
-        self._locate(view.camera, keys, points, segments, self._still_faces)
+        self._shade(view.camera, keys, rgb, first=self._still_faces)
+        self._locate(view.camera, keys, points, segments, first=self._still_faces)
         size = (placement.height, placement.width)
         return Picture(
             rgb=rgb.numpy().reshape(*size, 3),
@@ -176,107 +114,71 @@ class Rasteriser:
             segments=segments.numpy().reshape(size),
         )
 
-    def _draw_moving(self, view: _View) -> wp.array:
-        keys = wp.clone(view.keys)
-        vertices = len(self._local) - self._still_vertices
-        self._enter(
-            view.camera,
-            keys,
-            self._still_vertices,
-            vertices,
-            self._still_faces,
-            len(self._triangles) - self._still_faces,
-        )
-        return keys
-
     def _get_view(self, placement: CameraPlacement) -> _View:
         if placement not in self._views:
-            camera = _make_camera(placement)
-            count = placement.width * placement.height
-            view = _View(
-                camera=camera,
-                keys=wp.zeros(count, dtype=wp.uint64, device=_DEVICE),
-                rgb=wp.zeros(count, dtype=wp.vec3ub, device=_DEVICE),
-                points=wp.full(count, wp.vec3(np.nan), dtype=wp.vec3, device=_DEVICE),
-                segments=wp.zeros(count, dtype=wp.int32, device=_DEVICE),
-            )
-            wp.launch(
-                kernels.draw_backdrop,
-                dim=count,
-                inputs=[camera, self._tables, view.rgb],
-                device=_DEVICE,
-            )
-            self._enter(camera, view.keys, 0, self._still_vertices, 0, self._still_faces)
-            self._shade(camera, view.keys, view.rgb, 0)
-            self._locate(camera, view.keys, view.points, view.segments, 0)
-            self._views[placement] = view
+            self._views[placement] = self._draw_still(placement)
         return self._views[placement]
 
-    def _enter(
-        self,
-        camera: kernels.Camera,
-        keys: wp.array,
-        vertex: int,
-        vertices: int,
-        face: int,
-        faces: int,
-    ) -> None:
-        wp.launch(
-            kernels.place_vertices,
-            dim=vertices,
-            inputs=[
-                camera, vertex, self._poses, self._body, self._local, self._local_normal,
-                self._normal, self._projected,
-            ],
-            device=_DEVICE,
-        )  # fmt: skip
-        wp.launch(
-            kernels.draw_triangles,
-            dim=faces,
-            inputs=[
-                camera, face, self._triangles, self._triangle_material, self._materials,
-                self._projected, keys,
-            ],
-            device=_DEVICE,
-        )  # fmt: skip
+    def _draw_still(self, placement: CameraPlacement) -> _View:
+        camera = _make_camera(placement)
+        count = placement.width * placement.height
+        view = _View(
+            camera=camera,
+            keys=wp.zeros(count, dtype=wp.uint64, device=_DEVICE),
+            rgb=wp.zeros(count, dtype=wp.vec3ub, device=_DEVICE),
+            points=_make(np.full((count, 3), np.nan), wp.vec3),
+            segments=wp.zeros(count, dtype=wp.int32, device=_DEVICE),
+        )
+        _launch(shading.draw_backdrop, count, camera, self._looks, view.rgb)
+        _launch(raster.place_vertices, self._still_vertices, camera, 0, self._poses, self._geometry)
+        _launch(
+            raster.draw_triangles,
+            self._still_faces,
+            camera,
+            0,
+            self._geometry,
+            self._looks,
+            view.keys,
+        )
+        self._shade(camera, view.keys, view.rgb, first=0)
+        self._locate(camera, view.keys, view.points, view.segments, first=0)
+        return view
 
-    def _shade(self, camera: kernels.Camera, keys: wp.array, rgb: wp.array, first: int) -> None:
-        wp.launch(
-            kernels.shade_pixels,
-            dim=len(keys),
-            inputs=[
-                camera, self._light, self._tables, first, self._triangles, self._triangle_material,
-                self._materials, self._textures, self._texels, self._uvs, self._normal, self._projected, keys, rgb,
-            ],
-            device=_DEVICE,
-        )  # fmt: skip
+    def _draw_moving(self, view: _View) -> wp.array:
+        keys = wp.clone(view.keys)
+        first, vertices = self._still_vertices, len(self._geometry.local) - self._still_vertices
+        _launch(raster.place_vertices, vertices, view.camera, first, self._poses, self._geometry)
+        first, faces = self._still_faces, len(self._geometry.triangles) - self._still_faces
+        _launch(raster.draw_triangles, faces, view.camera, first, self._geometry, self._looks, keys)
+        return keys
+
+    def _shade(self, camera: Camera, keys: wp.array, rgb: wp.array, *, first: int) -> None:
+        _launch(
+            shading.shade_pixels, len(keys), camera, first, self._geometry, self._looks, keys, rgb
+        )
 
     def _locate(
-        self,
-        camera: kernels.Camera,
-        keys: wp.array,
-        points: wp.array,
-        segments: wp.array,
-        first: int,
+        self, camera: Camera, keys: wp.array, points: wp.array, segments: wp.array, *, first: int
     ) -> None:
-        wp.launch(
-            kernels.locate_pixels,
-            dim=len(keys),
-            inputs=[
-                camera,
-                first,
-                self._triangle_material,
-                self._materials,
-                keys,
-                points,
-                segments,
-            ],
-            device=_DEVICE,
+        _launch(
+            raster.locate_pixels,
+            len(keys),
+            camera,
+            first,
+            self._geometry,
+            self._looks,
+            keys,
+            points,
+            segments,
         )
 
 
-def _make_camera(placement: CameraPlacement) -> kernels.Camera:
-    camera = kernels.Camera()
+def _launch(kernel: wp.Kernel, count: int, *inputs: Any) -> None:
+    wp.launch(kernel, dim=count, inputs=list(inputs), device=_DEVICE)
+
+
+def _make_camera(placement: CameraPlacement) -> Camera:
+    camera = Camera()
     to_camera = np.linalg.inv(placement.transform_camera_to_world)
     camera.rotation = wp.mat33(*to_camera[:3, :3].ravel())
     camera.position = wp.vec3(*placement.position)
@@ -288,23 +190,75 @@ def _make_camera(placement: CameraPlacement) -> kernels.Camera:
     return camera
 
 
-def _make_material(surface: Surface, segment: int) -> kernels.Material:
-    material = kernels.Material()
+def _make_geometry(meshes: Sequence[Mesh], bodies: Sequence[int]) -> Geometry:
+    sizes = [len(mesh.vertices) for mesh in meshes]
+    starts = np.cumsum([0, *sizes[:-1]])
+    geometry = Geometry()
+    geometry.body = _make(np.repeat(bodies, sizes), wp.int32)
+    geometry.local = _make(np.concatenate([mesh.vertices for mesh in meshes]), wp.vec3)
+    geometry.local_normal = _make(np.concatenate([mesh.normals for mesh in meshes]), wp.vec3)
+    uvs = [np.zeros((len(m.vertices), 2)) if m.uvs is None else m.uvs for m in meshes]
+    geometry.uv = _make(np.concatenate(uvs), wp.vec2)
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    geometry.triangles = _make(np.concatenate(faces), wp.vec3i)
+    owners = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+    geometry.material = _make(owners, wp.int32)
+    geometry.normal = wp.zeros_like(geometry.local)
+    geometry.projected = wp.zeros_like(geometry.local)
+    return geometry
+
+
+def _make_looks(meshes: Sequence[Mesh], studio: Studio) -> Looks:
+    images = {id(m.surface.image): m.surface.image for m in meshes if m.surface.image is not None}
+    numbers = {key: number for number, key in enumerate(images)}
+    looks = Looks()
+    looks.textures, looks.texels = _make_textures(list(images.values()))
+    materials = [_make_material(m.surface, m.segment, numbers) for m in meshes]
+    looks.materials = wp.array(materials, dtype=Material, device=_DEVICE)
+    looks.to_lamp = wp.vec3(*(-np.array(studio.direction) / np.linalg.norm(studio.direction)))
+    looks.lamp = wp.vec3(*studio.colour)
+    looks.shade = studio.shade ** (1 / GAMMA)
+    roughnesses = [mesh.surface.roughness for mesh in meshes]
+    looks.dome = _make(np.stack([blur_dome(studio, r) for r in (0.0, 1.0, *roughnesses)]), wp.vec3)
+    looks.mirror = _make(np.stack([compute_mirror(r) for r in roughnesses]), wp.vec2)
+    looks.decode, looks.encode = _make(DECODE, wp.float32), _make(ENCODE, wp.uint8)
+    return looks
+
+
+def _make_material(surface: Surface, segment: int, numbers: dict[int, int]) -> Material:
+    material = Material()
     material.colour = wp.vec3(*surface.colour)
     material.roughness = surface.roughness
     material.metallic = surface.metallic
     material.specular = surface.specular
     material.inside_shade = surface.inside_shade
-    material.texture = -1
+    material.texture = -1 if surface.image is None else numbers[id(surface.image)]
     material.segment = segment
     return material
 
 
-def _join(parts: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate(parts)
+def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
+    textures, texels, first = (
+        [Texture()],
+        [np.zeros((1, 3), np.uint8)],
+        1,
+    )  # Warp has no use for none
+    for image in images:
+        levels = image.build_levels()
+        texture = Texture()
+        texture.first = first
+        texture.height, texture.width = image.pixels.shape[:2]
+        texture.levels = len(levels)
+        texture.is_repeated = int(image.is_repeated)
+        textures.append(texture)
+        texels += [level.reshape(-1, 3) for level in levels]
+        first += sum(len(level) * level.shape[1] for level in levels)
+    return (
+        wp.array(textures[1:] or textures, dtype=Texture, device=_DEVICE),
+        _make(np.concatenate(texels), wp.vec3ub),
+    )
 
 
-def _make(values: np.ndarray, dtype: type, kind: type = np.float32) -> wp.array:
-    if dtype is wp.int32:
-        kind = np.int32
+def _make(values: np.ndarray, dtype: Any) -> wp.array:
+    kind = wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
     return wp.array(np.ascontiguousarray(values, dtype=kind), dtype=dtype, device=_DEVICE)

@@ -1,6 +1,7 @@
 """A SAPIEN scene with a garment, as the rasteriser draws it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import sapien
@@ -35,17 +36,16 @@ class Stage:
             shadow_faces: Triangles of the shadow, shape (G, 3), counter-clockwise seen from above.
             studio: The light.
         """
+        meshes = read_meshes(ground, None)
         self._bodies: list[sapien.Entity] = []
-        meshes: list[Mesh] = []
-        owners: list[int] = []
         for entity in bodies:
-            parts = read_meshes(entity)
+            parts = read_meshes(entity, len(self._bodies))
             if parts:
                 meshes += parts
-                owners += [len(self._bodies)] * len(parts)
                 self._bodies.append(entity)
-        self._poses = np.zeros((len(self._bodies) + 1, 7))
-        self._poses[-1, 3] = 1.0  # garment and shadow are in the world frame
+        world = len(self._bodies)  # the frame of garment and shadow
+        self._poses = np.zeros((world + 1, 7))
+        self._poses[world, 3] = 1.0
         self._garment, self._shadow = len(meshes), len(meshes) + 1
         count = int(shadow_faces.max()) + 1
         shadow = Mesh(
@@ -54,13 +54,9 @@ class Stage:
             faces=shadow_faces,
             surface=Surface(),
             segment=SHADOW,
+            body=world,
         )
-        self._rasteriser = Rasteriser(
-            still=read_meshes(ground),
-            moving=[*meshes, garment, shadow],
-            bodies=[*owners, len(self._bodies), len(self._bodies)],
-            studio=studio,
-        )
+        self._rasteriser = Rasteriser([*meshes, replace(garment, body=world), shadow], studio)
         self._shadow_vertices = shadow.vertices
 
     def update(self, vertices: np.ndarray, normals: np.ndarray, shadow: np.ndarray) -> None:
