@@ -6,6 +6,7 @@ from dgl_physics.errors import ContactOverflowError as ContactOverflowError
 from dgl_physics.errors import MeshError as MeshError
 from dgl_physics.errors import PhysicsError as PhysicsError
 from dgl_physics.errors import SimulationDivergedError as SimulationDivergedError
+from dgl_physics.errors import UnsupportedCpuError as UnsupportedCpuError
 from dgl_physics.fabrics import FABRICS as FABRICS
 from dgl_physics.fabrics import get_fabric as get_fabric
 from dgl_physics.lattice import Skin as Skin
@@ -37,5 +38,6 @@ __all__ = [
     "SolverConfig",
     "SolverXPBD",
     "State",
+    "UnsupportedCpuError",
     "get_fabric",
 ]

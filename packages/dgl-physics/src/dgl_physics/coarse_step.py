@@ -3,6 +3,7 @@
 import warp as wp
 
 from dgl_physics._kernels import coarse
+from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.state import State
 
@@ -15,14 +16,15 @@ ACCELERATION = 200.0
 class CoarseStep:
     """Limits on the distances between the nodes of the coarse level, see `dgl_physics.coarse`."""
 
-    def __init__(self, model: Model, sweeps: int) -> None:
+    def __init__(self, model: Model, sweeps: int, launcher: Launcher) -> None:
         """Make it.
 
         Args:
             model: What is simulated.
             sweeps: Passes over the limits in each substep; 0 leaves them out.
+            launcher: Launches the kernels.
         """
-        self._model, self._sweeps = model, sweeps
+        self._model, self._sweeps, self._launcher = model, sweeps, launcher
         device, nodes = model.device, max(model.coarse.node_count, 1)
         count = model.env_count * model.particles_per_env
         self.tension = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -39,26 +41,25 @@ class CoarseStep:
         m, t = self._model, self._model.coarse
         if not (t.node_count and self._sweeps):
             return
-        wp.launch(
+        self._launcher.launch(
             coarse.gather_nodes,
-            dim=t.node_count,
-            inputs=[
+            t.node_count,
+            [
                 t.node_start, t.node_particle, t.node_weight, t.node_inverse_mass, inverse_mass,
                 state.is_stuck, state.positions, self._centre, self._centre_before, self._mobility,
                 self._held, self._reaction,
             ],
         )  # fmt: skip
         for _ in range(self._sweeps):
-            for first, end in m.divide_launches(t.colour_start):
-                wp.launch(
-                    coarse.solve_limits,
-                    dim=end - first,
-                    inputs=[first, t.pairs, t.limit, self._mobility, self._centre, self._reaction],
-                )
-        wp.launch(
+            self._launcher.launch_colours(
+                coarse.solve_limits,
+                t.colour_start,
+                [t.pairs, t.limit, self._mobility, self._centre, self._reaction],
+            )
+        self._launcher.launch(
             coarse.move_with_nodes,
-            dim=m.env_count * m.particles_per_env,
-            inputs=[
+            m.env_count * m.particles_per_env,
+            [
                 ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass, inverse_mass, state.is_stuck,
                 self._centre, self._centre_before, self._held, self._reaction, state.positions, self.tension,
             ],

@@ -28,3 +28,7 @@ class SimulationDivergedError(PhysicsError):
 
 class ContactOverflowError(PhysicsError):
     """A particle has more neighbours or near shapes than the model has room for."""
+
+
+class UnsupportedCpuError(PhysicsError):
+    """The CPU lacks the instructions of the code that was asked for."""

@@ -2,9 +2,7 @@
 
 # What wp.struct returns is no class to pyright.
 # pyright: reportGeneralTypeIssues=false
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -110,18 +108,6 @@ class Model:
     def make_state(self) -> State:
         """Make a state at the initial positions, at rest, with all bodies at the origin."""
         return State(self)
-
-    def divide_launches(self, colour_start: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-        """Divide constraints into ranges of which each may have a launch.
-
-        On the CPU one thread works off a launch in order, so all colours may share one.
-
-        Args:
-            colour_start: First constraint of each colour, and the end of the last.
-        """
-        return pairwise(
-            (colour_start[0], colour_start[-1]) if self.device == "cpu" else colour_start
-        )
 
 
 class ModelBuilder:

@@ -5,6 +5,7 @@ import warp as wp
 
 from dgl_physics._kernels import rigid
 from dgl_physics._kernels.types import Limits
+from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
@@ -16,7 +17,12 @@ class NearShapes:
     """Lists of shapes: those near the cloth of an environment, and of them those near each particle."""
 
     def __init__(
-        self, model: Model, config: SolverConfig, limits: Limits, overflow: wp.array
+        self,
+        model: Model,
+        config: SolverConfig,
+        limits: Limits,
+        overflow: wp.array,
+        launcher: Launcher,
     ) -> None:
         """Make the lists.
 
@@ -25,8 +31,10 @@ class NearShapes:
             config: Settings of the solver.
             limits: The same, for kernels.
             overflow: Of each environment: entries that its lists had no room for, int32, shape (B,).
+            launcher: Launches the kernels.
         """
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
+        self._launcher = launcher
         device, envs = model.device, model.env_count
         count, shapes = envs * model.particles_per_env, max(model.shape_count, 1)
 
@@ -69,10 +77,10 @@ class NearShapes:
             ],
         )  # fmt: skip
         self.pose(state, 0.0)
-        wp.launch(
+        self._launcher.launch(
             rigid.find_near_shapes,
-            dim=count,
-            inputs=[
+            count,
+            [
                 c.dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                 self.active, self._active_count, self._pose_middle, self._swept, self.pose_now,
                 state.body_end, m.inverse_mass, state.positions, state.velocities, self.near,

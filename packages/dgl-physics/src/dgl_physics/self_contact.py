@@ -5,6 +5,7 @@ import warp as wp
 
 from dgl_physics._kernels import selfcontact
 from dgl_physics._kernels.types import Limits
+from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
@@ -16,7 +17,12 @@ class SelfContact:
     """The particles near each other, searched for where they have moved, and their contact."""
 
     def __init__(
-        self, model: Model, config: SolverConfig, limits: Limits, overflow: wp.array
+        self,
+        model: Model,
+        config: SolverConfig,
+        limits: Limits,
+        overflow: wp.array,
+        launcher: Launcher,
     ) -> None:
         """Make the lists.
 
@@ -25,8 +31,10 @@ class SelfContact:
             config: Settings of the solver.
             limits: The same, for kernels.
             overflow: Of each environment: entries that its lists had no room for, int32, shape (B,).
+            launcher: Launches the kernels.
         """
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
+        self._launcher = launcher
         device, count = model.device, model.env_count * model.particles_per_env
         self.squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
         """By what each particle was pushed in the last solution [m]."""
@@ -37,8 +45,9 @@ class SelfContact:
         self._stirred = wp.zeros(cells, dtype=wp.int32, device=device)
         self._restless = wp.zeros(model.env_count, dtype=wp.int32, device=device)
         self._searched_at = wp.full(count, wp.vec3(1.0e9, 0.0, 0.0), dtype=wp.vec3, device=device)
+        # Vector code reads eight entries at a time.
         self._neighbours = wp.zeros(
-            count * config.neighbour_capacity, dtype=wp.int32, device=device
+            count * config.neighbour_capacity + 8, dtype=wp.int32, device=device
         )
         self._neighbour_count = wp.zeros(count, dtype=wp.int32, device=device)
         self._correction = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -66,11 +75,12 @@ class SelfContact:
     def search(self, state: State) -> None:
         """List neighbours anew in the cells that are marked."""
         m = self._model
-        self._grid.build(state.positions, self._limits.cell_size, groups=m.environment)
-        wp.launch(
+        if not self._launcher.has_twin(selfcontact.find_neighbours):  # which sorts by itself
+            self._grid.build(state.positions, self._limits.cell_size, groups=m.environment)
+        self._launcher.launch(
             selfcontact.find_neighbours,
-            dim=m.env_count * m.particles_per_env,
-            inputs=[
+            m.env_count * m.particles_per_env,
+            [
                 self._grid.id, self._limits, m.environment, m.touch, self._reach, m.adjacency_start, m.adjacency,
                 self._stirred, state.positions, self._searched_at, self._neighbours, self._neighbour_count,
                 self._overflow,
@@ -97,18 +107,18 @@ class SelfContact:
         """
         m = self._model
         count = m.env_count * m.particles_per_env
-        wp.launch(
+        self._launcher.launch(
             selfcontact.solve_self_contact,
-            dim=count,
-            inputs=[
+            count,
+            [
                 dt, self._limits, m.touch, inverse_mass, state.positions, previous, self._neighbours,
                 self._neighbour_count, state.crowd, self._correction, self._squeeze_next, self._crowd_next,
             ],
         )  # fmt: skip
-        wp.launch(
+        self._launcher.launch(
             selfcontact.apply_corrections,
-            dim=count,
-            inputs=[
+            count,
+            [
                 share, self._correction, self._squeeze_next, self._crowd_next, state.positions, self.squeeze,
                 state.crowd,
             ],

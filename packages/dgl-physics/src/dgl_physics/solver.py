@@ -8,7 +8,6 @@ import warp as wp
 from dgl_physics._kernels import (
     bending,
     cloth,
-    edge_contact,
     forgetting,
     guard,
     rigid,
@@ -16,8 +15,10 @@ from dgl_physics._kernels import (
     yarns,
 )
 from dgl_physics.coarse_step import CoarseStep
+from dgl_physics.edge_contact import EdgeContact
 from dgl_physics.elastic_step import ElasticStep
 from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
+from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.near_shapes import NearShapes
 from dgl_physics.self_contact import SelfContact
@@ -69,9 +70,11 @@ class SolverXPBD:
         self._is_torn = wp.zeros(count, dtype=wp.int32, device=device)
         self._overflow = wp.zeros(envs, dtype=wp.int32, device=device)
         self._flag = wp.zeros(envs, dtype=wp.int32, device=device)
-        self._near = NearShapes(model, c, self._limits, self._overflow)
-        self._contact = SelfContact(model, c, self._limits, self._overflow)
-        self._coarse = CoarseStep(model, c.coarse_sweeps)
+        self._launcher = Launcher(device, c.cpu_code, count)
+        self._near = NearShapes(model, c, self._limits, self._overflow, self._launcher)
+        self._edge_contact = EdgeContact(model, self._limits, self._near)
+        self._contact = SelfContact(model, c, self._limits, self._overflow, self._launcher)
+        self._coarse = CoarseStep(model, c.coarse_sweeps, self._launcher)
         self._elastic = model.solids and ElasticStep(model.solids, c.dt / c.substeps, device)
         self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
@@ -130,6 +133,7 @@ class SolverXPBD:
     def _begin_frame(self) -> None:
         m, state = self.model, self._state
         self._near.find(state)
+        self._edge_contact.find()
         count = m.env_count * m.particles_per_env
         wp.launch(
             sleep.find_touched,
@@ -188,10 +192,10 @@ class SolverXPBD:
         dt = c.dt / c.substeps
         rate = 1.0 / dt
         for k in part:
-            wp.launch(
+            self._launcher.launch(
                 cloth.integrate,
-                dim=count,
-                inputs=[
+                count,
+                [
                     wp.vec3(*c.gravity), state.gravity_scale, dt, m.environment, m.garment_index,
                     m.materials, self._inverse_mass, state.positions, state.velocities, self._previous,
                 ],
@@ -199,16 +203,15 @@ class SolverXPBD:
             self._contact.solve(state, dt, self._inverse_mass, self._previous)
             # What is solved last holds best, so the stiff comes after the soft.
             self._solve_bending(state, dt, rate)
-            for first, end in m.divide_launches(m.colour_start):
-                wp.launch(
-                    cloth.solve_distances,
-                    dim=end - first,
-                    inputs=[
-                        first, 1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass,
-                        state.positions, rate if m.is_stretch_damped else 0.0, m.garment_index,
-                        m.materials, state.edge_length, self._is_torn,
-                    ],
-                )  # fmt: skip
+            self._launcher.launch_colours(
+                cloth.solve_distances,
+                m.colour_start,
+                [
+                    1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass, state.positions,
+                    rate if m.is_stretch_damped else 0.0, m.garment_index, m.materials, state.edge_length,
+                    self._is_torn,
+                ],
+            )  # fmt: skip
             self._solve_yarns(state, dt, rate)
             self._coarse.launch(state, dt, self._inverse_mass)
             self._contact.solve(state, dt, self._inverse_mass, self._previous)
@@ -222,30 +225,16 @@ class SolverXPBD:
                     self._inverse_mass,
                     self._previous,
                 )
-            self._solve_edge_contact(state, dt)
-            wp.launch(
+            self._edge_contact.solve(state, dt, self._inverse_mass, self._previous)
+            self._launcher.launch(
                 rigid.solve_rigid_contact,
-                dim=count,
-                inputs=[
+                count,
+                [
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     self._inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                    near.near_count, self._previous, self._contact.squeeze, state.positions,
+                    near.near_count, near.near_bodies, self._previous, self._contact.squeeze, state.positions,
                     state.velocities, state.impulse, self._pressed, state.is_stuck,
                     self._coarse.tension, self._is_torn,
-                ],
-            )  # fmt: skip
-
-    def _solve_edge_contact(self, state: State, dt: float) -> None:
-        m, near = self.model, self._near
-        run = 64 if m.device == "cpu" else 1
-        for first, end in m.divide_launches(m.colour_start):
-            wp.launch(
-                edge_contact.solve_edge_contact,
-                dim=-(-(end - first) // run),
-                inputs=[
-                    first, end, run, dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index,
-                    m.materials, self._inverse_mass, near.active, near.pose_before, near.pose_now,
-                    near.near, near.near_bodies, self._previous, state.positions, state.impulse,
                 ],
             )  # fmt: skip
 
@@ -283,27 +272,25 @@ class SolverXPBD:
 
     def _solve_bending(self, state: State, dt: float, rate: float) -> None:
         m = self.model
-        for first, end in m.divide_launches(m.bending.colour_start):
-            wp.launch(
-                bending.solve_bending,
-                dim=end - first,
-                inputs=[
-                    first, dt, rate, m.bending.vertices, m.bending.weights, m.bending.response,
-                    self._inverse_mass, state.positions, state.bend_length,
-                ],
-            )  # fmt: skip
+        self._launcher.launch_colours(
+            bending.solve_bending,
+            m.bending.colour_start,
+            [
+                dt, rate, m.bending.vertices, m.bending.weights, m.bending.response, self._inverse_mass,
+                state.positions, state.bend_length,
+            ],
+        )  # fmt: skip
 
     def _solve_yarns(self, state: State, dt: float, rate: float) -> None:
         m = self.model
-        for first, end in m.divide_launches(m.yarns.colour_start):
-            wp.launch(
-                yarns.solve_yarns,
-                dim=end - first,
-                inputs=[
-                    first, dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response,
-                    self._inverse_mass, state.positions, state.yarn_length,
-                ],
-            )  # fmt: skip
+        self._launcher.launch_colours(
+            yarns.solve_yarns,
+            m.yarns.colour_start,
+            [
+                dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response, self._inverse_mass, state.positions,
+                state.yarn_length,
+            ],
+        )  # fmt: skip
 
     def measure_penetration(self, state: State) -> np.ndarray:
         """Measure how deep particles are inside rigid shapes after the last frame.

@@ -1,8 +1,10 @@
 """Settings of the solver."""
 
 from dataclasses import dataclass
+from typing import get_args
 
 from dgl_physics._kernels.types import Limits
+from dgl_physics.launcher import CpuCode
 
 __all__ = ["SolverConfig"]
 
@@ -41,6 +43,9 @@ class SolverConfig:
     """[m/s^2], world frame."""
     is_guarded: bool = True
     """Raise when particles diverge or contact capacities overflow, looked at after each frame."""
+    cpu_code: CpuCode = "auto"
+    """Code that a CPU runs: "vector" does eight constraints at a time, "warp" one; "auto" takes vector code wherever the
+    CPU has AVX2 and says so in the log where it has not. Both give the same results, to the bit."""
 
     def __post_init__(self) -> None:
         if not self.dt > 0:
@@ -53,6 +58,10 @@ class SolverConfig:
             raise ValueError(
                 f"sleep_distance must be >= 0 and sleep_after > 0; got {self.sleep_distance} and "
                 f"{self.sleep_after}"
+            )
+        if self.cpu_code not in get_args(CpuCode):
+            raise ValueError(
+                f"cpu_code must be one of {list(get_args(CpuCode))}; got {self.cpu_code!r}"
             )
         if self.search_every < 1:
             raise ValueError(f"search_every must be >= 1; got {self.search_every}")

@@ -90,8 +90,6 @@ def solve_edge(
 @wp.kernel
 def solve_edge_contact(
     first: wp.int32,
-    last: wp.int32,
-    run: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
     limits: Limits,
@@ -112,16 +110,62 @@ def solve_edge_contact(
     """Resolve the contact of the middles of one colour's edges of cloth, with Coulomb's friction.
 
     An edge meets the shapes that are near one of its ends, but planes, which its ends meet first. Overlap from before the
-    substep, beyond what `separation_speed` gives, changes `previous` too: places then, and not velocities. Each thread
-    takes `run` edges in order: hardly any is near a shape, and to ask is less than to begin a thread on the CPU.
+    substep, beyond what `separation_speed` gives, changes `previous` too: places then, and not velocities.
     """
-    begin = first + wp.tid() * run
-    for edge in range(begin, wp.min(begin + run, last)):
+    pair = pairs[first + wp.tid()]
+    i = pair[0]
+    j = pair[1]
+    if near_bodies[i] + near_bodies[j] > 0:
+        solve_edge(
+            i, j, dt, particles_per_env, limits, shapes, materials[garment[i]], inverse_mass,
+            active, pose_before, pose_now, near, near_bodies, previous, position, impulse,
+        )  # fmt: skip
+
+
+@wp.kernel
+def list_near_edges(
+    pairs: wp.array(dtype=wp.vec2i),
+    near_bodies: wp.array(dtype=wp.int32),
+    listed: wp.array(dtype=wp.int32),
+    listed_count: wp.array(dtype=wp.int32),
+):
+    """List the edges with an end near a shape that is no plane, in their order: one thread, on a CPU."""
+    count = int(0)
+    for edge in range(pairs.shape[0]):
         pair = pairs[edge]
+        if near_bodies[pair[0]] + near_bodies[pair[1]] > 0:
+            listed[count] = edge
+            count += 1
+    listed_count[0] = count
+
+
+@wp.kernel
+def solve_listed_edges(
+    listed: wp.array(dtype=wp.int32),
+    listed_count: wp.array(dtype=wp.int32),
+    dt: wp.float32,
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    pairs: wp.array(dtype=wp.vec2i),
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    inverse_mass: wp.array(dtype=wp.float32),
+    active: wp.array2d(dtype=wp.int32),
+    pose_before: wp.array2d(dtype=wp.transform),
+    pose_now: wp.array2d(dtype=wp.transform),
+    near: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
+    previous: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    impulse: wp.array2d(dtype=wp.spatial_vector),
+):
+    """Resolve the contact of the edges of `list_near_edges`, one after the other: one thread, on a CPU."""
+    for k in range(listed_count[0]):
+        pair = pairs[listed[k]]
         i = pair[0]
         j = pair[1]
-        if near_bodies[i] + near_bodies[j] > 0:
-            solve_edge(
-                i, j, dt, particles_per_env, limits, shapes, materials[garment[i]], inverse_mass,
-                active, pose_before, pose_now, near, near_bodies, previous, position, impulse,
-            )  # fmt: skip
+        solve_edge(
+            i, j, dt, particles_per_env, limits, shapes, materials[garment[i]], inverse_mass,
+            active, pose_before, pose_now, near, near_bodies, previous, position, impulse,
+        )  # fmt: skip

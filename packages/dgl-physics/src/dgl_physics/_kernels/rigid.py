@@ -135,6 +135,74 @@ def pose_shapes(
     pose_now[e, k] = pose
 
 
+@wp.func
+def find_reach(
+    dt: wp.float32,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    velocity: wp.array(dtype=wp.vec3),
+    i: wp.int32,
+):
+    """Distance from a surface within which the particle `i` may touch it in the coming frame [m]."""
+    m = materials[garment[i]]
+    # 0.3 m/s more than now: gravity and pulls act within the frame
+    return m.rest_offset + m.adhesion_radius + (wp.length(velocity[i]) + 0.3) * dt
+
+
+@wp.func
+def bound_gap(
+    shapes: ShapeTable,
+    active: wp.array2d(dtype=wp.int32),
+    middle: wp.array2d(dtype=wp.transform),
+    swept: wp.array2d(dtype=wp.vec4),
+    pose_start: wp.array2d(dtype=wp.transform),
+    body_end: wp.array2d(dtype=wp.transform),
+    e: wp.int32,
+    k: wp.int32,
+    x: wp.vec3,
+    reach: wp.float32,
+):
+    """Lower bound of the distance of a place from an active shape in the coming frame, where it is below `reach`."""
+    s = active[e, k]
+    if shapes.kind[s] == PLANE:
+        end = body_end[e, shapes.body[s]] * shapes.pose[s]
+        return wp.min(
+            wp.transform_point(wp.transform_inverse(pose_start[e, k]), x)[2],
+            wp.transform_point(wp.transform_inverse(end), x)[2],
+        )
+    ball = swept[e, k]
+    arm = x - wp.vec3(ball[0], ball[1], ball[2])
+    gap = wp.length(arm) - ball[3]
+    if gap < reach and shapes.kind[s] != SPHERE:
+        local = wp.quat_rotate_inv(wp.transform_get_rotation(middle[e, k]), arm)
+        gap = bound_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local)
+        gap = gap - (ball[3] - shapes.radius[s])
+    return gap
+
+
+@wp.func
+def list_near_shape(
+    limits: Limits,
+    shapes: ShapeTable,
+    active: wp.array2d(dtype=wp.int32),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
+    overflow: wp.array(dtype=wp.int32),
+    e: wp.int32,
+    k: wp.int32,
+    i: wp.int32,
+):
+    """Add an active shape to the list of the particle `i`."""
+    if near_count[i] < limits.near_capacity:
+        near[i * limits.near_capacity + near_count[i]] = k
+        near_count[i] = near_count[i] + 1
+        if shapes.kind[active[e, k]] != PLANE:
+            near_bodies[i] = near_bodies[i] + 1
+    else:
+        wp.atomic_add(overflow, e, 1)
+
+
 @wp.kernel
 def find_near_shapes(
     dt: wp.float32,
@@ -165,47 +233,25 @@ def find_near_shapes(
     and then its surface are, where it is in the middle of the frame, within what it moves.
     """
     i = wp.tid()
-    count = int(0)
-    bodies = int(0)
+    near_count[i] = 0
+    near_bodies[i] = 0
     if inverse_mass[i] > 0.0:
         e = i // particles_per_env
         x = position[i]
-        m = materials[garment[i]]
-        # 0.3 m/s more than now: gravity and pulls act within the frame
-        reach = m.rest_offset + m.adhesion_radius + (wp.length(velocity[i]) + 0.3) * dt
+        reach = find_reach(dt, garment, materials, velocity, i)
         for k in range(active_count[e]):
-            s = active[e, k]
-            gap = float(0.0)
-            if shapes.kind[s] == PLANE:
-                end = body_end[e, shapes.body[s]] * shapes.pose[s]
-                gap = wp.min(
-                    wp.transform_point(wp.transform_inverse(pose_start[e, k]), x)[2],
-                    wp.transform_point(wp.transform_inverse(end), x)[2],
-                )
-            else:
-                ball = swept[e, k]
-                arm = x - wp.vec3(ball[0], ball[1], ball[2])
-                gap = wp.length(arm) - ball[3]
-                if gap < reach and shapes.kind[s] != SPHERE:
-                    local = wp.quat_rotate_inv(wp.transform_get_rotation(middle[e, k]), arm)
-                    gap = bound_distance(
-                        shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, local
-                    )
-                    gap = gap - (ball[3] - shapes.radius[s])
+            gap = bound_gap(
+                shapes, active, middle, swept, pose_start, body_end, e, k, x, reach
+            )  # fmt: skip
             if gap < reach:
-                if count < limits.near_capacity:
-                    near[i * limits.near_capacity + count] = k
-                    count += 1
-                    if shapes.kind[s] != PLANE:
-                        bodies += 1
-                else:
-                    wp.atomic_add(overflow, e, 1)
-    near_count[i] = count
-    near_bodies[i] = bodies
+                list_near_shape(
+                    limits, shapes, active, near, near_count, near_bodies, overflow, e, k, i
+                )  # fmt: skip
 
 
-@wp.kernel
-def solve_rigid_contact(
+@wp.func
+def resolve_rigid_contact(
+    i: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
     limits: Limits,
@@ -218,6 +264,7 @@ def solve_rigid_contact(
     pose_now: wp.array2d(dtype=wp.transform),
     near: wp.array(dtype=wp.int32),
     near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.vec3),
     squeeze: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
@@ -228,15 +275,7 @@ def solve_rigid_contact(
     tension: wp.array(dtype=wp.vec3),
     is_torn: wp.array(dtype=wp.int32),
 ):
-    """Resolve rigid contact, and update the velocity.
-
-    Contact comes last in the substep, so that a particle that sticks has exactly no tangential
-    displacement relative to the surface: no creep. The impulse that the particle gives to the
-    shape, and its moment about the world's origin, are added to `impulse`; what squeezed cloth presses the
-    shape with to `press`: that does not move the particle, whose other side presses on another shape. Particles
-    marked in `is_torn` have no friction, and lose the mark.
-    """
-    i = wp.tid()
+    """Resolve the rigid contact of the particle `i`; see `solve_rigid_contact`."""
     slips = is_torn[i] == 1
     is_torn[i] = 0
     w = inverse_mass[i]
@@ -309,6 +348,46 @@ def solve_rigid_contact(
     position[i] = x
     velocity[i] = v
     is_stuck[i] = stuck
+
+
+@wp.kernel
+def solve_rigid_contact(
+    dt: wp.float32,
+    particles_per_env: wp.int32,
+    limits: Limits,
+    shapes: ShapeTable,
+    garment: wp.array(dtype=wp.int32),
+    materials: wp.array(dtype=Material),
+    inverse_mass: wp.array(dtype=wp.float32),
+    active: wp.array2d(dtype=wp.int32),
+    pose_before: wp.array2d(dtype=wp.transform),
+    pose_now: wp.array2d(dtype=wp.transform),
+    near: wp.array(dtype=wp.int32),
+    near_count: wp.array(dtype=wp.int32),
+    near_bodies: wp.array(dtype=wp.int32),
+    previous: wp.array(dtype=wp.vec3),
+    squeeze: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    impulse: wp.array2d(dtype=wp.spatial_vector),
+    press: wp.array2d(dtype=wp.spatial_vector),
+    is_stuck: wp.array(dtype=wp.int32),
+    tension: wp.array(dtype=wp.vec3),
+    is_torn: wp.array(dtype=wp.int32),
+):
+    """Resolve rigid contact, and update the velocity.
+
+    Contact comes last in the substep, so that a particle that sticks has exactly no tangential
+    displacement relative to the surface: no creep. The impulse that the particle gives to the
+    shape, and its moment about the world's origin, are added to `impulse`; what squeezed cloth presses the
+    shape with to `press`: that does not move the particle, whose other side presses on another shape. Particles
+    marked in `is_torn` have no friction, and lose the mark.
+    """
+    resolve_rigid_contact(
+        wp.tid(), dt, particles_per_env, limits, shapes, garment, materials, inverse_mass, active,
+        pose_before, pose_now, near, near_count, near_bodies, previous, squeeze, position, velocity,
+        impulse, press, is_stuck, tension, is_torn,
+    )  # fmt: skip
 
 
 @wp.kernel

@@ -1,0 +1,56 @@
+"""Makes the twin of a kernel out of C++."""
+
+import inspect
+import linecache
+from typing import Any
+
+import warp as wp
+
+from dgl_physics._kernels.vector.lanes import LANES
+
+__all__ = ["make_twin"]
+
+
+def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) -> wp.Kernel:
+    """Make a kernel of one thread that does what `count` threads of another do.
+
+    The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it may write to. Where the
+    first argument of the kernel is `first`, it solves constraints of one colour; its twin solves those of all, one colour
+    after the other, and takes the array `colour_start` in the place of `count` and `first`. Its code defines a function
+    of the first of up to eight constraints of a colour and their number, and gives it to `FOR_EACH_COLOUR`.
+
+    Args:
+        kernel: The kernel that it is the twin of.
+        code: C++ with the arguments' names. Its result, where there is a `rest`, is how many threads it has left over,
+            whose numbers it writes to the beginning of `scratch`.
+        rest: Does what a thread of the kernel does, for those that the code has left over. Takes the number of the
+            thread and the arguments of the kernel.
+    """
+    own = inspect.get_annotations(kernel.func)
+    if next(iter(own)) == "first":
+        del own["first"]
+        types = {"colour_start": wp.array(dtype=wp.int32), **own}
+    else:
+        types = {"count": wp.int32, **own}
+    types["scratch"] = wp.array(dtype=wp.int32)
+    call = f"native({', '.join(types)})"
+    body = [call]
+    if rest is not None:
+        body = [f"for k in range({call}):", f"    rest(scratch[k], {', '.join(own)})"]
+    declared = ", ".join(f"{name}: types[{name!r}]" for name in types)
+    lines = [
+        "@wp.func_native(code)",
+        f"def native({declared}){' -> wp.int32' if rest else ''}: ...",
+        "@wp.kernel",
+        f"def {kernel.key}({declared}):",
+        *(f"    {line}" for line in body),
+    ]
+    # Warp reads the source of what it compiles.
+    file = f"<twin of {kernel.module.name}.{kernel.key}>"
+    source = "\n".join(lines) + "\n"
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    scope: dict[str, Any] = {
+        "__name__": f"{kernel.module.name}.vector", "wp": wp, "types": types, "code": LANES + code, "rest": rest
+    }  # fmt: skip
+    exec(compile(source, file, "exec"), scope)
+    return scope[kernel.key]
