@@ -93,10 +93,14 @@ def get_environment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> 
     points = picture.points.reshape(-1, 3)
     segments = picture.segments.reshape(-1)
     workspace = env.task.workspace
-    is_seen = is_in_workspace(points, workspace) & ~np.isin(segments, env.robot_segments)
+    is_garment = segments == env.garment_segment
+    # most of a picture is ground
+    index = np.flatnonzero((points[:, 2] >= workspace.low[2]) | is_garment)
+    is_seen = ~np.isin(segments[index], env.robot_segments)
+    is_seen &= is_in_workspace(points[index], workspace)
     with_ground = replace(workspace, low=(*workspace.low[:2], -np.inf))
-    is_seen |= (segments == env.garment_segment) & is_in_workspace(points, with_ground)
-    index = np.flatnonzero(is_seen)
+    is_seen |= is_garment[index] & is_in_workspace(points[index], with_ground)
+    index = index[is_seen]
     if len(index) == 0:
         raise PerceptionError("the camera sees nothing but the robot inside the workspace")
     index = index[farthest_point_sample(points[index], CLOUD_SIZE, seed=seed)]

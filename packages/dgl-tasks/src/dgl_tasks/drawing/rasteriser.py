@@ -214,7 +214,7 @@ def _make_looks(meshes: Sequence[Mesh], studio: Studio) -> Looks:
     looks = Looks()
     looks.textures, looks.texels = _make_textures(list(images.values()))
     materials = [_make_material(m.surface, m.segment, numbers) for m in meshes]
-    looks.materials = wp.array(materials, dtype=Material, device=_DEVICE)
+    looks.materials = _make(materials, Material)
     looks.to_lamp = wp.vec3(*(-np.array(studio.direction) / np.linalg.norm(studio.direction)))
     looks.lamp = wp.vec3(*studio.colour)
     looks.shade = studio.shade ** (1 / GAMMA)
@@ -254,11 +254,10 @@ def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
         texels += [level.reshape(-1, 3) for level in levels]
         first += sum(len(level) * level.shape[1] for level in levels)
     return (
-        wp.array(textures[1:] or textures, dtype=Texture, device=_DEVICE),
+        _make(textures[1:] or textures, Texture),
         _make(np.concatenate(texels), wp.vec3ub),
     )
 
 
-def _make(values: np.ndarray, dtype: Any) -> wp.array:
-    kind = wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
-    return wp.array(np.ascontiguousarray(values, dtype=kind), dtype=dtype, device=_DEVICE)
+def _make(values: np.ndarray | Sequence[Any], dtype: Any) -> wp.array:
+    return wp.array(values, dtype=dtype, device=_DEVICE)
