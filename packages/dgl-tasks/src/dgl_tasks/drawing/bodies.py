@@ -5,7 +5,7 @@ import sapien
 from sapien.render import (
     RenderBodyComponent,
     RenderMaterial,
-    RenderShapePrimitive,
+    RenderShape,
     RenderShapeTriangleMesh,
     RenderShapeTriangleMeshPart,
 )
@@ -32,7 +32,7 @@ def read_meshes(entity: sapien.Entity, body: int | None) -> list[Mesh]:
 
 
 def _read_part(
-    shape: RenderShapeTriangleMesh | RenderShapePrimitive,
+    shape: RenderShape,
     part: RenderShapeTriangleMeshPart,
     segment: int,
     body: int | None,

@@ -59,22 +59,11 @@ def compute_mirror(roughness: float) -> np.ndarray:
     return np.stack([-1.04 * a + z, 1.04 * a + w], axis=1)
 
 
-def encode(linear: np.ndarray) -> np.ndarray:
-    """Turn linear values in [0, 1] into sRGB, uint8, of the same shape."""
-    return _SRGB[(np.sqrt(linear) * (len(_SRGB) - 1) + 0.5).astype(np.int32)]
-
-
 def _decode_srgb(value: np.ndarray) -> np.ndarray:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _encode_srgb(linear: np.ndarray) -> np.ndarray:
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-_ROOTS = np.linspace(0.0, 1.0, 4096)
-_SRGB = (255 * _encode_srgb(_ROOTS**2) + 0.5).astype(np.uint8)
-DECODE = _decode_srgb(np.arange(256) / 255.0).astype(np.float32)
+DECODE = _decode_srgb(np.arange(256) / 255.0)
 """Linear value of each value of a texture, shape (256,)."""
-ENCODE = (255 * _ROOTS ** (2 / GAMMA) + 0.5).astype(np.uint8)
+ENCODE = (255 * np.linspace(0.0, 1.0, 4096) ** (2 / GAMMA) + 0.5).astype(np.uint8)
 """Value in pictures by the root of the linear one, from 0 to 1, shape (4096,)."""

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_tasks.drawing.light import DECODE, encode
-
 SHADOW = -1
 """Segment of a mesh that is no surface but a shadow: it darkens what is behind it."""
 
@@ -20,13 +18,16 @@ class Image:
     """Whether it repeats; otherwise its edge goes on."""
 
     def build_levels(self) -> list[np.ndarray]:
-        """Halve the picture again and again, by the mean of linear values, shapes (H, W, 3), uint8."""
+        """Halve the picture again and again, shapes (H, W, 3), uint8.
+
+        By the mean of sRGB values, as SAPIEN does: patterns from afar are darker than by that of linear ones.
+        """
         levels = [self.pixels]
         while min(levels[-1].shape[:2]) > 1:
             height, width = (n // 2 * 2 for n in levels[-1].shape[:2])
-            fine = DECODE[levels[-1][:height, :width]]
+            fine = levels[-1][:height, :width].astype(np.uint16)
             rows = fine[::2] + fine[1::2]
-            levels.append(encode((rows[:, ::2] + rows[:, 1::2]) / 4))
+            levels.append(((rows[:, ::2] + rows[:, 1::2] + 2) // 4).astype(np.uint8))
         return levels
 
 
