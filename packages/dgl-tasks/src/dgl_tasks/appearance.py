@@ -10,7 +10,7 @@ import sapien
 from dgl_assets.materials import FabricMaterial
 from dgl_physics.sapien_bridge import GarmentVisual
 from dgl_tasks.drawing.mesh import Image, Mesh, Surface
-from dgl_tasks.drawing.stage import Stage
+from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.scene import LIGHT, STUDIO, FloorLook, FloorPicture
 from dgl_tasks.shadows import FloorShadow, ShadowCaster
 
@@ -22,8 +22,18 @@ __all__ = ["Appearance"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Outfit:
+    """The arguments of `Appearance.dress`."""
+
+    faces: np.ndarray
+    flat: np.ndarray
+    fabric: FabricMaterial
+    bodies: Sequence[sapien.physx.PhysxRigidBaseComponent]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Garment:
-    """A garment that can be shown."""
+    """A garment that can be shown, made when the first picture of it is taken."""
 
     surface: Surface
     uvs: np.ndarray
@@ -34,8 +44,8 @@ class _Garment:
 class Appearance:
     """The garment, the floor and the shadows on it, drawn when a picture is taken and no earlier.
 
-    There are two ways: a `Stage` draws the pictures that collection and policies use, SAPIEN those of ManiSkill's
-    observations and viewer. Where nothing can be rendered the scene has no materials; then taking a picture is an error
+    There are two ways: a `Painter` draws the pictures of `dgl_tasks.perception`, SAPIEN those of ManiSkill's observations
+    and viewer. Where nothing can be rendered the scene has no materials; then taking a picture is an error
     and all else does nothing.
     """
 
@@ -58,10 +68,11 @@ class Appearance:
         self._scene = scene.sub_scenes[0]
         (self._ground,) = ground._objs  # noqa: SLF001  ManiSkill has no way to its entity
         self._floor: FloorPicture | None = None
+        self._outfit: _Outfit | None = None
         self._garment: _Garment | None = None
         self._shadow: FloorShadow | None = None
-        self._stage: Stage | None = None
-        self._is_drawn = self._is_staged = False
+        self._painter: Painter | None = None
+        self._is_drawn = False
         self.floor_look = STUDIO
         """What the floor looks like."""
         if scene.can_render():
@@ -73,7 +84,7 @@ class Appearance:
         self.floor_look = look
         if self._floor is not None:
             self._floor.draw(look)
-        self._stage = None
+        self._painter = None
         if self._shadow is not None:  # it shows the floor as it was
             self._scene.remove_entity(self._shadow.entity)
             self._shadow = None
@@ -98,13 +109,13 @@ class Appearance:
             self._scene.remove_entity(self._garment.visual.entity)
         if self._shadow is not None:
             self._scene.remove_entity(self._shadow.entity)
-        self._garment = self._shadow = self._stage = None
-        self._what = (faces, flat, fabric, bodies)
+        self._garment = self._shadow = self._painter = None
+        self._outfit = _Outfit(faces=faces, flat=flat, fabric=fabric, bodies=bodies)
         self.mark_moved()
 
     def mark_moved(self) -> None:
         """Say that the garment or a body has moved."""
-        self._is_drawn = self._is_staged = False
+        self._is_drawn = False
 
     def draw_garment(self, positions: np.ndarray) -> None:
         """Show the garment and the shadows in SAPIEN's pictures as they are now, unless nothing has moved since.
@@ -121,27 +132,25 @@ class Appearance:
         self._shadow.update(positions)
         self._is_drawn = True
 
-    def set_stage(self, positions: np.ndarray) -> Stage:
-        """Give the stage with everything as it is now.
+    def get_painter(self, positions: np.ndarray) -> Painter:
+        """Give the painter with everything as it is now.
 
         Args:
             positions: Of the garment's vertices [m], shape (V, 3), world frame.
         """
         garment = self._get_garment()
-        if self._stage is None:
-            self._stage = self._build_stage(garment)
-        if not self._is_staged:
-            surface, normals = garment.visual.compute_surface(positions)
-            self._stage.update(surface, normals, garment.caster.cast(positions))
-            self._is_staged = True
-        return self._stage
+        if self._painter is None:
+            self._painter = self._build_painter(garment)
+        surface, normals = garment.visual.compute_surface(positions)
+        self._painter.update(surface, normals, garment.caster.cast(positions))
+        return self._painter
 
-    def _build_stage(self, garment: _Garment) -> Stage:
+    def _build_painter(self, garment: _Garment) -> Painter:
         drawn = {self._ground.per_scene_id, garment.visual.entity.per_scene_id}
         if self._shadow is not None:
             drawn.add(self._shadow.entity.per_scene_id)
         nothing = np.zeros((len(garment.uvs), 3))
-        return Stage(
+        return Painter(
             [entity for entity in self._scene.entities if entity.per_scene_id not in drawn],
             self._ground,
             garment=Mesh(
@@ -168,10 +177,11 @@ class Appearance:
 
     def _get_garment(self) -> _Garment:
         if self._garment is None:
-            floor = self._get_floor()
-            faces, flat, fabric, bodies = self._what
-            maps = fabric.render()
-            uvs = maps.compute_uvs(flat)
+            floor, outfit = self._get_floor(), self._outfit
+            if outfit is None:
+                raise RuntimeError("dress() must be called before a garment is shown")
+            maps = outfit.fabric.render()
+            uvs = maps.compute_uvs(outfit.flat)
             self._garment = _Garment(
                 surface=Surface(
                     roughness=maps.mean_roughness,
@@ -180,10 +190,10 @@ class Appearance:
                     inside_shade=GarmentVisual.INSIDE_SHADE,
                 ),
                 uvs=uvs,
-                caster=floor.build_caster(bodies, faces),
+                caster=floor.build_caster(outfit.bodies, outfit.faces),
                 visual=GarmentVisual(
                     self._scene,
-                    faces,
+                    outfit.faces,
                     roughness=maps.mean_roughness,
                     uvs=uvs,
                     texture=maps.base_colour,

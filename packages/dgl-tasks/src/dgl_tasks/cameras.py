@@ -93,7 +93,7 @@ class CameraPlacement:
             fov=self.vertical_fov,
             near=self.near,
             far=self.far,
-            shader_pack="minimal",  # the fastest; see `dgl_tasks.perception` for its depth
+            shader_pack="minimal",  # the fastest
         )
 
 

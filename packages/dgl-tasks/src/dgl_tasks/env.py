@@ -19,7 +19,7 @@ from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
-from dgl_tasks.drawing.stage import Stage
+from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
@@ -422,9 +422,9 @@ class GarmentEnv(BaseEnv):
         """Bring the garment in SAPIEN's pictures to its present shape."""
         self._appearance.draw_garment(self.get_particles())
 
-    def set_stage(self) -> Stage:
-        """Give the stage, which draws pictures, with everything as it is now."""
-        return self._appearance.set_stage(self.get_particles())
+    def get_painter(self) -> Painter:
+        """Give what draws pictures, with everything as it is now."""
+        return self._appearance.get_painter(self.get_particles())
 
     @property
     def garment_segment(self) -> int:

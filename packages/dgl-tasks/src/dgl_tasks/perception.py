@@ -26,12 +26,12 @@ def take_picture(env: "GarmentEnv", camera: str) -> Picture:
     cameras = env.task.cameras
     if camera not in cameras:
         raise ValueError(f"camera must be one of {sorted(cameras)}; got {camera!r}")
-    return env.set_stage().draw_picture(cameras[camera])
+    return env.get_painter().draw_picture(cameras[camera])
 
 
 def film(env: "GarmentEnv") -> np.ndarray:
     """Draw what the camera for people sees, shape (H, W, 3), uint8."""
-    return env.set_stage().draw(env.task.cameras["video_camera"])
+    return env.get_painter().draw(env.task.cameras["video_camera"])
 
 
 def get_garment_points(env: "GarmentEnv", picture: Picture) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 Shadow maps cost as much as the rest of a picture on a processor. A parallel light throws the shadow
 of a convex body onto a plane as a convex polygon, and that of a mesh as the flattened mesh; these
-are drawn just above the floor with its own picture, darkened.
+are drawn just above the floor and darken it.
 
 Limitations: nothing but the floor receives a shadow; edges are sharp.
 """

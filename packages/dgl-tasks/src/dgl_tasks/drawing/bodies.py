@@ -2,13 +2,7 @@
 
 import numpy as np
 import sapien
-from sapien.render import (
-    RenderBodyComponent,
-    RenderMaterial,
-    RenderShape,
-    RenderShapeTriangleMesh,
-    RenderShapeTriangleMeshPart,
-)
+from sapien import render
 
 from dgl_tasks.drawing.mesh import Image, Mesh, Surface
 
@@ -25,21 +19,20 @@ def read_meshes(entity: sapien.Entity, body: int | None) -> list[Mesh]:
     return [
         _read_part(shape, part, entity.per_scene_id, body)
         for component in entity.components
-        if isinstance(component, RenderBodyComponent)
+        if isinstance(component, render.RenderBodyComponent)
         for shape in component.render_shapes
         for part in shape.parts
     ]
 
 
 def _read_part(
-    shape: RenderShape,
-    part: RenderShapeTriangleMeshPart,
+    shape: render.RenderShape,
+    part: render.RenderShapeTriangleMeshPart,
     segment: int,
     body: int | None,
 ) -> Mesh:
     T = shape.local_pose.to_transformation_matrix()
-    # primitives have their size in their vertices
-    scale = np.asarray(shape.scale if isinstance(shape, RenderShapeTriangleMesh) else (1, 1, 1))
+    scale = _get_scale(shape)
     faces = np.asarray(part.triangles, dtype=np.int32).reshape(-1, 3)
     if shape.front_face == "clockwise":
         faces = faces[:, ::-1]
@@ -54,7 +47,20 @@ def _read_part(
     )
 
 
-def _read_surface(material: RenderMaterial) -> Surface:
+def _get_scale(shape: render.RenderShape) -> np.ndarray:
+    """Factors on a shape's vertices: those of most primitives are of unit size."""
+    if isinstance(shape, render.RenderShapeTriangleMesh | render.RenderShapePlane):
+        return np.asarray(shape.scale)
+    if isinstance(shape, render.RenderShapeBox):
+        return np.asarray(shape.half_size)
+    if isinstance(shape, render.RenderShapeSphere):
+        return np.full(3, shape.radius)
+    if isinstance(shape, render.RenderShapeCylinder):
+        return np.array([shape.half_length, shape.radius, shape.radius])
+    return np.ones(3)
+
+
+def _read_surface(material: render.RenderMaterial) -> Surface:
     r, g, b, _ = material.base_color
     texture = material.base_color_texture
     image = None

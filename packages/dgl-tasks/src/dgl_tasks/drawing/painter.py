@@ -11,11 +11,10 @@ from dgl_tasks.drawing.bodies import read_meshes
 from dgl_tasks.drawing.light import Studio
 from dgl_tasks.drawing.mesh import SHADOW, Mesh, Surface
 from dgl_tasks.drawing.rasteriser import Picture, Rasteriser
+from dgl_tasks.shadows import HEIGHT
 
-_LIFT = 0.0008  # of shadows above the ground [m]
 
-
-class Stage:
+class Painter:
     """The bodies of a scene, a garment and a shadow on the ground: read once, drawn as they are at each `update`."""
 
     def __init__(
@@ -49,7 +48,7 @@ class Stage:
         self._garment, self._shadow = len(meshes), len(meshes) + 1
         count = int(shadow_faces.max()) + 1
         shadow = Mesh(
-            vertices=np.full((count, 3), _LIFT),
+            vertices=np.full((count, 3), HEIGHT),
             normals=np.zeros((count, 3)),
             faces=shadow_faces,
             surface=Surface(),
