@@ -90,7 +90,7 @@ def test_a_pixels_point_lies_on_its_ray(camera):
 
 
 def test_ground_that_reaches_behind_the_camera_is_seen_up_to_the_horizon():
-    level = replace(ASIDE, euler_deg=(0, 0, 90))
+    level = replace(ASIDE, euler_deg=(0, 0, 90), far=1e6)
     picture = Rasteriser([make_square(5000.0)], STUDIO).draw_picture(level)
     rows = np.arange(80) + 0.5
     is_below = rows - 40 > 1.5 / 5000 * level.intrinsics[1, 1]
@@ -101,6 +101,25 @@ def test_ground_that_reaches_behind_the_camera_is_seen_up_to_the_horizon():
     np.testing.assert_allclose(near[..., 2], 0.0, atol=1e-3)
 
 
+def test_what_is_too_near_or_too_far_is_not_seen():
+    camera = replace(ABOVE, near=1.0, far=2.5)
+    heights = {11: 2.1, 12: 1.9, 13: 0.6, 14: 0.4}  # at 0.9, 1.1, 2.4 and 2.6 m
+    for segment, height in heights.items():
+        picture = Rasteriser([make_square(0.1, height, segment=segment)], STUDIO)
+        seen = picture.draw_picture(camera).segments
+        assert (seen == segment).any() == (segment in (12, 13))
+
+
+def test_wrong_shapes_and_what_stands_still_are_refused():
+    drawn = Rasteriser([make_square(), make_box(np.ones(3))], STUDIO)
+    with pytest.raises(ValueError, match=r"poses must have shape \(1, 7\); got \(2, 7\)"):
+        drawn.set_poses(np.zeros((2, 7)))
+    with pytest.raises(ValueError, match=r"vertices must have shape \(8, 3\); got \(4, 3\)"):
+        drawn.set_vertices(1, np.zeros((4, 3)))
+    with pytest.raises(ValueError, match="mesh must be one that moves; got 0"):
+        drawn.set_vertices(0, np.zeros((4, 3)))
+
+
 def test_the_nearest_is_seen_in_whatever_order_and_whatever_stands_still():
     low, high = (make_square(0.4, z, segment=segment) for z, segment in ((0.1, 11), (0.2, 12)))
     pictures = []
@@ -109,7 +128,7 @@ def test_the_nearest_is_seen_in_whatever_order_and_whatever_stands_still():
             drawn = Rasteriser(
                 [replace(m, body=b) for m, b in zip(meshes, body, strict=True)], STUDIO
             )
-            drawn.set_poses(IDENTITY)
+            drawn.set_poses(IDENTITY[: 1 if 0 in body else 0])
             pictures.append(drawn.draw_picture(ABOVE))
     for picture in pictures:
         np.testing.assert_array_equal(picture.segments, pictures[0].segments)

@@ -76,6 +76,10 @@ class Rasteriser:
         Args:
             poses: Position [m] and quaternion wxyz of each, shape (B, 7), world frame.
         """
+        if poses.shape != (len(self._poses) - 1, 7):
+            raise ValueError(
+                f"poses must have shape ({len(self._poses) - 1}, 7); got {poses.shape}"
+            )
         self._poses.numpy()[1:] = poses[:, [0, 1, 2, 4, 5, 6, 3]]
 
     def set_vertices(
@@ -89,6 +93,12 @@ class Rasteriser:
             normals: Shape (V, 3); as they were when None.
         """
         part = self._parts[mesh]
+        if part.start < self._still_vertices:
+            raise ValueError(f"mesh must be one that moves; got {mesh}")
+        if vertices.shape != (part.stop - part.start, 3):
+            raise ValueError(
+                f"vertices must have shape ({part.stop - part.start}, 3); got {vertices.shape}"
+            )
         self._geometry.local.numpy()[part] = vertices
         if normals is not None:
             self._geometry.local_normal.numpy()[part] = normals
@@ -186,7 +196,7 @@ def _make_camera(placement: CameraPlacement) -> Camera:
     camera.focal = float(intrinsics[0, 0])
     camera.centre_x, camera.centre_y = float(intrinsics[0, 2]), float(intrinsics[1, 2])
     camera.width, camera.height = placement.width, placement.height
-    camera.near = placement.near
+    camera.near, camera.far = placement.near, placement.far
     return camera
 
 

@@ -14,6 +14,7 @@ from dgl_tasks.drawing._kernels.types import Camera, Geometry, Looks
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 _EDGE = wp.constant(-1.0e-5)  # weights down to this are inside: neighbours leave no crack
+_FLAT = wp.constant(1.0e-20)  # volume below which a triangle is seen from its edge
 _SHORT = wp.constant(3.0)  # rows up to this are gone through pixel by pixel
 
 
@@ -70,10 +71,10 @@ def draw_triangles(
         # most triangles end here: they show their back, or lie between the centres of pixels
         if (bx - ax) * (cy - ay) > (by - ay) * (cx - ax) and not shows_back:
             return
-        x0 = wp.max(x0, wp.int32(wp.ceil(wp.min(ax, wp.min(bx, cx)) - 0.5)))
-        x1 = wp.min(x1, wp.int32(wp.floor(wp.max(ax, wp.max(bx, cx)) - 0.5)))
-        y0 = wp.max(y0, wp.int32(wp.ceil(wp.min(ay, wp.min(by, cy)) - 0.5)))
-        y1 = wp.min(y1, wp.int32(wp.floor(wp.max(ay, wp.max(by, cy)) - 0.5)))
+        x0 = _get_first(wp.min(ax, wp.min(bx, cx)), camera.width)
+        x1 = _get_last(wp.max(ax, wp.max(bx, cx)), camera.width)
+        y0 = _get_first(wp.min(ay, wp.min(by, cy)), camera.height)
+        y1 = _get_last(wp.max(ay, wp.max(by, cy)), camera.height)
     if x0 > x1 or y0 > y1:
         return
     origin = wp.vec3(wp.float32(x0) + 0.5, wp.float32(y0) + 0.5, 0.0)
@@ -86,7 +87,7 @@ def draw_triangles(
     ec = wp.cross(a, b)
     volume = wp.dot(a, ea)
     # Rows run downward: the front is clockwise in the picture, and its volume negative.
-    if volume == 0.0 or (volume > 0.0 and not shows_back):
+    if wp.abs(volume) < _FLAT or (volume > 0.0 and not shows_back):
         return
     ea = ea / volume
     eb = eb / volume
@@ -94,6 +95,8 @@ def draw_triangles(
     total = ea + eb + ec  # the inverse depth
     number = wp.uint64(t + 1)
     last = wp.float32(x1 - x0)
+    nearest = 1.0 / near
+    farthest = 1.0 / camera.far
     for y in range(y0, y1 + 1):
         fy = wp.float32(y - y0)
         ra = ea[1] * fy + ea[2]
@@ -109,13 +112,28 @@ def draw_triangles(
             high = wp.min(
                 wp.min(last, _leave(ea[0], ra)), wp.min(_leave(eb[0], rb), _leave(ec[0], rc))
             )
-        for x in range(x0 + wp.int32(low), x0 + wp.int32(high) + 1):
+        # a place that is no whole number of 32 bits may become any
+        begin = wp.clamp(x0 + wp.int32(low), x0, x1 + 1)
+        end = wp.clamp(x0 + wp.int32(high), x0 - 1, x1)
+        for x in range(begin, end + 1):
             fx = wp.float32(x - x0)
             inverse = total[0] * fx + rt
             least = wp.min(ea[0] * fx + ra, wp.min(eb[0] * fx + rb, ec[0] * fx + rc))
-            if least >= _EDGE * inverse and inverse * near <= 1.0 and inverse > 0.0:
+            if least >= _EDGE * inverse and inverse <= nearest and inverse >= farthest:
                 key = (wp.uint64(wp.cast(inverse, wp.uint32)) << wp.uint64(32)) | number
                 wp.atomic_max(keys, y * camera.width + x, key)
+
+
+@wp.func
+def _get_first(place: wp.float32, size: wp.int32) -> wp.int32:
+    """First pixel whose centre is not before a place [pixels]."""
+    return wp.int32(wp.ceil(wp.clamp(place - 0.5, 0.0, wp.float32(size))))
+
+
+@wp.func
+def _get_last(place: wp.float32, size: wp.int32) -> wp.int32:
+    """Last pixel whose centre is not behind a place [pixels]."""
+    return wp.int32(wp.floor(wp.clamp(place - 0.5, -1.0, wp.float32(size - 1))))
 
 
 @wp.func

@@ -135,16 +135,15 @@ def _fetch(
     x1 = x0 + 1
     y1 = y0 + 1
     if texture.is_repeated != 0:
-        # -1 and the width are all that can come of places in [0, 1)
+        # -1 and the width are all that can come of places in [0, 1]
         x0 = wp.where(x0 < 0, width - 1, x0)
         y0 = wp.where(y0 < 0, height - 1, y0)
         x1 = wp.where(x1 >= width, 0, x1)
         y1 = wp.where(y1 >= height, 0, y1)
-    else:
-        x0 = wp.clamp(x0, 0, width - 1)
-        y0 = wp.clamp(y0, 0, height - 1)
-        x1 = wp.clamp(x1, 0, width - 1)
-        y1 = wp.clamp(y1, 0, height - 1)
+    x0 = wp.clamp(x0, 0, width - 1)
+    y0 = wp.clamp(y0, 0, height - 1)
+    x1 = wp.clamp(x1, 0, width - 1)
+    y1 = wp.clamp(y1, 0, height - 1)
     a = _decode(looks, first + y0 * width + x0)
     b = _decode(looks, first + y0 * width + x1)
     c = _decode(looks, first + y1 * width + x0)
@@ -165,7 +164,7 @@ def _decode(looks: Looks, place: wp.int32) -> wp.vec3:
 @wp.func
 def _look_up_dome(looks: Looks, row: wp.int32, sine: wp.float32) -> wp.vec3:
     y = (0.5 + 0.5 * wp.clamp(sine, -1.0, 1.0)) * wp.float32(looks.dome.shape[1] - 1)
-    j = wp.min(wp.int32(y), looks.dome.shape[1] - 2)
+    j = wp.clamp(wp.int32(y), 0, looks.dome.shape[1] - 2)
     t = y - wp.float32(j)
     return looks.dome[row, j] * (1.0 - t) + looks.dome[row, j + 1] * t
 
@@ -200,17 +199,23 @@ def _shine(looks: Looks, number: wp.int32, albedo: wp.vec3, n: wp.vec3, v: wp.ve
         aside2 = aside * aside
         fresnel = straight + (wp.vec3(1.0) - straight) * (aside2 * aside2 * aside)
         colour += wp.cw_mul(looks.lamp, fresnel) * lobe
-    last = wp.float32(looks.mirror.shape[1] - 1)
-    share = looks.mirror[number, wp.int32(on_eye * last + 0.5)]
+    last = looks.mirror.shape[1] - 1
+    share = looks.mirror[number, wp.clamp(wp.int32(on_eye * wp.float32(last) + 0.5), 0, last)]
     seen = _look_up_dome(looks, 2 + number, 2.0 * on_eye * n[2] - v[2])
     return colour + wp.cw_mul(seen, straight * share[0] + wp.vec3(share[1]))
 
 
 @wp.func
 def _encode(looks: Looks, colour: wp.vec3) -> wp.vec3ub:
-    last = wp.float32(looks.encode.shape[0] - 1)
     return wp.vec3ub(
-        looks.encode[wp.int32(wp.sqrt(wp.clamp(colour[0], 0.0, 1.0)) * last + 0.5)],
-        looks.encode[wp.int32(wp.sqrt(wp.clamp(colour[1], 0.0, 1.0)) * last + 0.5)],
-        looks.encode[wp.int32(wp.sqrt(wp.clamp(colour[2], 0.0, 1.0)) * last + 0.5)],
+        _encode_value(looks, colour[0]),
+        _encode_value(looks, colour[1]),
+        _encode_value(looks, colour[2]),
     )
+
+
+@wp.func
+def _encode_value(looks: Looks, value: wp.float32) -> wp.uint8:
+    last = looks.encode.shape[0] - 1
+    place = wp.sqrt(wp.clamp(value, 0.0, 1.0)) * wp.float32(last) + 0.5
+    return looks.encode[wp.clamp(wp.int32(place), 0, last)]

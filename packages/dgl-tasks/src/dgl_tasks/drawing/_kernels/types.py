@@ -26,6 +26,8 @@ class Camera:
     """[pixels]"""
     near: wp.float32
     """Near plane [m]."""
+    far: wp.float32
+    """Far plane [m]."""
 
 
 @wp.struct
