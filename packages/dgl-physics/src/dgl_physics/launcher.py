@@ -34,9 +34,7 @@ def find_vector_obstacle(cpu_info: Path = Path("/proc/cpuinfo")) -> str | None:
         return f"its architecture is {machine}"
     if not cpu_info.is_file():
         return f"{cpu_info} is missing, which says what the CPU can do"
-    flags = next(
-        (line for line in cpu_info.read_text().splitlines() if line.startswith("flags")), ""
-    )
+    flags = next((line for line in cpu_info.read_text().splitlines() if line.startswith("flags")), "")
     missing = [name for name in WANTED if name not in flags.split()]
     return f"it lacks {' and '.join(missing)}" if missing else None
 
