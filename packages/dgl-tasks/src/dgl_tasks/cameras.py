@@ -94,7 +94,7 @@ class CameraPlacement:
             fov=self.vertical_fov,
             near=self.near,
             far=self.far,
-            shader_pack="minimal",  # the fastest; see `dgl_tasks.perception` for its depth
+            shader_pack="minimal",  # the fastest
         )
 
 
