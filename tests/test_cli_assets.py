@@ -193,6 +193,7 @@ def test_a_failure_is_named_and_the_rest_is_built(tmp_path, capsys):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process group")
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_build_leaves_whole_files_and_says_how_to_go_on(tmp_path):
     words = ["assets", "build", "--category", "Glove", "--workers", "2", "--cache", str(tmp_path)]
     code = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"

@@ -80,6 +80,7 @@ def test_collect_refuses_in_one_line(fake, tmp_path):
         collect_verb.run(options(tmp_path / "out"))
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_collect_tells_the_command_that_goes_on(fake, tmp_path, capsys):
     fake(seconds=0.5)
     timer = threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT))

@@ -234,6 +234,7 @@ def test_collect_works_outside_the_main_thread(run):
     assert found == ["complete"]
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 @pytest.mark.parametrize(
     ("number", "least"), [(signal.SIGINT, 3), (signal.SIGTERM, 3), (signal.SIGINT, 0)]
 )
