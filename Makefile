@@ -2,9 +2,9 @@
 # uv may live in .uv/bin, where scripts/bootstrap.sh puts it when the machine has none.
 export PATH := $(CURDIR)/.uv/bin:$(PATH)
 RUN := uv run --no-sync
-SOURCES := src packages tests scripts
+SOURCES := src packages tests scripts conftest.py
 
-.PHONY: help setup demo test test-package check format lint type imports spell bench build pin clean
+.PHONY: help setup demo test test-slow test-all test-package check format lint type imports spell bench build pin clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-14s %s\n", $$1, $$2}'
@@ -15,9 +15,17 @@ setup: ## Install everything that is missing; a second run takes seconds
 demo: setup ## Collect one Fold Tops demonstration with its video and report
 	$(RUN) dgl demo
 
-# What tests compute is small: threads that wait for each other take longer than one.
+# What tests compute is small: threads that wait for each other take longer than one. Tests start in the order of
+# the files, a share for each process; who has done its own takes over half of another's.
+PYTEST := OMP_NUM_THREADS=1 $(RUN) pytest --numprocesses logical --maxprocesses 4 --dist worksteal
+
 test: setup ## Run the tests that need no GPU
-	OMP_NUM_THREADS=1 $(RUN) pytest -m "not slow"
+	$(PYTEST) -m "not slow"
+
+test-slow: setup ## Run the proofs that take long
+	$(PYTEST) -m slow
+
+test-all: test test-slow ## Run all tests, those that take long after the others
 
 test-package: setup ## Test one package alone, in an environment of its own: make test-package P=dgl-gam
 	@test -n "$(P)" || { echo "say which package: make test-package P=dgl-gam" >&2; exit 2; }
