@@ -1,5 +1,7 @@
+import importlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -34,6 +36,30 @@ def run(tmp_path, fakes):
     return go
 
 
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """The folder of a finished run of four attempts by one worker, and what it told on the way."""
+    out, reports = tmp_path_factory.mktemp("finished") / "out", []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        fakes = importlib.import_module("dgl_collect_fakes")
+        config = CollectConfig(
+            task="FoldTops-v1",
+            episodes=4,
+            attempt_factory=fakes.FACTORY,
+            out=out,
+            options={"tell_garbage": True},
+        )
+        summary = collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=reports.append)
+    return out, summary, reports
+
+
+@pytest.fixture
+def finished_out(finished, tmp_path):
+    """A copy of the finished run, where `run` looks for one."""
+    return Path(shutil.copytree(finished[0], tmp_path / "out"))
+
+
 def results_of(folder):
     return read_results(folder / "attempts.jsonl")
 
@@ -54,10 +80,8 @@ def test_seeds_differ_between_attempts_and_between_runs():
     assert len(SUCCESSES) < 8
 
 
-def test_a_run_writes_what_the_design_names(run, tmp_path):
-    reports = []
-    summary = run(episodes=4, on_progress=reports.append)
-    out = tmp_path / "out"
+def test_a_run_writes_what_the_design_names(finished):
+    out, summary, reports = finished
     assert summary.status == "complete"
     assert (summary.attempted, summary.succeeded) == (4, len([i for i in SUCCESSES if i < 4]))
     written = json.loads((out / "summary.json").read_text())
@@ -77,26 +101,22 @@ def test_a_run_writes_what_the_design_names(run, tmp_path):
     assert "attempt 3 speaks" in (out / "logs/worker-0.log").read_text()
 
 
-def test_the_garbage_collector_passes_over_what_a_worker_has_imported(run, tmp_path):
-    run(episodes=1, options={"tell_garbage": True})
-    log = (tmp_path / "out/logs/worker-0.log").read_text()
+def test_the_garbage_collector_passes_over_what_a_worker_has_imported(finished):
+    log = (finished[0] / "logs/worker-0.log").read_text()
     assert "collects True, passes over many True" in log
 
 
-def test_results_do_not_depend_on_the_number_of_workers(run, tmp_path):
-    run(out=tmp_path / "one", episodes=5, workers=1)
-    run(out=tmp_path / "three", episodes=5, workers=3)
-    one, three = results_of(tmp_path / "one"), results_of(tmp_path / "three")
-    assert [facts(a) for a in one] == [facts(b) for b in three]
-    for result in one:
-        if result.success:
-            path = result.files["episode"]
-            assert (tmp_path / "one" / path).read_bytes() == (
-                tmp_path / "three" / path
-            ).read_bytes()
+def test_results_do_not_depend_on_the_number_of_workers(run, finished, tmp_path):
+    one, three = finished[0], tmp_path / "out"
+    run(episodes=4, workers=3)
+    for a, b in zip(results_of(one), results_of(three), strict=True):
+        assert facts(a) == facts(b)
+        if a.success:
+            path = a.files["episode"]
+            assert (one / path).read_bytes() == (three / path).read_bytes()
 
 
-def test_resume_makes_only_what_is_missing(run, tmp_path):
+def test_resume_makes_only_what_is_missing(run, finished, tmp_path):
     run(episodes=2)
     lines = (tmp_path / "out/attempts.jsonl").read_text()
     reports = []
@@ -105,15 +125,14 @@ def test_resume_makes_only_what_is_missing(run, tmp_path):
     assert [result.index for result in results_of(tmp_path / "out")] == [0, 1, 2, 3]
     assert summary.attempted == 4
     assert reports[0].resumed == 2
-    run(out=tmp_path / "whole", episodes=4)
-    whole = results_of(tmp_path / "whole")
+    whole = results_of(finished[0])
     assert [facts(a) for a in results_of(tmp_path / "out")] == [facts(b) for b in whole]
 
 
-def test_resume_of_a_finished_run_starts_no_worker(run, tmp_path):
-    run(episodes=1)
-    assert run(episodes=1, resume=True, build_seconds=1e-9).attempted == 1
-    assert len(json.loads((tmp_path / "out/run.json").read_text())["commands"]) == 2
+def test_resume_of_a_finished_run_starts_no_worker(run, finished_out):
+    options = {"tell_garbage": True}
+    assert run(episodes=4, options=options, resume=True, build_seconds=1e-9).attempted == 4
+    assert len(json.loads((finished_out / "run.json").read_text())["commands"]) == 2
 
 
 @pytest.mark.parametrize(
@@ -124,8 +143,8 @@ def test_resume_of_a_finished_run_starts_no_worker(run, tmp_path):
         ({"options": {"seconds": 0.0}}, "its options is"),
     ],
 )
+@pytest.mark.usefixtures("finished_out")
 def test_resume_refuses_another_run(run, change, message):
-    run(episodes=1)
     with pytest.raises(OutputFolderError, match=message):
         run(resume=True, **change)
 
@@ -143,14 +162,11 @@ def test_a_folder_in_use_or_not_ours_is_refused(run, tmp_path):
         run(out=out / "thesis.tex" / "out")
 
 
-def test_two_runs_cannot_share_a_folder(run, tmp_path):
-    run(episodes=1)
-    config = CollectConfig(task="FoldTops-v1", episodes=1, out=tmp_path / "out")
-    folder = RunFolder(
-        config.out, identity=json.loads((config.out / "run.json").read_text()), resume=True, command=""
-    )  # fmt: skip
+def test_two_runs_cannot_share_a_folder(run, finished_out):
+    identity = json.loads((finished_out / "run.json").read_text())
+    folder = RunFolder(finished_out, identity=identity, resume=True, command="")
     with folder, pytest.raises(OutputFolderError, match="another run is writing"):
-        run(resume=True)
+        run(options={"tell_garbage": True}, resume=True)
 
 
 def test_an_exception_is_a_result_and_the_run_goes_on(run, tmp_path):
