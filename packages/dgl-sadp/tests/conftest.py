@@ -23,7 +23,7 @@ POINTS = 5
 METHODS = ("sadp", "sadp-g", "dp3", "dp")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def one_thread() -> Iterator[None]:
     """Sums come out equal, bit for bit, on one number of threads alone."""
     before = torch.get_num_threads()
@@ -113,7 +113,7 @@ def make_tiny_config(method: str, **changes) -> PolicyConfig:
     return PolicyConfig(**{**values, **changes})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def tiny_config() -> Callable[..., PolicyConfig]:
     return make_tiny_config
 

@@ -56,6 +56,13 @@ def train(episodes, tmp_path, tiny_config):
     return call
 
 
+@pytest.fixture(scope="module")
+def whole(episodes, tmp_path_factory, tiny_config, one_thread):
+    """A run that was never interrupted."""
+    out = tmp_path_factory.mktemp("whole") / "run"
+    return train_policy(episodes, out, tiny_config("sadp"), CONFIG, stage=1)
+
+
 def weights(result):
     return load_policy(result.policy).state_dict()
 
@@ -99,8 +106,7 @@ def test_every_policy_trains(method, train):
 
 
 @pytest.mark.parametrize("at", [1, 3, 5, 6])  # Within an epoch of three steps, at its end, ...
-def test_a_resumed_run_ends_as_if_it_had_not_been_interrupted(train, at):
-    whole = train("whole")
+def test_a_resumed_run_ends_as_if_it_had_not_been_interrupted(train, whole, at):
     train("parts", stop_after=at)
     resumed = train("parts", is_resumed=True)
     assert_equal(weights(whole), weights(resumed))
@@ -124,14 +130,13 @@ def test_muon_trains_the_matrices_where_it_is_asked_for_and_adamw_the_rest(train
     assert any("unet" in name for name in by_muon) == (rate is not None)
 
 
-def test_an_interruption_before_the_first_state_costs_what_was_done(train, tmp_path):
-    whole = train("whole")
+def test_an_interruption_before_the_first_state_costs_what_was_done(train, whole, tmp_path):
     train("parts", stop_after=1)
     (tmp_path / "parts" / "state.safetensors").unlink()
     assert_equal(weights(whole), weights(train("parts", is_resumed=True)))
 
 
-def test_ctrl_c_finishes_the_step_and_saves(train):
+def test_ctrl_c_finishes_the_step_and_saves(train, whole):
     def interrupt(progress):
         if progress.step == 4:
             os.kill(os.getpid(), signal.SIGINT)
@@ -140,7 +145,7 @@ def test_ctrl_c_finishes_the_step_and_saves(train):
     with pytest.raises(KeyboardInterrupt):
         train("parts", on_progress=interrupt)
     assert signal.getsignal(signal.SIGINT) is before
-    assert_equal(weights(train("whole")), weights(train("parts", is_resumed=True)))
+    assert_equal(weights(whole), weights(train("parts", is_resumed=True)))
 
 
 def test_two_runs_are_the_same_and_another_seed_is_another(train):
@@ -241,10 +246,9 @@ def test_a_loss_that_is_not_finite_ends_the_run(train):
         train(config=wild)
 
 
-def test_the_validation_measures_the_averaged_policy_in_evaluation_mode(train, episodes):
-    result = train()
-    policy = load_policy(result.policy)
-    card = read_card(result.policy)
+def test_the_validation_measures_the_averaged_policy_in_evaluation_mode(whole, episodes):
+    policy = load_policy(whole.policy)
+    card = read_card(whole.policy)
     dataset = EpisodeDataset(episodes, 1)
     names = [episode.path.name for episode in dataset.episodes]
     validation = dataset.select([names.index(name) for name in card["validation_episodes"]])
@@ -252,9 +256,9 @@ def test_the_validation_measures_the_averaged_policy_in_evaluation_mode(train, e
         policy, validation, epoch=4, windows=CONFIG.validation_windows, seed=CONFIG.seed
     )
     # Floats differ in the last digits: batches of this dataset hold a pose more.
-    assert found.loss == pytest.approx(result.validation.loss, rel=1e-5)
-    assert found.error == pytest.approx(result.validation.error, rel=1e-5)
-    assert found.largest_error == pytest.approx(result.validation.largest_error, rel=1e-5)
+    assert found.loss == pytest.approx(whole.validation.loss, rel=1e-5)
+    assert found.error == pytest.approx(whole.validation.error, rel=1e-5)
+    assert found.largest_error == pytest.approx(whole.validation.largest_error, rel=1e-5)
     with pytest.raises(ValueError, match="must be in evaluation mode"):
         compute_validation(policy.train(), validation, epoch=4, windows=8, seed=0)
 
