@@ -104,6 +104,7 @@ def learn_sides(config) -> float:
     return right
 
 
+@pytest.mark.slow
 def test_what_only_the_affordance_says_is_learned_by_sadp_g_alone(tiny_config):
     unet = UNetConfig(widths=(16, 32), step_embedding=8)
     assert learn_sides(tiny_config("sadp-g", unet=unet)) > 0.9

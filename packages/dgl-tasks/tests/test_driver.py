@@ -1,6 +1,7 @@
 """What is scripted around every method: coming, leaving, actions of a policy. No pictures needed."""
 
 import dataclasses
+from functools import partial
 from types import SimpleNamespace
 
 import gymnasium
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import dgl_tasks
+from dgl_assets import load_garment
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.approach import (
     CLEARANCE,
@@ -35,12 +37,15 @@ STANDARD = {"left": GRASP_ORIENTATIONS["standard"]["left"]}
 
 @pytest.fixture(scope="module")
 def env():
-    made = gymnasium.make(
-        "FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
-    )
-    made.reset(seed=0)
-    yield made.unwrapped
-    made.close()
+    """Of a coarse garment: what the hands do does not depend on it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dgl_tasks.env.load_garment", partial(load_garment, spacing=0.025))
+        made = gymnasium.make(
+            "FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
+        )
+        made.reset(seed=0)
+        yield made.unwrapped
+        made.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """The environment without pictures: draws, determinism, state, observation and judgement."""
 
+import dataclasses
+
 import gymnasium
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.perception import take_picture
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
+HARDLY_SETTLED = dataclasses.replace(TASK, settle_frames=2)
+"""For what does not depend on where the garment comes to rest."""
 GARMENT = "Tops_LongSleeve/001294"
 
 
@@ -200,7 +204,11 @@ def test_the_dense_reward_grows_with_what_is_done(settled):
 def test_rewards_of_each_mode_are_given_by_step():
     for mode, largest in (("normalized_dense", 1.0), ("dense", 4.0), ("sparse", 1.0)):
         made = gymnasium.make(
-            "FoldTops-v1", obs_mode="state", reward_mode=mode, render_backend="none"
+            "FoldTops-v1",
+            task=HARDLY_SETTLED,
+            obs_mode="state",
+            reward_mode=mode,
+            render_backend="none",
         )
         made.reset(seed=7, options={"garment": GARMENT})
         reward = made.step(made.unwrapped.agent.get_joint_state()[0].numpy())[1]
@@ -214,7 +222,11 @@ def test_rewards_of_each_mode_are_given_by_step():
 @pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 def test_end_effectors_go_where_they_are_told():
     made = gymnasium.make(
-        "FoldTops-v1", obs_mode="state", control_mode="pd_ee_pose", render_backend="none"
+        "FoldTops-v1",
+        task=HARDLY_SETTLED,
+        obs_mode="state",
+        control_mode="pd_ee_pose",
+        render_backend="none",
     )
     made.reset(seed=7, options={"garment": GARMENT})
     agent = made.unwrapped.agent
@@ -302,10 +314,10 @@ def swing_arms(env, seed, frames, *, inwards):
 
 
 def test_arms_that_collide_do_so_alike_after_any_episode(env):
-    first = swing_arms(env, 7, 300, inwards=True)
-    swing_arms(env, 8, 200, inwards=False)  # in which nothing touches
+    first = swing_arms(env, 7, 150, inwards=True)
+    swing_arms(env, 8, 60, inwards=False)  # in which nothing touches
 
-    np.testing.assert_array_equal(swing_arms(env, 7, 300, inwards=True), first)
+    np.testing.assert_array_equal(swing_arms(env, 7, 150, inwards=True), first)
 
 
 def test_draws_follow_from_the_seed_alone_and_lie_in_their_ranges(env):

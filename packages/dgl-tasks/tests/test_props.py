@@ -104,7 +104,7 @@ def test_placing_a_prop_moves_no_draw_of_the_garment(env):
     """The garment and its place are those of the task without props."""
     plain = gymnasium.make(
         "FoldTops-v1",
-        task=dataclasses.replace(WITH_TABLE, props=()),
+        task=dataclasses.replace(WITH_TABLE, props=(), settle_frames=2),
         obs_mode="none",
         render_backend="none",
     ).unwrapped
