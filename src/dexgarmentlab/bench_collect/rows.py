@@ -1,0 +1,129 @@
+"""Times of attempts as rows."""
+
+import os
+import statistics
+from collections.abc import Sequence
+
+from dexgarmentlab.bench_collect.components import COMPONENTS, REST
+from dexgarmentlab.bench_collect.throughput import compare_throughput
+from dexgarmentlab.bench_collect.timed import AttemptTimes
+from dexgarmentlab.bench_physics.rows import Row
+
+__all__ = ["make_start_rows", "make_task_rows", "make_worker_rows", "select_median"]
+
+ATTEMPT_BARS = {"FoldTops-v1": 18.0, "FlingTops-v1": 20.0}
+"""Longest times of an attempt of one round [s]."""
+START_BAR = 8.0
+"""Longest time of a worker to its first control step [s]."""
+EFFICIENCY_BAR = 0.95
+"""Least throughput of each of several workers, relative to one that is alone."""
+
+
+def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
+    """Sum up the attempts at a task by one worker; the components add up to the attempt.
+
+    Attempts of several rounds are left out: how many a task takes is a matter of its success.
+    """
+    simple = [times for times in attempts if times.rounds == 1]
+    name = f"{task}, attempt"
+    if not simple:
+        rounds = ", ".join(str(times.rounds) for times in attempts)
+        note = f"skipped: no attempt was done in one round ({rounds} rounds); make more --attempts"
+        return [Row(name=name, value=None, unit="s", note=note, is_skipped=True)]
+    middle = select_median(simple)
+    seconds = statistics.fmean(times.seconds for times in middle)
+    least, most = (pick(times.seconds for times in simple) for pick in (min, max))
+    succeeded = sum(times.success for times in attempts)
+    left_out = len(attempts) - len(simple)
+    bar = f"<= {ATTEMPT_BARS[task]:g}" if task in ATTEMPT_BARS else ""
+    rows = [
+        Row(
+            name=name,
+            value=seconds,
+            unit="s",
+            bar=bar,
+            note=f"processor time; median of {len(simple)}, {least:.1f} to {most:.1f}; {succeeded} of "
+            f"{len(attempts)} succeeded"
+            + (f"; {left_out} of several rounds left out" * bool(left_out)),
+        ),
+        Row(
+            name=f"{name}, elapsed",
+            value=statistics.median(times.elapsed for times in simple),
+            unit="s",
+            note="more than the processor time where the machine has other work to do",
+        ),
+    ]
+    for component in (*COMPONENTS, REST):
+        part = statistics.fmean(times.components[component] for times in middle)
+        rows.append(
+            Row(
+                name=f"{task}, {component}",
+                value=part,
+                unit="s",
+                note=f"{100 * part / seconds:.1f} % of the attempt",
+            )
+        )
+    return rows
+
+
+def select_median(attempts: Sequence[AttemptTimes]) -> list[AttemptTimes]:
+    """Choose the attempt in the middle, or the two there, whose mean is the median."""
+    ordered = sorted(attempts, key=lambda times: times.seconds)
+    count = len(ordered)
+    return ordered[(count - 1) // 2 : count // 2 + 1]
+
+
+def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
+    """Sum up how workers start: from a new process to the first control step of its first attempt."""
+    starts = [(t.start, t.start_elapsed) for t in attempts if t.start is not None]
+    name = "start of a worker to its first control step"
+    if not starts:
+        note = "skipped: no attempt came to a control step"
+        return [Row(name=name, value=None, unit="s", note=note, is_skipped=True)]
+    seconds, elapsed = min(starts)
+    return [
+        Row(
+            name=name,
+            value=seconds,
+            unit="s",
+            bar=f"<= {START_BAR:g}",
+            note=f"processor time; quickest of {len(starts)}, as the first one may compile kernels",
+        ),
+        Row(name=f"{name}, elapsed", value=elapsed, unit="s", note="of the same worker"),
+    ]
+
+
+def make_worker_rows(
+    task: str, alone: Sequence[AttemptTimes], together: Sequence[AttemptTimes], *, workers: int
+) -> list[Row]:
+    """Compare several workers with one, see `compare_throughput`."""
+    cores = len(os.sched_getaffinity(0))
+    name = f"{task}, {workers} workers against 1"
+    note = ""
+    if cores < workers:
+        note = f"skipped: this machine has {cores} cores; compare fewer with --workers"
+    elif len(together) < 2 * workers:
+        note = (
+            f"skipped: {len(together)} attempts are too few; make {2 * workers} --attempts or more"
+        )
+    if note:
+        return [Row(name=name, value=None, unit="times", note=note, is_skipped=True)]
+    found = compare_throughput(alone, together, workers=workers)
+    rate = 3600 / statistics.fmean(times.elapsed for times in alone)
+    return [
+        Row(name=f"{task}, 1 worker", value=rate, unit="attempts/h"),
+        Row(name=f"{task}, {workers} workers", value=rate * found.ratio, unit="attempts/h"),
+        Row(
+            name=name,
+            value=found.ratio,
+            unit="times",
+            bar=f">= {EFFICIENCY_BAR * workers:g}",
+            note=f"on {cores} cores, of which the workers had {found.cores:.2f}",
+        ),
+        Row(
+            name=f"{name}, had each a core",
+            value=found.processor_ratio,
+            unit="times",
+            note="by the processor time of the same attempts",
+        ),
+    ]
