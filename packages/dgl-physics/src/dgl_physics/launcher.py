@@ -2,6 +2,8 @@
 
 import logging
 import platform
+from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -15,6 +17,8 @@ __all__ = ["CpuCode", "Launcher", "find_vector_obstacle"]
 CpuCode = Literal["auto", "vector", "warp"]
 """Code for a CPU: vector code, Warp's own, or "auto" for vector code wherever the CPU has the instructions."""
 
+Kernel = Callable[..., None]
+"""What `wp.kernel` makes; a function to whoever checks types."""
 WANTED = ("avx2", "fma")
 """What vector code needs of an x86 processor, as Linux names it. Others have lanes in their base set."""
 
@@ -34,9 +38,17 @@ def find_vector_obstacle(cpu_info: Path = Path("/proc/cpuinfo")) -> str | None:
         return f"its architecture is {machine}"
     if not cpu_info.is_file():
         return f"{cpu_info} is missing, which says what the CPU can do"
-    flags = next((line for line in cpu_info.read_text().splitlines() if line.startswith("flags")), "")
+    flags = next(
+        (line for line in cpu_info.read_text().splitlines() if line.startswith("flags")), ""
+    )
     missing = [name for name in WANTED if name not in flags.split()]
     return f"it lacks {' and '.join(missing)}" if missing else None
+
+
+@cache
+def warn_once(obstacle: str) -> None:
+    """Say, once in a process, why cloth is slow."""
+    logger.warning("cloth runs without vector code, about three times slower: %s", obstacle)
 
 
 class Launcher:
@@ -54,7 +66,7 @@ class Launcher:
             UnsupportedCpuError: If vector code is wanted where it cannot run.
         """
         self._is_cpu = device == "cpu"
-        self._twins: dict[wp.Kernel, wp.Kernel] = {}
+        self._twins: dict[Kernel, Kernel] = {}
         self._starts: dict[tuple[int, ...], wp.array] = {}
         obstacle = find_vector_obstacle() if self._is_cpu and cpu_code != "warp" else None
         if obstacle and cpu_code == "vector":
@@ -62,7 +74,7 @@ class Launcher:
                 f'this CPU runs no vector code: {obstacle}; use cpu_code="auto" or "warp"'
             )
         if obstacle:
-            logger.warning("cloth runs without vector code, about three times slower: %s", obstacle)
+            warn_once(obstacle)
         elif self._is_cpu and cpu_code != "warp":
             from dgl_physics._kernels.vector.twins import TWINS
 
@@ -71,20 +83,18 @@ class Launcher:
             32 * particle_count + 8192 if self._twins else 0, dtype=wp.int32, device=device
         )
 
-    def has_twin(self, kernel: wp.Kernel) -> bool:
+    def has_twin(self, kernel: Kernel) -> bool:
         """Whether a kernel runs as vector code."""
         return kernel in self._twins
 
-    def launch(self, kernel: wp.Kernel, dim: int, inputs: list) -> None:
+    def launch(self, kernel: Kernel, dim: int, inputs: list) -> None:
         """Launch a kernel, or its twin, with `dim` threads."""
         if twin := self._twins.get(kernel):
             wp.launch(twin, dim=1, inputs=[dim, *inputs, self._scratch])
         else:
             wp.launch(kernel, dim=dim, inputs=inputs)
 
-    def launch_colours(
-        self, kernel: wp.Kernel, colour_start: tuple[int, ...], inputs: list
-    ) -> None:
+    def launch_colours(self, kernel: Kernel, colour_start: tuple[int, ...], inputs: list) -> None:
         """Launch a kernel on constraints, one colour after the other.
 
         Args:

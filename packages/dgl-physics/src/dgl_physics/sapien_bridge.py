@@ -218,9 +218,10 @@ class SapienCloth:
         """Read the bodies' poses; with `is_jump` they have no velocity from it."""
         poses = np.zeros((len(self.scenes), len(self.bodies[0]) + 1, 7), dtype=np.float32)
         poses[:, 0, 3] = 1.0
-        for e, bodies in enumerate(self.bodies):
-            for b, component in enumerate(bodies):
-                poses[e, b + 1] = _flat(component.entity_pose)
+        for rows, bodies in zip(poses, self.bodies, strict=True):
+            for row, component in zip(rows[1:], bodies, strict=True):
+                pose = component.entity_pose
+                row[:3], row[3:] = pose.p, pose.q
         self.state.set_body_poses(poses, is_jump=is_jump)
 
     def step(self) -> None:
@@ -256,7 +257,7 @@ class SapienCloth:
 
     def apply_forces(self) -> None:
         """Apply the last frame's contact forces to the bodies; before each step of SAPIEN."""
-        for e, b in zip(*np.nonzero(np.abs(self._forces[..., :3]).sum(axis=-1)), strict=True):
+        for e, b in np.argwhere(self._forces[..., :3].any(axis=-1)):
             component = self.bodies[e][b]
             is_driven = isinstance(component, physx.PhysxRigidDynamicComponent) and (
                 component.kinematic  # PhysX refuses forces on what its poses alone move
@@ -271,17 +272,20 @@ class SapienCloth:
         return self.model
 
     def _sum_forces(self) -> np.ndarray:
-        impulse = self.state.impulse.numpy() + self.state.press.numpy()
-        impulse = impulse[:, : len(self._shape_body)]  # (B, S, 6)
         total = np.zeros((len(self.scenes), len(self.bodies[0]), 6), dtype=np.float32)
+        impulse = self.state.impulse.numpy() + self.state.press.numpy()
+        if not impulse.any():
+            return total
+        impulse = impulse[:, : len(self._shape_body)]  # (B, S, 6)
         rows = (slice(None), self._shape_body)
         np.add.at(total, rows, impulse / self.config.dt)  # pyright: ignore[reportArgumentType]
-        for e, b in zip(*np.nonzero(np.abs(total[..., :3]).sum(axis=-1)), strict=True):
+        for e, b in np.argwhere(total[..., :3].any(axis=-1)):
             component = self.bodies[e][b]
             if isinstance(component, physx.PhysxRigidBodyComponent):
-                centre = (component.entity_pose * component.cmass_local_pose).p
+                x, y, z = (component.entity_pose * component.cmass_local_pose).p
                 force = total[e, b, :3]
-                total[e, b, 3:] -= np.cross(centre, force)
+                fx, fy, fz = force
+                total[e, b, 3:] -= (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
                 total[e, b] *= min(1.0, self.max_force / max(float(np.linalg.norm(force)), 1e-9))
         return total
 

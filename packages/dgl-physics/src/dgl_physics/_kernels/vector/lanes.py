@@ -2,7 +2,9 @@
 
 from dgl_physics._kernels.damping import COUPLING
 
-LANES = f"constexpr float COUPLING = {float(COUPLING)}f;" """
+LANES = (
+    f"constexpr float COUPLING = {float(COUPLING)}f;"
+    """
 typedef float f8 __attribute__((ext_vector_type(8)));
 typedef int i8 __attribute__((ext_vector_type(8)));
 typedef bool b8 __attribute__((ext_vector_type(8)));
@@ -196,4 +198,5 @@ struct lane {
         if (c < end) project(c, end - c); \\
     }
 """
+)
 """Lanes `f8`, rows of arrays gathered into lanes (`rows3`, `rows4`) and scattered from them (`set_rows3`)."""

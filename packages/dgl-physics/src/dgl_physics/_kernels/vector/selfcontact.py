@@ -154,7 +154,7 @@ for (int from = 0, to; from < count; from = to) {
     int nx, ny, nz;
     for (;; size *= 1.25f) {
         f4 cells = (high - low) / size;
-        if ((cells.x + 3.0f) * (cells.y + 3.0f) * (cells.z + 3.0f) + 2.0f > room) continue;
+        if ((cells.x + 3.0f) * (cells.y + 3.0f) * (cells.z + 3.0f) + 3.0f > room) continue;
         nx = (int)cells.x + 3, ny = (int)cells.y + 3, nz = (int)cells.z + 3;
         break;
     }
@@ -171,7 +171,7 @@ for (int from = 0, to; from < count; from = to) {
         if (cell_of[i] >= 0) sorted.index[--begin[cell_of[i] + 1]] = i;
     // Each cell's particles now begin where `begin[cell + 1]` says, and end where the next one's begin.
     int* first = begin + 1;
-    first[total] = 0;
+    first[total] = counted;
     for (int k = 0; k < counted; k++) {
         int i = sorted.index[k];
         f4 x = row_of(i), t = lane::row4(touch.data, i);

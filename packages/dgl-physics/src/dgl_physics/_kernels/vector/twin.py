@@ -2,7 +2,8 @@
 
 import inspect
 import linecache
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 import warp as wp
 
@@ -11,7 +12,9 @@ from dgl_physics._kernels.vector.lanes import LANES
 __all__ = ["make_twin"]
 
 
-def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) -> wp.Kernel:
+def make_twin(
+    kernel: Callable[..., None], code: str, *, rest: Callable[..., None] | None = None
+) -> Callable[..., None]:
     """Make a kernel of one thread that does what `count` threads of another do.
 
     The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it may write to. Where the
@@ -26,7 +29,8 @@ def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) 
         rest: Does what a thread of the kernel does, for those that the code has left over. Takes the number of the
             thread and the arguments of the kernel.
     """
-    own = inspect.get_annotations(kernel.func)
+    made = cast(wp.Kernel, kernel)
+    own = inspect.get_annotations(made.func)
     if next(iter(own)) == "first":
         del own["first"]
         types = {"colour_start": wp.array(dtype=wp.int32), **own}
@@ -42,15 +46,15 @@ def make_twin(kernel: wp.Kernel, code: str, *, rest: wp.Function | None = None) 
         "@wp.func_native(code)",
         f"def native({declared}){' -> wp.int32' if rest else ''}: ...",
         "@wp.kernel",
-        f"def {kernel.key}({declared}):",
+        f"def {made.key}({declared}):",
         *(f"    {line}" for line in body),
     ]
     # Warp reads the source of what it compiles.
-    file = f"<twin of {kernel.module.name}.{kernel.key}>"
+    file = f"<twin of {made.module.name}.{made.key}>"
     source = "\n".join(lines) + "\n"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     scope: dict[str, Any] = {
-        "__name__": f"{kernel.module.name}.vector", "wp": wp, "types": types, "code": LANES + code, "rest": rest
+        "__name__": f"{made.module.name}.vector", "wp": wp, "types": types, "code": LANES + code, "rest": rest
     }  # fmt: skip
     exec(compile(source, file, "exec"), scope)
-    return scope[kernel.key]
+    return scope[made.key]

@@ -1,6 +1,6 @@
 """The twins of all kernels that have one."""
 
-import warp as wp
+from collections.abc import Callable
 
 from dgl_physics._kernels import bending, cloth, coarse, rigid, selfcontact
 from dgl_physics._kernels.vector import bending as vector_bending
@@ -12,7 +12,7 @@ from dgl_physics._kernels.vector import selfcontact as vector_selfcontact
 
 __all__ = ["TWINS"]
 
-TWINS: dict[wp.Kernel, wp.Kernel] = {
+TWINS: dict[Callable[..., None], Callable[..., None]] = {
     cloth.integrate: vector_cloth.integrate,
     cloth.solve_distances: vector_cloth.solve_distances,
     bending.solve_bending: vector_bending.solve_bending,
