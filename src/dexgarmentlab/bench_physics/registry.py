@@ -84,6 +84,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             _lazily("fold", "measure_fold_speed"),
         ),
         Experiment(
+            "cpu_code",
+            "Two codes for a CPU",
+            "Vector code takes eight constraints at a time and gives what Warp's own gives, to the bit.",
+            _lazily("cpu_code", "measure_cpu_code"),
+        ),
+        Experiment(
             "fold_rest",
             "Fold and rest",
             "What was folded should stay as it is, and come to rest.",
