@@ -120,6 +120,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             _lazily("against_newton", "measure_newton"),
         ),
         Experiment(
+            "equal_strain",
+            "Beside Newton at equal strain",
+            "The same panel: how long each solver takes for a frame of the same quality, by its cheapest setting.",
+            _lazily("equal_strain", "measure_equal_strain"),
+        ),
+        Experiment(
             "self_contact",
             "Drops and folds",
             "Cloth cannot pass through cloth: no edge may pierce a triangle of another place.",
