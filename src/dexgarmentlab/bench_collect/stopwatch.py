@@ -77,13 +77,12 @@ def watch_functions(watch: Stopwatch, parts: Mapping[str, Sequence[str]]) -> Ite
         for part, paths in parts.items():
             for path in paths:
                 owner, name = find_owner(path)
-                is_own = name in vars(owner)
                 before = getattr(owner, name)
+                if name in vars(owner):
+                    stack.callback(setattr, owner, name, before)
+                else:  # a method that was inherited is inherited again
+                    stack.callback(delattr, owner, name)
                 setattr(owner, name, watch.wrap(before, part))
-                # a method that was inherited is inherited again
-                stack.callback(
-                    *((setattr, owner, name, before) if is_own else (delattr, owner, name))
-                )
         yield
 
 
