@@ -103,12 +103,13 @@ def probe_warp() -> dict[str, object]:
     import warp as wp
 
     from dexgarmentlab._probe_kernel import double
+    from dgl_physics.launcher import find_vector_obstacle
 
     values = wp.array(np.arange(8, dtype=np.float32), device="cpu")
     wp.launch(double, dim=8, inputs=[values], device="cpu")
     if not np.array_equal(values.numpy(), 2 * np.arange(8, dtype=np.float32)):
         raise RuntimeError(f"a kernel that doubles 0 ... 7 gave {values.numpy().tolist()}")
-    return {"version": wp.config.version}
+    return {"version": wp.config.version, "slow_because": find_vector_obstacle()}
 
 
 def probe_cuda() -> dict[str, object]:

@@ -136,7 +136,13 @@ def check_warp() -> Check:
     """Check that Warp can compile and run a kernel on the CPU."""
     result = run_probe("warp")
     fix = f"{_FIX_INSTALL}; the folder of Warp's kernel cache must be writable"
-    return _needed("warp", result, lambda facts: f"Warp {facts['version']}, a kernel ran", fix)
+    return _needed("warp", result, _describe_warp, fix)
+
+
+def _describe_warp(facts: dict[str, object]) -> str:
+    obstacle = facts["slow_because"]
+    code = f"without vector code, as {obstacle}" if obstacle else "in vector code"
+    return f"Warp {facts['version']}, a kernel ran; cloth runs {code}"
 
 
 def check_video() -> Check:

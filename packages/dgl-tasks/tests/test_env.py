@@ -13,6 +13,7 @@ from mani_skill.utils.geometry.rotation_conversions import (
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.perception import take_picture
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
 GARMENT = "Tops_LongSleeve/001294"
@@ -339,6 +340,6 @@ def test_several_environments_in_one_process_are_refused():
         gymnasium.make("FoldTops-v1", num_envs=2, render_backend="none")
 
 
-def test_pictures_without_a_garment_drawn_have_no_segment(env):
-    with pytest.raises(RuntimeError, match="draw_garment"):
-        _ = env.garment_segment
+def test_pictures_of_a_scene_that_cannot_render_are_an_error(env):
+    with pytest.raises(RuntimeError, match="render_backend"):
+        take_picture(env, "garment_camera")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import signal
 import threading
 import time
@@ -226,11 +225,8 @@ class _Run:
 
     def _worker_config(self, number: int) -> WorkerConfig:
         # Workers are the parallelism. One thread in each keeps sums in the same order, and so results
-        # equal, whatever the number of workers; drawing does not depend on its threads.
+        # equal, whatever the number of workers.
         environment = {"OMP_NUM_THREADS": "1"}
-        if "LP_NUM_THREADS" not in os.environ:
-            cores = len(os.sched_getaffinity(0))
-            environment["LP_NUM_THREADS"] = str(max(1, cores // self._config.workers))
         return WorkerConfig(
             task=self._config.task,
             attempt_factory=self._config.attempt_factory,

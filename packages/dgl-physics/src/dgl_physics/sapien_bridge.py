@@ -300,6 +300,8 @@ class GarmentVisual:
 
     INSIDE_SHADE = 0.9
     """Brightness of the inside, a factor on the (linear) colour."""
+    SPECULAR = 0.008
+    """Share of the light that falls straight on it and is reflected."""
 
     def __init__(
         self,
@@ -334,8 +336,9 @@ class GarmentVisual:
                     "texture must have shape (H, W, 3) and dtype uint8; "
                     f"got {texture.shape} {texture.dtype}"
                 )
-        self._faces = np.asarray(faces, dtype=np.uint32)
-        self._windings = (self._faces, np.ascontiguousarray(self._faces[:, ::-1]))
+        self.faces = np.asarray(faces, dtype=np.uint32)
+        """Its triangles, shape (F, 3), uint32."""
+        self._windings = (self.faces, np.ascontiguousarray(self.faces[:, ::-1]))
         self._uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
         self._materials = tuple(
             _make_cloth_material(colour, texture, roughness=roughness, shade=shade)
@@ -347,14 +350,25 @@ class GarmentVisual:
         self.entity.name = name
         scene.add_entity(self.entity)
 
+    def compute_surface(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compute what is drawn of particles: the outer surface of the cloth.
+
+        Args:
+            positions: Of the particles [m], shape (V, 3), world frame.
+
+        Returns:
+            Vertices [m] and their normals, each of shape (V, 3).
+        """
+        positions = np.asarray(positions, dtype=np.float32)
+        normals = compute_vertex_normals(positions, self.faces)
+        return positions + np.float32(self._thickness / 2) * normals, normals
+
     def update(self, positions: np.ndarray) -> None:
         """Draw the surface at these particle positions [m], shape (V, 3), world frame."""
-        positions = np.asarray(positions, dtype=np.float32)
         uvs = np.zeros((len(positions), 2), np.float32) if self._uvs is None else self._uvs
         if len(uvs) != len(positions):
             raise ValueError(f"positions must have shape ({len(uvs)}, 3); got {positions.shape}")
-        normals = compute_vertex_normals(positions, self._faces)
-        surface = positions + np.float32(self._thickness / 2) * normals
+        surface, normals = self.compute_surface(positions)
         component = render.RenderBodyComponent()
         for sign, triangles, material in zip((1, -1), self._windings, self._materials, strict=True):
             shape = render.RenderShapeTriangleMesh(
@@ -382,7 +396,7 @@ def _make_cloth_material(
     material = render.RenderMaterial()
     material.base_color = [*(shade * c for c in colour), 1.0]
     material.roughness = roughness
-    material.specular = 0.1
+    material.specular = GarmentVisual.SPECULAR / 0.08  # SAPIEN's unit
     if texture is not None:
         # sRGB is close to a power law, so a linear factor is this factor on its values
         image = (texture * shade ** (1 / 2.2)).astype(np.uint8)

@@ -1,6 +1,7 @@
 """What pictures show of the garment and of the floor below it."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,8 +9,10 @@ import sapien
 
 from dgl_assets.materials import FabricMaterial
 from dgl_physics.sapien_bridge import GarmentVisual
-from dgl_tasks.scene import STUDIO, FloorLook, FloorPicture
-from dgl_tasks.shadows import FloorShadow
+from dgl_tasks.drawing.mesh import Image, Mesh, Surface
+from dgl_tasks.drawing.painter import Painter
+from dgl_tasks.scene import LIGHT, STUDIO, FloorLook, FloorPicture
+from dgl_tasks.shadows import FloorShadow, ShadowCaster
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
@@ -18,10 +21,32 @@ if TYPE_CHECKING:
 __all__ = ["Appearance"]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Outfit:
+    """The arguments of `Appearance.dress`."""
+
+    faces: np.ndarray
+    flat: np.ndarray
+    fabric: FabricMaterial
+    bodies: Sequence[sapien.physx.PhysxRigidBaseComponent]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Garment:
+    """A garment that can be shown, made when the first picture of it is taken."""
+
+    surface: Surface
+    uvs: np.ndarray
+    caster: ShadowCaster
+    visual: GarmentVisual
+
+
 class Appearance:
     """The garment, the floor and the shadows on it, drawn when a picture is taken and no earlier.
 
-    Where nothing can be rendered the scene has no materials; then `draw_garment` is an error and all else does nothing.
+    There are two ways: a `Painter` draws the pictures of `dgl_tasks.perception`, SAPIEN those of ManiSkill's observations
+    and viewer. Where nothing can be rendered the scene has no materials; then taking a picture is an error
+    and all else does nothing.
     """
 
     def __init__(
@@ -41,10 +66,13 @@ class Appearance:
             pedestals: Upper ends of the robots' columns [m].
         """
         self._scene = scene.sub_scenes[0]
-        self._garment: GarmentVisual | None = None
-        self._shadow: FloorShadow | None = None
+        (self._ground,) = ground._objs  # noqa: SLF001  ManiSkill has no way to its entity
         self._floor: FloorPicture | None = None
-        self._is_current = False
+        self._outfit: _Outfit | None = None
+        self._garment: _Garment | None = None
+        self._shadow: FloorShadow | None = None
+        self._painter: Painter | None = None
+        self._is_drawn = False
         self.floor_look = STUDIO
         """What the floor looks like."""
         if scene.can_render():
@@ -56,62 +84,119 @@ class Appearance:
         self.floor_look = look
         if self._floor is not None:
             self._floor.draw(look)
+        self._painter = None
         if self._shadow is not None:  # it shows the floor as it was
             self._scene.remove_entity(self._shadow.entity)
             self._shadow = None
 
-    def remove_garment(self) -> None:
-        """Take the garment out of the pictures; `draw_garment` shows another one."""
-        if self._garment is not None:
-            self._scene.remove_entity(self._garment.entity)
-            self._garment = None
-        self._is_current = False
-
-    def mark_moved(self) -> None:
-        """Say that the garment or a body has moved."""
-        self._is_current = False
-
-    def draw_garment(
+    def dress(
         self,
-        positions: np.ndarray,
         faces: np.ndarray,
         *,
         flat: np.ndarray,
         fabric: FabricMaterial,
         bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
     ) -> None:
-        """Show the garment and the shadows as they are now, unless nothing has moved since.
+        """Show another garment from now on.
 
         Args:
-            positions: Of the garment's vertices [m], shape (V, 3), world frame.
             faces: Its triangles, shape (F, 3).
             flat: Its vertices as it lies flat [m], shape (V, 2), where the fabric's pattern is laid on.
             fabric: What it is made of.
             bodies: Rigid bodies that throw shadows.
         """
-        if self._is_current:
+        if self._garment is not None:
+            self._scene.remove_entity(self._garment.visual.entity)
+        if self._shadow is not None:
+            self._scene.remove_entity(self._shadow.entity)
+        self._garment = self._shadow = self._painter = None
+        self._outfit = _Outfit(faces=faces, flat=flat, fabric=fabric, bodies=bodies)
+        self.mark_moved()
+
+    def mark_moved(self) -> None:
+        """Say that the garment or a body has moved."""
+        self._is_drawn = False
+
+    def draw_garment(self, positions: np.ndarray) -> None:
+        """Show the garment and the shadows in SAPIEN's pictures as they are now, unless nothing has moved since.
+
+        Args:
+            positions: Of the garment's vertices [m], shape (V, 3), world frame.
+        """
+        if self._is_drawn:
             return
-        if self._garment is None:
-            maps = fabric.render()
-            self._garment = GarmentVisual(
-                self._scene,
-                faces,
-                colour=maps.mean_colour,
-                roughness=maps.mean_roughness,
-                uvs=maps.compute_uvs(flat),
-                texture=maps.base_colour,
-            )
+        garment = self._get_garment()
         if self._shadow is None:
-            if self._floor is None:
-                raise RuntimeError("the scene must be able to render before a garment is drawn")
-            self._shadow = self._floor.build_shadow(bodies)
-        self._garment.update(positions)
-        self._shadow.update(positions, faces)
-        self._is_current = True
+            self._shadow = self._get_floor().build_shadow(garment.caster)
+        garment.visual.update(positions)
+        self._shadow.update(positions)
+        self._is_drawn = True
+
+    def get_painter(self, positions: np.ndarray) -> Painter:
+        """Give the painter with everything as it is now.
+
+        Args:
+            positions: Of the garment's vertices [m], shape (V, 3), world frame.
+        """
+        garment = self._get_garment()
+        if self._painter is None:
+            self._painter = self._build_painter(garment)
+        surface, normals = garment.visual.compute_surface(positions)
+        self._painter.update(surface, normals, garment.caster.cast(positions))
+        return self._painter
+
+    def _build_painter(self, garment: _Garment) -> Painter:
+        drawn = {self._ground.per_scene_id, garment.visual.entity.per_scene_id}
+        if self._shadow is not None:
+            drawn.add(self._shadow.entity.per_scene_id)
+        nothing = np.zeros((len(garment.uvs), 3))
+        return Painter(
+            [entity for entity in self._scene.entities if entity.per_scene_id not in drawn],
+            self._ground,
+            garment=Mesh(
+                vertices=nothing,
+                normals=nothing,
+                faces=garment.visual.faces,
+                uvs=garment.uvs,
+                surface=garment.surface,
+                segment=garment.visual.entity.per_scene_id,
+            ),
+            shadow_faces=garment.caster.faces,
+            studio=LIGHT,
+        )
 
     @property
     def garment_segment(self) -> int:
-        """Segmentation id of the garment in pictures; it must have been drawn."""
+        """Segmentation id of the garment in pictures."""
+        return self._get_garment().visual.entity.per_scene_id
+
+    def _get_floor(self) -> FloorPicture:
+        if self._floor is None:
+            raise RuntimeError('pictures need a scene that can render; render_backend is "none"')
+        return self._floor
+
+    def _get_garment(self) -> _Garment:
         if self._garment is None:
-            raise RuntimeError("draw_garment() must be called before its segment is known")
-        return self._garment.entity.per_scene_id
+            floor, outfit = self._get_floor(), self._outfit
+            if outfit is None:
+                raise RuntimeError("dress() must be called before a garment is shown")
+            maps = outfit.fabric.render()
+            uvs = maps.compute_uvs(outfit.flat)
+            self._garment = _Garment(
+                surface=Surface(
+                    roughness=maps.mean_roughness,
+                    specular=GarmentVisual.SPECULAR,
+                    image=Image(pixels=maps.base_colour),
+                    inside_shade=GarmentVisual.INSIDE_SHADE,
+                ),
+                uvs=uvs,
+                caster=floor.build_caster(outfit.bodies, outfit.faces),
+                visual=GarmentVisual(
+                    self._scene,
+                    outfit.faces,
+                    roughness=maps.mean_roughness,
+                    uvs=uvs,
+                    texture=maps.base_colour,
+                ),
+            )
+        return self._garment

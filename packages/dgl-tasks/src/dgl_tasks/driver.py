@@ -41,7 +41,7 @@ PARKED_FRAMES = 30
 take a hand that has been at rest for longer to be further on its way."""
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_FRAME
 """Control steps between pictures for people while the arms come and go: the film runs three times as fast
-there, since a picture costs as much as two or three steps of the simulation."""
+there, since a picture costs as much as two steps of the simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)

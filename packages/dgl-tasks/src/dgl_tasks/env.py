@@ -19,9 +19,10 @@ from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
+from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
-from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, read_picture
+from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
 from dgl_tasks.props import SceneProp
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import let_robot_pass, make_agent_class
@@ -247,7 +248,12 @@ class GarmentEnv(BaseEnv):
             material=self.task.material,
         )
         self.cloth.build()
-        self._appearance.remove_garment()
+        self._appearance.dress(
+            garment.faces,
+            flat=garment.rest_vertices[:, :2],  # of shells, as seen from above
+            fabric=self.fabric,
+            bodies=self.cloth.bodies[0],
+        )
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
@@ -361,8 +367,8 @@ class GarmentEnv(BaseEnv):
             # One seed a step: equal states of one episode give equal clouds.
             keys = [int(self._episode_seed[0]), int(self.elapsed_steps[0])]
             seed = int(np.random.SeedSequence(keys).generate_state(1)[0])
-            above = read_picture(self, "garment_camera")
-            ahead = read_picture(self, "environment_camera")
+            above = take_picture(self, "garment_camera")
+            ahead = take_picture(self, "environment_camera")
             clouds = {
                 "garment_cloud": get_garment_cloud(self, above, seed=seed),
                 "workspace_cloud": get_environment_cloud(self, ahead, seed=seed),
@@ -413,18 +419,16 @@ class GarmentEnv(BaseEnv):
     # Pictures ------------------------------------------------------------------------------
 
     def draw_garment(self) -> None:
-        """Bring the garment in pictures to its present shape."""
-        self._appearance.draw_garment(
-            self.get_particles(),
-            self.garment.faces,
-            flat=self.garment.rest_vertices[:, :2],  # of shells, as seen from above
-            fabric=self.fabric,
-            bodies=self.cloth.bodies[0],
-        )
+        """Bring the garment in SAPIEN's pictures to its present shape."""
+        self._appearance.draw_garment(self.get_particles())
+
+    def get_painter(self) -> Painter:
+        """Give what draws pictures, with everything as it is now."""
+        return self._appearance.get_painter(self.get_particles())
 
     @property
     def garment_segment(self) -> int:
-        """Segmentation id of the garment in pictures; it must have been drawn."""
+        """Segmentation id of the garment in pictures."""
         return self._appearance.garment_segment
 
     @property

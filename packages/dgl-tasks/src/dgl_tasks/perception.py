@@ -1,12 +1,13 @@
 """What the cameras see, as arrays: pictures and point clouds in the world frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dgl_tasks.cameras import depth_to_points, farthest_point_sample, is_in_workspace
+from dgl_tasks.cameras import farthest_point_sample, is_in_workspace
+from dgl_tasks.drawing.rasteriser import Picture
 from dgl_tasks.errors import PerceptionError
 
 if TYPE_CHECKING:
@@ -16,57 +17,21 @@ CLOUD_SIZE = 2048
 """Points of a cloud, after farthest-point sampling."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Picture:
-    """One camera's picture, rendered once and used for everything."""
-
-    rgb: np.ndarray
-    """Shape (H, W, 3), uint8."""
-    points: np.ndarray
-    """World position of each pixel [m], shape (H, W, 3); NaN where nothing was hit."""
-    segments: np.ndarray
-    """Segmentation id of each pixel, shape (H, W), int."""
-
-
 def take_picture(env: "GarmentEnv", camera: str) -> Picture:
-    """Render one camera of the task.
+    """Draw what one camera of the task sees.
 
     Raises:
-        ValueError: If the task has no such sensor camera.
+        ValueError: If the task has no such camera.
     """
-    sensors = env.scene.sensors
-    if camera not in sensors:
-        raise ValueError(f"camera must be one of {sorted(sensors)}; got {camera!r}")
-    env.draw_garment()
-    env.scene.update_render(update_sensors=True, update_human_render_cameras=False)
-    sensors[camera].capture()
-    return read_picture(env, camera)
-
-
-def read_picture(env: "GarmentEnv", camera: str) -> Picture:
-    """Return what a camera of the task saw when it was last captured."""
-    placement = env.task.cameras[camera]
-    # Positions of the fast shaders are rounded to millimetres; their depth buffer is not.
-    textures = ["Color", "GbufferDepth", "PositionSegmentation"]
-    colour, buffer, mixed = (
-        texture[0].cpu().numpy()
-        for texture in env.scene.sensors[camera].camera.get_picture(textures)
-    )
-    near, far = placement.near, placement.far
-    buffer = buffer.reshape(colour.shape[:2])
-    depth = near * far / (far - buffer * (far - near))
-    depth[buffer >= 1.0] = np.nan  # nothing was hit
-    return Picture(
-        rgb=np.ascontiguousarray(colour[..., :3]),
-        points=depth_to_points(depth, placement.intrinsics, placement.transform_camera_to_world),
-        segments=mixed[..., 3].astype(np.int32),
-    )
+    cameras = env.task.cameras
+    if camera not in cameras:
+        raise ValueError(f"camera must be one of {sorted(cameras)}; got {camera!r}")
+    return env.get_painter().draw_picture(cameras[camera])
 
 
 def film(env: "GarmentEnv") -> np.ndarray:
-    """Render the camera for people, shape (H, W, 3), uint8."""
-    frame = env.render_rgb_array("video_camera")
-    return frame[0].cpu().numpy().astype(np.uint8)
+    """Draw what the camera for people sees, shape (H, W, 3), uint8."""
+    return env.get_painter().draw(env.task.cameras["video_camera"])
 
 
 def get_garment_points(env: "GarmentEnv", picture: Picture) -> np.ndarray:
@@ -128,10 +93,14 @@ def get_environment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> 
     points = picture.points.reshape(-1, 3)
     segments = picture.segments.reshape(-1)
     workspace = env.task.workspace
-    is_seen = is_in_workspace(points, workspace) & ~np.isin(segments, env.robot_segments)
+    is_garment = segments == env.garment_segment
+    # most of a picture is ground
+    index = np.flatnonzero((points[:, 2] >= workspace.low[2]) | is_garment)
+    is_seen = ~np.isin(segments[index], env.robot_segments)
+    is_seen &= is_in_workspace(points[index], workspace)
     with_ground = replace(workspace, low=(*workspace.low[:2], -np.inf))
-    is_seen |= (segments == env.garment_segment) & is_in_workspace(points, with_ground)
-    index = np.flatnonzero(is_seen)
+    is_seen |= is_garment[index] & is_in_workspace(points[index], with_ground)
+    index = index[is_seen]
     if len(index) == 0:
         raise PerceptionError("the camera sees nothing but the robot inside the workspace")
     index = index[farthest_point_sample(points[index], CLOUD_SIZE, seed=seed)]

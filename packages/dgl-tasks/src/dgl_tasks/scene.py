@@ -23,7 +23,8 @@ from dgl_assets.materials import (
     sample_fabric_material,
     sample_floor_material,
 )
-from dgl_tasks.shadows import CORNERS, FloorShadow
+from dgl_tasks.drawing.light import Studio
+from dgl_tasks.shadows import CORNERS, FloorShadow, ShadowCaster
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
@@ -165,27 +166,32 @@ class FloorPicture:
             self._entity.add_component(component)
             self._components.append(component)
 
-    def build_shadow(self, bodies: Sequence[sapien.physx.PhysxRigidBaseComponent]) -> FloorShadow:
-        """Add the shadow that garment, bodies and pedestals throw onto the floor as it looks now.
+    def build_caster(
+        self, bodies: Sequence[sapien.physx.PhysxRigidBaseComponent], faces: np.ndarray
+    ) -> ShadowCaster:
+        """Find out what throws shadows: a garment, bodies and the pedestals.
 
         Args:
-            bodies: Rigid bodies that throw shadows.
+            bodies: Rigid bodies that do.
+            faces: Triangles of the garment, shape (F, 3).
         """
-        if self._image is None:
-            raise RuntimeError("draw() must be called before build_shadow()")
-        shaded = (self._image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
         columns = [
             np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
             for x, y, z in self._pedestals
         ]
+        return ShadowCaster(bodies, faces=faces, direction=KEY_DIRECTION, fixed=columns)
+
+    def build_shadow(self, caster: ShadowCaster) -> FloorShadow:
+        """Add the shadow on the floor as it looks now."""
+        if self._image is None:
+            raise RuntimeError("draw() must be called before build_shadow()")
+        shaded = (self._image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
         return FloorShadow(
             self._scene.sub_scenes[0],
-            bodies,
-            direction=KEY_DIRECTION,
+            caster,
             material=_make_matt(shaded),
             picture_centre=self._centre,
             picture_side=_NEAR_SIDE,
-            fixed=columns,
         )
 
 
@@ -217,10 +223,18 @@ def paint_dome(pixels: int = 256) -> dict[str, np.ndarray]:
     top = 1 / np.sqrt(1 + across**2 + down**2)
     faces = {}
     for name, sine in (("side", side), ("top", top), ("bottom", -top)):
-        colour = _mix(np.array(HORIZON), np.array(ZENITH), _ramp(sine, 0.1, 0.9))
-        colour = _mix(colour, np.array(NADIR), _ramp(-sine, 0.0, 0.7))
-        faces[name] = (255 * colour ** (1 / 2.2) + 0.5).astype(np.uint8)
+        faces[name] = (255 * shine_dome(sine) ** (1 / 2.2) + 0.5).astype(np.uint8)
     return faces
+
+
+def shine_dome(sine: np.ndarray) -> np.ndarray:
+    """Light of the dome by the sine of the height, of any shape; linear, shape (..., 3)."""
+    colour = _mix(np.array(HORIZON), np.array(ZENITH), _ramp(sine, 0.1, 0.9))
+    return _mix(colour, np.array(NADIR), _ramp(-sine, 0.0, 0.7))
+
+
+LIGHT = Studio(direction=KEY_DIRECTION, colour=KEY_COLOUR, dome=shine_dome, shade=SHADE)
+"""The studio's lamp and dome."""
 
 
 @functools.lru_cache(maxsize=4)  # two are the studio, which every scene begins with

@@ -2,7 +2,7 @@
 
 Shadow maps cost as much as the rest of a picture on a processor. A parallel light throws the shadow
 of a convex body onto a plane as a convex polygon, and that of a mesh as the flattened mesh; these
-are drawn just above the floor with its own picture, darkened.
+are drawn just above the floor and darken it.
 
 Limitations: nothing but the floor receives a shadow; edges are sharp.
 """
@@ -25,34 +25,26 @@ _RIM = np.column_stack([np.cos(_TURN), np.sin(_TURN)])  # of a cylinder of radiu
 Body = physx.PhysxRigidBaseComponent
 
 
-class FloorShadow:
-    """What a garment and rigid bodies throw onto the ground z = 0 of one SAPIEN scene."""
+class ShadowCaster:
+    """The shadow of a garment and of rigid bodies on the ground z = 0, as triangles."""
 
     def __init__(
         self,
-        scene: sapien.Scene,
         bodies: Sequence[Body],
         *,
+        faces: np.ndarray,
         direction: Sequence[float],
-        material: render.RenderMaterial,
-        picture_centre: Sequence[float],
-        picture_side: float,
         fixed: Sequence[np.ndarray] = (),
     ) -> None:
-        """Collect the shapes that throw shadows; the shadow is empty until `update`.
+        """Collect the shapes that throw shadows.
 
         Args:
-            scene: Where it is drawn.
             bodies: Rigid bodies; their convex shapes throw shadows.
+            faces: Triangles of the garment, shape (F, 3).
             direction: Where the light goes, shape (3,), downward.
-            material: Material of the floor in shadow.
-            picture_centre: Centre of the material's picture on the floor [m].
-            picture_side: Length of the picture's sides [m].
             fixed: Corners of boxes that never move [m], each of shape (8, 3), world frame.
         """
         self._slope = np.asarray(direction[:2], dtype=float) / direction[2]
-        self._material = material
-        self._centre, self._side = np.asarray(picture_centre, dtype=float), picture_side
         shapes = [(body, shape) for body in bodies for shape in _list_convex(body)]
         self._bodies = [body for body, _ in shapes]
         described = [_describe(shape) for _, shape in shapes]
@@ -60,34 +52,72 @@ class FloorShadow:
         self._points = _stack([points for points, _ in described], count)
         self._fixed = _stack(fixed, count)
         self._radii = np.array([radius for _, radius in described] + [0.0] * len(self._fixed))
+        fan = np.arange(1, _OUTLINE - 1)
+        polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
+        first = faces.max() + 1 + np.arange(len(self._radii)) * _OUTLINE
+        self.faces = np.concatenate([faces, (first[:, None, None] + polygon).reshape(-1, 3)])
+        """Triangles of the shadow, shape (G, 3); seen from above those are enough that are counter-clockwise."""
+
+    def cast(self, positions: np.ndarray) -> np.ndarray:
+        """Compute the vertices of the shadow as the bodies are now.
+
+        Args:
+            positions: Vertices of the garment [m], shape (V, 3), world frame.
+
+        Returns:
+            Places on the ground [m], shape (W, 2).
+        """
+        outlines = self._outline_bodies()  # (S, K, 2)
+        return np.concatenate([project(positions, self._slope), outlines.reshape(-1, 2)])
+
+    def _outline_bodies(self) -> np.ndarray:
+        poses = [body.entity_pose.to_transformation_matrix() for body in self._bodies]
+        T = np.array(poses, dtype=float).reshape(-1, 4, 4)
+        moved = self._points @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
+        flat = project(np.concatenate([moved, self._fixed]), self._slope)
+        return outline(flat, self._radii, self._slope)
+
+
+class FloorShadow:
+    """A shadow in one SAPIEN scene: the floor's picture, darkened, just above the floor."""
+
+    def __init__(
+        self,
+        scene: sapien.Scene,
+        caster: ShadowCaster,
+        *,
+        material: render.RenderMaterial,
+        picture_centre: Sequence[float],
+        picture_side: float,
+    ) -> None:
+        """Add an entity; the shadow is empty until `update`.
+
+        Args:
+            scene: Where it is drawn.
+            caster: Gives its shape.
+            material: Material of the floor in shadow.
+            picture_centre: Centre of the material's picture on the floor [m].
+            picture_side: Length of the picture's sides [m].
+        """
+        self._caster = caster
+        self._material = material
+        self._centre, self._side = np.asarray(picture_centre, dtype=float), picture_side
         self._component: render.RenderBodyComponent | None = None
         self.entity = sapien.Entity()
         self.entity.name = "floor_shadow"
         scene.add_entity(self.entity)
 
-    def update(self, positions: np.ndarray, faces: np.ndarray) -> None:
-        """Draw the shadows of a mesh and of the bodies where they are now.
+    def update(self, positions: np.ndarray) -> None:
+        """Draw the shadows of the garment and of the bodies where they are now.
 
         Args:
-            positions: Vertices of the mesh [m], shape (V, 3), world frame.
-            faces: Its triangles, shape (F, 3).
+            positions: Vertices of the garment [m], shape (V, 3), world frame.
         """
-        outlines = self._outline_bodies()  # (S, K, 2)
-        count, corners = outlines.shape[:2]
-        fan = np.arange(1, corners - 1)
-        polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
-        first = len(positions) + np.arange(count) * corners
-        triangles = np.concatenate(
-            [
-                _facing_up(faces, flat := project(positions, self._slope)),
-                (first[:, None, None] + polygon).reshape(-1, 3),
-            ]
-        )
-        flat = np.concatenate([flat, outlines.reshape(-1, 2)])
+        flat = self._caster.cast(positions)
         vertices = np.column_stack([flat, np.full(len(flat), HEIGHT)]).astype(np.float32)
         shape = render.RenderShapeTriangleMesh(
             vertices=vertices,
-            triangles=triangles.astype(np.uint32),
+            triangles=self._caster.faces.astype(np.uint32),
             normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
             uvs=((flat - self._centre) / self._side + 0.5).astype(np.float32),
             material=self._material,
@@ -98,13 +128,6 @@ class FloorShadow:
             self.entity.remove_component(self._component)
         self.entity.add_component(component)
         self._component = component
-
-    def _outline_bodies(self) -> np.ndarray:
-        poses = [body.entity_pose.to_transformation_matrix() for body in self._bodies]
-        T = np.array(poses, dtype=float).reshape(-1, 4, 4)
-        moved = self._points @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
-        flat = project(np.concatenate([moved, self._fixed]), self._slope)
-        return outline(flat, self._radii, self._slope)
 
 
 def project(points: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -172,10 +195,3 @@ def _stack(sets: Sequence[np.ndarray], count: int) -> np.ndarray:
     """Bring sets of points to one length by repeating their first, shape (S, count, 3)."""
     padded = [np.concatenate([s, np.repeat(s[:1], count - len(s), axis=0)]) for s in sets]
     return np.array(padded, dtype=float).reshape(-1, count, 3)
-
-
-def _facing_up(faces: np.ndarray, flat: np.ndarray) -> np.ndarray:
-    """Keep the triangles that are counter-clockwise in the plane; of a closed mesh they suffice."""
-    a, b, c = (flat[faces[:, k]] for k in range(3))
-    u, v = b - a, c - a
-    return faces[u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0]

@@ -45,7 +45,7 @@ def make_twin(
     lines = [
         "@wp.func_native(code)",
         f"def native({declared}){' -> wp.int32' if rest else ''}: ...",
-        "@wp.kernel",
+        "@wp.kernel(enable_backward=False)",
         f"def {made.key}({declared}):",
         *(f"    {line}" for line in body),
     ]
