@@ -35,14 +35,13 @@ class Glove(Hand):
 HOLD, WEAR = f"{__name__}:Hand.hold", f"{__name__}:Glove.hold"
 
 
-def make_times(seconds, *, index=0, rounds=1, process=1, began=0.0, elapsed=None, start=None):
+def make_times(seconds, *, index=0, success=True, process=1, began=0.0, elapsed=None, start=None):
     """An attempt whose time is spent equally on all components."""
     names = (*COMPONENTS, REST)
     return AttemptTimes(
         index=index,
         process=process,
-        success=rounds == 1,
-        rounds=rounds,
+        success=success,
         components={name: seconds / len(names) for name in names},
         began=began,
         ended=began + (seconds if elapsed is None else elapsed),
@@ -91,9 +90,7 @@ class StillRunner:
     def run(self, *, attempt_index, seed, out_dir, episode_id):
         if attempt_index > 0:
             Hand().hold()
-        return AttemptResult(
-            index=attempt_index, seed=seed, success=True, measurements={"further_rounds": 2.0}
-        )
+        return AttemptResult(index=attempt_index, seed=seed, success=True)
 
     def close(self):
         self.closed = True
@@ -110,7 +107,7 @@ def test_attempts_time_themselves(monkeypatch, tmp_path):
     times = [AttemptTimes.from_result(result) for result in results]
     assert [t.start is None for t in times] == [True, False, True]  # the first step of the process
     assert all(set(t.components) == {STEP, REST} for t in times)
-    assert all(t.rounds == 3 and t.elapsed >= 0 for t in times)
+    assert all(t.elapsed >= 0 for t in times)
     timed.close()
     assert runner.closed
     lost = AttemptResult(index=4, seed=0, success=False, reason="worker crashed", detail="killed")
@@ -127,14 +124,12 @@ def test_components_add_up_to_the_median_attempt(seconds):
     assert [row.name for row in parts] == [f"FoldTops-v1, {c}" for c in (*COMPONENTS, REST)]
 
 
-def test_attempts_of_several_rounds_are_left_out():
-    attempts = [make_times(19), make_times(60, rounds=3)]
-    whole = make_task_rows("FlingTops-v1", attempts)[0]
+def test_an_attempt_that_fails_costs_time_too():
+    attempts = [make_times(19, success=False), make_times(21), make_times(18)]
+    whole, elapsed = make_task_rows("FlingTops-v1", attempts)[:2]
     assert (round(whole.value, 6), whole.bar, whole.ok) == (19, "<= 20", True)
-    assert "1 of 2 succeeded; 1 of several rounds left out" in whole.note
-    [row] = make_task_rows("FlingTops-v1", attempts[1:])
-    assert row.is_skipped
-    assert "3 rounds" in row.note
+    assert "median of 3, 18.0 to 21.0; 2 succeeded" in whole.note
+    assert elapsed.value == 19
     assert make_task_rows("FoldDress-v1", attempts)[0].bar == ""
 
 

@@ -20,21 +20,12 @@ EFFICIENCY_BAR = 0.95
 
 
 def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
-    """Sum up the attempts at a task by one worker; the components add up to the attempt.
-
-    Attempts of several rounds are left out: how many a task takes is a matter of its success.
-    """
-    simple = [times for times in attempts if times.rounds == 1]
-    name = f"{task}, attempt"
-    if not simple:
-        rounds = ", ".join(str(times.rounds) for times in attempts)
-        note = f"skipped: no attempt was done in one round ({rounds} rounds); make more --attempts"
-        return [Row(name=name, value=None, unit="s", note=note, is_skipped=True)]
-    middle = select_median(simple)
+    """Sum up the attempts at a task by one worker; the components add up to the attempt."""
+    middle = select_median(attempts)
     seconds = statistics.fmean(times.seconds for times in middle)
-    least, most = (pick(times.seconds for times in simple) for pick in (min, max))
+    least, most = (pick(times.seconds for times in attempts) for pick in (min, max))
     succeeded = sum(times.success for times in attempts)
-    left_out = len(attempts) - len(simple)
+    name = f"{task}, attempt"
     bar = f"<= {ATTEMPT_BARS[task]:g}" if task in ATTEMPT_BARS else ""
     rows = [
         Row(
@@ -42,13 +33,12 @@ def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
             value=seconds,
             unit="s",
             bar=bar,
-            note=f"processor time; median of {len(simple)}, {least:.1f} to {most:.1f}; {succeeded} of "
-            f"{len(attempts)} succeeded"
-            + (f"; {left_out} of several rounds left out" * bool(left_out)),
+            note=f"processor time; median of {len(attempts)}, {least:.1f} to {most:.1f}; {succeeded} succeeded "
+            "in their first round, where they end",
         ),
         Row(
             name=f"{name}, elapsed",
-            value=statistics.median(times.elapsed for times in simple),
+            value=statistics.median(times.elapsed for times in attempts),
             unit="s",
             note="more than the processor time where the machine has other work to do",
         ),

@@ -30,8 +30,6 @@ class AttemptTimes:
     process: int
     """Number of its worker's process."""
     success: bool
-    rounds: int
-    """How often it went through the stages."""
     components: Mapping[str, float]
     """Processor time of all threads by component [s]."""
     began: float
@@ -69,7 +67,6 @@ class AttemptTimes:
             index=result.index,
             process=round(found[_PROCESS]),
             success=result.success,
-            rounds=1 + round(found.get("further_rounds", 0)),
             components={
                 name.removeprefix(_COMPONENT): seconds
                 for name, seconds in found.items()
@@ -85,6 +82,8 @@ class AttemptTimes:
 def make_timed_attempts(task: str, options: Mapping[str, object]) -> "TimedAttempts":
     """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`.
 
+    They end after one round, done or not: how many a garment needs is a matter of success and not of speed.
+
     Args:
         task: Environment id.
         options: "launched": when the collection was started [s since 1970]; all else is `make_attempt_runner`'s.
@@ -92,7 +91,9 @@ def make_timed_attempts(task: str, options: Mapping[str, object]) -> "TimedAttem
     others = {name: value for name, value in options.items() if name != "launched"}
     launched = options["launched"]
     assert isinstance(launched, float)
-    return TimedAttempts(make_attempt_runner(task, others), launched)
+    runner = make_attempt_runner(task, others)
+    runner.env.task = replace(runner.env.task, rounds=1)
+    return TimedAttempts(runner, launched)
 
 
 class TimedAttempts:

@@ -16,7 +16,7 @@ __all__ = ["CollectOptions", "measure_collect"]
 class CollectOptions:
     """Time attempts with film and recording: by component, in all, the start of a worker, and several workers.
 
-    Attempts are made as `dgl collect` makes them, and thrown away. Times are processor time where they can be, since
+    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time where they can be, since
     other work on the machine changes that least. A bar that is not met is a finding and no failure: the exit status is 0.
 
     Example: dgl bench collect --task FoldTops-v1 --attempts 6
