@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import pytest
@@ -90,12 +91,21 @@ def test_the_summary_counts():
     summary = summarize(
         results, task="FoldTops-v1", seed=0, requested=4, status="interrupted", versions={}
     )
-    assert (summary.attempted, summary.succeeded) == (3, 1)
+    assert (summary.attempted, summary.succeeded, summary.succeeded_first) == (3, 1, 1)
     assert summary.success_rate == pytest.approx(1 / 3)
     assert summary.seconds_per_attempt == {"median": 3.0, "mean": 4.0}
     assert summary.garments["b"] == {"attempted": 2, "succeeded": 1}
     assert list(summary.garments) == ["a", "b"]
     assert summary.reasons == {"slipped": 2}
+
+
+@pytest.mark.parametrize("retry", ["further_rounds", "further_tries"])
+def test_a_retry_is_no_first_try(retry):
+    again = dataclasses.replace(make_result(1), measurements={retry: 1.0})
+    summary = summarize(
+        [make_result(0), again], task="x", seed=0, requested=2, status="complete", versions={}
+    )
+    assert (summary.succeeded, summary.succeeded_first) == (2, 1)
 
 
 def test_the_summary_of_nothing_is_valid_json():

@@ -190,6 +190,7 @@ def _lines(summary: "Summary") -> list[str]:
     lines = [
         f"{summary.task}: {summary.succeeded} of {summary.attempted} attempts succeeded, "
         f"{summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
+        f"{summary.succeeded_first} at the first try, "
         f"{format_duration(median)} per attempt"
     ]
     lines += [f"  failed, {reason}: {count}" for reason, count in summary.reasons.items()]

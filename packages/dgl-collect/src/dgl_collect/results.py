@@ -27,6 +27,10 @@ VERSIONED_PACKAGES = (
 """Distributions whose versions travel with every result."""
 
 
+RETRIES = ("further_rounds", "further_tries")
+"""Measurements of an attempt that count what was done again."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
     """One condition of a task's success rule, with what was measured."""
@@ -103,6 +107,11 @@ class AttemptResult:
             self.to_line()
         except (TypeError, ValueError) as err:
             raise ValueError(f"result must be JSON-ready with finite numbers; {err}") from err
+
+    @property
+    def is_first_try(self) -> bool:
+        """Whether nothing was done a second time: no stage, as a hand had lost the garment, and no round."""
+        return not any(self.measurements.get(name) for name in RETRIES)
 
     def to_line(self) -> str:
         """Give the result as one line of JSON, without the line end."""
@@ -189,6 +198,8 @@ class Summary:
     """Attempts made."""
     succeeded: int
     """Attempts that met the task's rule."""
+    succeeded_first: int
+    """Of these, attempts that did so at the first try."""
     success_rate: float | None
     """Succeeded over attempted; None without attempts."""
     success_interval: tuple[float, float]
@@ -229,6 +240,7 @@ def summarize(
         requested=requested,
         attempted=len(results),
         succeeded=succeeded,
+        succeeded_first=sum(result.success and result.is_first_try for result in results),
         success_rate=succeeded / len(results) if results else None,
         success_interval=wilson_interval(succeeded, len(results)),
         seconds_per_attempt={

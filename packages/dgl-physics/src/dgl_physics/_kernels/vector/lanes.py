@@ -157,6 +157,11 @@ struct lane {
         for (int l = 0; l < 8; l++)
             if (bits >> l & 1) q[3 * l] = v.x[l], q[3 * l + 1] = v.y[l], q[3 * l + 2] = v.z[l];
     }
+    static inline f8x3 rows3(const wp::vec3* p, const int* i) {
+        f8x4 v = turn(row3(p, i[0]), row3(p, i[1]), row3(p, i[2]), row3(p, i[3]), row3(p, i[4]), row3(p, i[5]),
+                      row3(p, i[6]), row3(p, i[7]));
+        return {v.x, v.y, v.z};
+    }
     static inline f8x4 rows4(const f4_any* p, const int* i) {
         return turn(p[i[0]], p[i[1]], p[i[2]], p[i[3]], p[i[4]], p[i[5]], p[i[6]], p[i[7]]);
     }

@@ -124,13 +124,14 @@ const int row = count + 16;
 int* cell_of = scratch.data;
 int* joined_to = cell_of + row;
 int* near = joined_to + row;
-int* begin = near + 13 * row;
+int* begin = near + 9 * row;
 struct Places {
     int* index;
-    float *x, *y, *z, *radius, *adhesion;
-    Places(int* at, int row) : index(at), x((float*)at + row), y(x + row), z(y + row), radius(z + row), adhesion(radius + row) {}
+    float *x, *y, *z;
+    Places(int* at, int row) : index(at), x((float*)at + row), y(x + row), z(y + row) {}
 };
-Places sorted(near + row, row), around(near + 7 * row, row);
+Places sorted(near + row, row), around(near + 5 * row, row);
+const float* sizes = (const float*)touch.data;
 int room = scratch.shape[0] - (int)(begin - scratch.data);
 for (int i = 0; i < count; i++) joined_to[i] = -1;
 auto row_of = [&](int i) { return lane::row3(position.data, i); };
@@ -174,8 +175,8 @@ for (int from = 0, to; from < count; from = to) {
     first[total] = counted;
     for (int k = 0; k < counted; k++) {
         int i = sorted.index[k];
-        f4 x = row_of(i), t = lane::row4(touch.data, i);
-        sorted.x[k] = x.x, sorted.y[k] = x.y, sorted.z[k] = x.z, sorted.radius[k] = t.x, sorted.adhesion[k] = t.w;
+        f4 x = row_of(i);
+        sorted.x[k] = x.x, sorted.y[k] = x.y, sorted.z[k] = x.z;
     }
 
     // The particles of a cell share what is around them, which is laid side by side when the first of them asks.
@@ -190,8 +191,6 @@ for (int from = 0, to; from < count; from = to) {
                     lane::store(around.x + laid, lane::load(sorted.x + k));
                     lane::store(around.y + laid, lane::load(sorted.y + k));
                     lane::store(around.z + laid, lane::load(sorted.z + k));
-                    lane::store(around.radius + laid, lane::load(sorted.radius + k));
-                    lane::store(around.adhesion + laid, lane::load(sorted.adhesion + k));
                     laid += end - k < 8 ? end - k : 8;
                     k += 8;
                 } while (k < end);
@@ -216,9 +215,7 @@ for (int from = 0, to; from < count; from = to) {
         for (int k = 0; k < laid; k += 8) {
             i8 j = lane::load(around.index + k);
             f8x3 d = {x.x - lane::load(around.x + k), x.y - lane::load(around.y + k), x.z - lane::load(around.z + k)};
-            f8 far = own.x + lane::load(around.radius + k) + lane::max(lane::all(own.w), lane::load(around.adhesion + k))
-                + limits.neighbour_margin;
-            int bits = lane::bits((lane::dot(d, d) < far * far) & (j > i));
+            int bits = lane::bits((lane::dot(d, d) < reach * reach) & (j > i));
             lane::store(near + found, lane::compress(j, bits));
             found += __builtin_popcount(bits);
         }
@@ -227,7 +224,14 @@ for (int from = 0, to; from < count; from = to) {
         lane::store(near + found, (i8)(i));  // what fills the last lanes is joined to nothing, and left out by its index
         for (int q = 0; q < found; q += 8) {
             i8 j = lane::load(near + q);
-            int bits = lane::bits(lane::pick(joined_to, near + q) != i & j > i);
+            f8x3 y = lane::rows3(position.data, near + q);
+            f8x3 d = {x.x - y.x, x.y - y.y, x.z - y.z};
+            int size[8];
+            lane::store(size, 4 * j);
+            f8 far = own.x + lane::pick(sizes, size) + lane::max(lane::all(own.w), lane::pick(sizes + 3, size))
+                + limits.neighbour_margin;
+            int bits = lane::bits(
+                (lane::dot(d, d) < far * far) & (lane::pick(joined_to, near + q) != i) & (j > i));
             lane::store(near + kept, lane::compress(j, bits));
             kept += __builtin_popcount(bits);
         }
