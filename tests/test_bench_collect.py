@@ -154,7 +154,8 @@ def test_two_workers_side_by_side():
     assert select_median(alone) == alone[1:3]
 
 
-def test_workers_that_cannot_be_compared():
+def test_workers_that_cannot_be_compared(monkeypatch):
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {0, 1})
     alone = [make_times(10, index=k) for k in range(2)]
     with pytest.raises(ValueError, match="must make the same attempts"):
         compare_throughput(alone, alone[:1], workers=2)
@@ -164,11 +165,12 @@ def test_workers_that_cannot_be_compared():
     assert row.is_skipped
     assert "make 4 --attempts or more" in row.note
     [row] = make_worker_rows("FoldTops-v1", alone, alone, workers=999)
-    assert "cores; compare fewer" in row.note
+    assert "this machine has 2 cores; compare fewer" in row.note
 
 
-def test_a_plan_is_carried_out():
+def test_a_plan_is_carried_out(monkeypatch):
     asked = []
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {0, 1})
 
     def make(task, count, workers):
         asked.append((task, count, workers))
@@ -185,6 +187,10 @@ def test_a_plan_is_carried_out():
     assert asked == [("FoldDress-v1", 2, 1)]
     assert plan.total == 2
     assert not any("worker" in name for name in names if not name.startswith("start"))
+    asked.clear()
+    plan = Plan(tasks=("FoldDress-v1",), attempts=2)
+    *_, last = measure_collection(plan, make)
+    assert (asked, plan.total, last.is_skipped) == ([("FoldDress-v1", 2, 1)], 2, True)
 
 
 def test_rows_as_json(monkeypatch, capsys):

@@ -1,12 +1,18 @@
 """Attempts are made as `dgl collect` makes them, and timed."""
 
+import shutil
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dexgarmentlab.bench_collect.rows import make_start_rows, make_task_rows, make_worker_rows
+from dexgarmentlab.bench_collect.rows import (
+    find_worker_obstacle,
+    make_start_rows,
+    make_task_rows,
+    make_worker_rows,
+)
 from dexgarmentlab.bench_collect.timed import FACTORY, AttemptTimes
 from dexgarmentlab.bench_physics.rows import Row
 from dgl_collect import AttemptResult, CollectConfig, Progress, collect
@@ -60,8 +66,14 @@ class Plan:
     @property
     def total(self) -> int:
         """Attempts in all."""
-        again = self.count_attempts(self.tasks[0]) if self.workers > 1 else 0
+        again = self.count_attempts(self.tasks[0]) if self.has_side_by_side else 0
         return again + sum(self.count_attempts(task) for task in self.tasks)
+
+    @property
+    def has_side_by_side(self) -> bool:
+        """Whether attempts are made by several workers, too."""
+        count = self.count_attempts(self.tasks[0])
+        return self.workers > 1 and find_worker_obstacle(self.workers, count) is None
 
 
 Make = Callable[[str, int, int], list[AttemptTimes]]
@@ -81,9 +93,9 @@ def measure_collection(plan: Plan, make: Make) -> list[Row]:
     rows = make_task_rows(first, alone)
     for task in others:
         rows += make_task_rows(task, make(task, plan.count_attempts(task), 1))
-    together = make(first, count, plan.workers) if plan.workers > 1 else []
+    together = make(first, count, plan.workers) if plan.has_side_by_side else []
     rows += make_start_rows([*alone, *together])
-    if together:
+    if plan.workers > 1:
         rows += make_worker_rows(first, alone, together, workers=plan.workers)
     return rows
 
@@ -105,27 +117,37 @@ def make_attempts(
         seed: Of the run.
         on_attempt: Is told how many have been made.
 
+    Returns:
+        The attempts in their order.
+
     Raises:
         KeyboardInterrupt: If the run was interrupted.
         WorkerError: If workers cannot work.
+        ValueError: If an attempt ended early. After an error the run's folder is kept, with the workers' logs.
     """
+    results: list[AttemptResult] = []
 
     def report(progress: Progress) -> None:
-        on_attempt(len(progress.results))
         results[:] = progress.results
+        on_attempt(len(results))
 
-    results: list[AttemptResult] = []
-    with tempfile.TemporaryDirectory(prefix="dgl-bench-") as folder:
-        config = CollectConfig(
-            task=task,
-            episodes=count,
-            out=Path(folder) / "run",
-            seed=seed,
-            workers=workers,
-            attempt_factory=FACTORY,
-            options={"launched": time.time()},
-        )
-        summary = collect(config, known_tasks=task_ids(), on_progress=report)
+    folder = Path(tempfile.mkdtemp(prefix="dgl-bench-"))
+    config = CollectConfig(
+        task=task,
+        episodes=count,
+        out=folder,
+        seed=seed,
+        workers=workers,
+        attempt_factory=FACTORY,
+        options={"launched": time.time()},
+    )
+    summary = collect(config, known_tasks=task_ids(), on_progress=report)
     if summary.status == "interrupted":
+        shutil.rmtree(folder)
         raise KeyboardInterrupt
-    return sorted((AttemptTimes.from_result(result) for result in results), key=lambda t: t.index)
+    try:
+        times = [AttemptTimes.from_result(result) for result in results]
+    except ValueError as err:
+        raise ValueError(f"{err}; the run is kept in {folder}") from err
+    shutil.rmtree(folder)
+    return sorted(times, key=lambda attempt: attempt.index)

@@ -9,7 +9,13 @@ from dexgarmentlab.bench_collect.throughput import compare_throughput
 from dexgarmentlab.bench_collect.timed import AttemptTimes
 from dexgarmentlab.bench_physics.rows import Row
 
-__all__ = ["make_start_rows", "make_task_rows", "make_worker_rows", "select_median"]
+__all__ = [
+    "find_worker_obstacle",
+    "make_start_rows",
+    "make_task_rows",
+    "make_worker_rows",
+    "select_median",
+]
 
 ATTEMPT_BARS = {"FoldTops-v1": 18.0, "FlingTops-v1": 20.0}
 """Longest times of an attempt of one round [s]."""
@@ -83,20 +89,23 @@ def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
     ]
 
 
+def find_worker_obstacle(workers: int, attempts: int) -> str | None:
+    """Say why several workers cannot be compared with one by so many attempts; None where they can."""
+    cores = len(os.sched_getaffinity(0))
+    if cores < workers:
+        return f"this machine has {cores} cores; compare fewer with --workers"
+    if attempts < 2 * workers:
+        return f"{attempts} attempts are too few; make {2 * workers} --attempts or more"
+    return None
+
+
 def make_worker_rows(
     task: str, alone: Sequence[AttemptTimes], together: Sequence[AttemptTimes], *, workers: int
 ) -> list[Row]:
-    """Compare several workers with one, see `compare_throughput`."""
-    cores = len(os.sched_getaffinity(0))
+    """Compare several workers with one, see `compare_throughput`; one row says so where they cannot be compared."""
     name = f"{task}, {workers} workers against 1"
-    note = ""
-    if cores < workers:
-        note = f"skipped: this machine has {cores} cores; compare fewer with --workers"
-    elif len(together) < 2 * workers:
-        note = (
-            f"skipped: {len(together)} attempts are too few; make {2 * workers} --attempts or more"
-        )
-    if note:
+    if obstacle := find_worker_obstacle(workers, len(alone)):
+        note = f"skipped: {obstacle}"
         return [Row(name=name, value=None, unit="times", note=note, is_skipped=True)]
     found = compare_throughput(alone, together, workers=workers)
     rate = 3600 / statistics.fmean(times.elapsed for times in alone)
@@ -108,7 +117,8 @@ def make_worker_rows(
             value=found.ratio,
             unit="times",
             bar=f">= {EFFICIENCY_BAR * workers:g}",
-            note=f"on {cores} cores, of which the workers had {found.cores:.2f}",
+            note=f"elapsed time; the workers had {found.cores:.2f} cores, less than {workers} where the machine has "
+            "other work to do",
         ),
         Row(
             name=f"{name}, had each a core",
