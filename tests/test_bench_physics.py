@@ -6,13 +6,23 @@ import numpy as np
 import pytest
 
 from dexgarmentlab import bench_physics
-from dexgarmentlab.bench_physics import Bench, Experiment, Result, Row
+from dexgarmentlab.bench_physics import (
+    Bench,
+    Experiment,
+    Result,
+    Row,
+    cpu_code,
+    equal_strain,
+    speed_scenes,
+)
+from dexgarmentlab.bench_physics.against_newton import Setting, hang_here
 from dexgarmentlab.bench_physics.drawing import save_figure
 from dexgarmentlab.bench_physics.fabrics import compute_elastica
 from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
 from dexgarmentlab.bench_physics.hat import measure_change, press_hat
 from dexgarmentlab.bench_physics.panel import Panel
 from dexgarmentlab.bench_physics.rendering import measure_extent, render
+from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import (
     join,
     make_bowl,
@@ -22,7 +32,9 @@ from dexgarmentlab.bench_physics.sheets import (
     make_sheet,
 )
 from dexgarmentlab.bench_physics.solids import stretch_bar
-from dgl_physics import SimulationDivergedError
+from dexgarmentlab.bench_physics.speed_scenes import SpeedScene, make_hanging
+from dgl_physics import ModelBuilder, SimulationDivergedError, SolverConfig
+from dgl_physics.launcher import find_vector_obstacle
 from dgl_physics.measure import find_intersections
 from dgl_physics.peirce import compute_chord_angle
 from dgl_physics.tetrahedra import check_orientation
@@ -249,3 +261,89 @@ def test_newton_that_is_not_there_is_said_with_the_fix(monkeypatch):
     assert all(
         "dexgarmentlab[bench]" in row.note and "--newton-python" in row.note for row in skipped
     )
+
+
+def _make_patch(frames, *, first_timed=0):
+    """A patch that falls onto the ground and sleeps there."""
+    vertices, faces = make_sheet(0.05, 0.05, 0.0125)
+    vertices[:, 2] += 0.2
+
+    def build(config):
+        builder = ModelBuilder()
+        builder.add_garment(vertices, faces)
+        builder.add_ground()
+        scene = Scene(builder, config)
+        return scene.solver, scene.state
+
+    return SpeedScene(
+        name="patch, frame",
+        note="",
+        build=build,
+        play=lambda solver, state, frame: solver.step(state),
+        frames=frames,
+        first_timed=first_timed,
+        config=SolverConfig(sleep_after=0.1),
+    )
+
+
+@pytest.mark.skipif(find_vector_obstacle() is not None, reason="this CPU runs no vector code")
+def test_both_codes_are_timed_on_the_same_frames_that_are_awake():
+    found = cpu_code.compare_codes(_make_patch(40, first_timed=5))
+    assert 5 < len(found.vector) == len(found.warp) < 35  # it lies still in the end
+    assert min(found.vector.min(), found.warp.min()) > 0
+    rows = cpu_code.make_rows(_make_patch(40), found)
+    assert rows[2].value == pytest.approx(found.warp.mean() / found.vector.mean())
+    assert (rows[3].value, rows[3].ok) == (0, True)
+
+
+def test_a_cpu_without_vector_code_is_skipped_with_the_reason(monkeypatch):
+    monkeypatch.setattr(cpu_code, "find_vector_obstacle", lambda: "it lacks avx2")
+    [row] = cpu_code.measure_cpu_code(Bench()).rows
+    assert row.is_skipped
+    assert "it lacks avx2" in row.note
+
+
+@pytest.mark.slow
+def test_the_dress_hangs_from_both_hands_over_the_bar():
+    scene = make_hanging()
+    solver, state = scene.build(scene.config)
+    for frame in range(scene.frames):
+        scene.play(solver, state, frame)
+    x = state.get_positions()[0]
+    assert x[:, 2].max() > speed_scenes.BAR_HEIGHT + speed_scenes.BAR_RADIUS
+    assert x[:, 2].min() > 0.5  # nothing lies on the ground
+    assert x[:, 1].min() < -0.2  # one end is where the hands are, the other beyond the bar
+    assert x[x[:, 1] > speed_scenes.BAR_RADIUS, 2].min() < speed_scenes.BAR_HEIGHT - 0.2
+
+
+def _run(mean, tail, milliseconds):
+    return {"means": [9.0, mean], "tails": [9.0, tail], "seconds": [1e-3 * milliseconds] * 2}
+
+
+def test_the_cheapest_setting_that_stretches_little_enough_is_found():
+    runs = {4: _run(0.6, 5.0, 1), 6: _run(0.4, 9.0, 2), 8: _run(0.4, 5.0, 3), 9: None}
+    settings = [Setting(n, 1) for n in runs]
+    trials = equal_strain.find_cheapest(settings, lambda s: runs[s.substeps])
+    assert [trial.setting.substeps for trial in trials] == [4, 6, 8]
+    [row] = equal_strain.make_rows("dgl-physics", trials, None)
+    assert row.value == pytest.approx(3)
+    assert "not enough: 6 substeps x 1 iteration: mean strain 0.40 %" in row.note
+    _, ratio = equal_strain.make_rows("Newton VBD", trials[-1:], trials[-1])
+    assert (ratio.name, ratio.value) == (
+        "Newton VBD, frame at equal strain, relative to dgl-physics",
+        1,
+    )
+
+
+def test_a_solver_that_stretches_too_much_or_blows_up_is_said():
+    bad = {4: _run(0.6, 5.0, 1), 6: _run(None, None, 2)}
+    trials = equal_strain.find_cheapest([Setting(n, 2) for n in bad], lambda s: bad[s.substeps])
+    [row] = equal_strain.make_rows("Newton XPBD", trials, None)
+    assert row.value is None
+    assert row.note.startswith("not reached; 6 substeps x 2 iterations: mean strain inf %")
+
+
+def test_this_solver_reaches_the_strain_of_the_comparison():
+    settings = equal_strain.SETTINGS[equal_strain.OURS]
+    found = hang_here(Panel(), 4, SolverConfig(substeps=settings[-1].substeps))
+    assert equal_strain.Trial.from_run(settings[-1], found).is_enough

@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,14 +14,30 @@ from dexgarmentlab.bench_physics.experiment import Bench, Result
 from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit
 from dexgarmentlab.bench_physics.panel import Panel, hang_panel, summarise_strain
 from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics import SolverConfig
 
-__all__ = ["measure_newton"]
+__all__ = ["NewtonError", "Setting", "hang_here", "hang_in_newton", "measure_newton"]
 
 FRAMES = 20
 """A third of a second, in which the panel falls into its corners: Newton's VBD takes seconds for a frame."""
+
+
+class Setting(NamedTuple):
+    """How much work a solver does for a frame."""
+
+    substeps: int
+    iterations: int
+    """Passes over the constraints in each substep."""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.substeps} substeps x {self.iterations} iteration{'s' * (self.iterations > 1)}"
+        )
+
+
 SETTINGS = {
-    "xpbd": "10 substeps x 2 iterations, springs of 2 N/m, the stiffest that do not blow up",
-    "vbd": "10 substeps x 5 iterations, contact of triangles at 3 mm",
+    "xpbd": (Setting(10, 2), "springs of 2 N/m, the stiffest that do not blow up"),
+    "vbd": (Setting(10, 5), "contact of triangles at 3 mm"),
 }
 FIX = 'install it with `pip install "dexgarmentlab[bench]"`, or name an interpreter that has it by --newton-python'
 
@@ -29,16 +46,16 @@ def measure_newton(bench: Bench) -> Result:
     """Hang the panel for a third of a second in this solver and in both of Newton's."""
     frames = bench.scale(FRAMES, least=3)
     panel = Panel()
-    ours = _hang_ours(panel, frames)
+    ours = hang_here(panel, frames)
     rows = _make_rows(
         "dgl-physics", ours, None, f"{len(panel.vertices)} particles, {frames} frames"
     )
     runs = {"dgl-physics": ours}
-    for kind, settings in SETTINGS.items():
+    for kind, (setting, about) in SETTINGS.items():
         name = f"Newton {kind.upper()}"
         try:
-            theirs = _run_worker(bench, panel, frames, kind)
-        except _NewtonError as err:
+            theirs = hang_in_newton(bench, panel, frames, kind, setting)
+        except NewtonError as err:
             rows.append(
                 Row(
                     name=f"{name}, frame relative to dgl-physics",
@@ -49,37 +66,48 @@ def measure_newton(bench: Bench) -> Result:
                 )
             )
             continue
-        note = f"Newton {theirs['version']}, {settings}"
+        note = f"Newton {theirs['version']}, {setting}, {about}"
         rows += _make_rows(name, theirs, ours, note)
         runs[name] = theirs
     return Result(rows=rows, figures=(_draw(runs),))
 
 
-class _NewtonError(Exception):
+class NewtonError(Exception):
     """Newton is not there, or did not do it; the message says why and what helps."""
 
 
-def _hang_ours(panel: Panel, frames: int) -> dict:
-    warm = hang_panel(panel, drag=0.0)
+def hang_here(panel: Panel, frames: int, config: SolverConfig | None = None) -> dict:
+    """Hang the panel in this solver.
+
+    Returns:
+        "seconds": processor time of each frame [s]; "means" and "tails": mean and 99.9th percentile of the edges'
+        absolute strain after each frame [%], None where it is not finite; "is_finite": whether all is.
+    """
+    warm = hang_panel(panel, drag=0.0, config=config)
     warm.step(2)
-    scene = hang_panel(panel, drag=0.0)
+    scene = hang_panel(panel, drag=0.0, config=config)
     seconds, strains = [], []
     for _ in range(frames):
-        started = time.perf_counter()
+        started = time.process_time()
         scene.step()
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.process_time() - started)
         strains.append(summarise_strain(scene.strain()))
     means, tails = zip(*strains, strict=True)
     return {"seconds": seconds, "means": means, "tails": tails, "is_finite": True}
 
 
-def _run_worker(bench: Bench, panel: Panel, frames: int, kind: str) -> dict:
+def hang_in_newton(bench: Bench, panel: Panel, frames: int, kind: str, setting: Setting) -> dict:
+    """Hang the panel in one of Newton's solvers, "xpbd" or "vbd"; returns what `hang_here` does, and its "version".
+
+    Raises:
+        NewtonError: If Newton is not there, or does not do it.
+    """
     python = bench.newton_python or sys.executable
     probe = _call([python, "-I", "-c", "import newton"])
     if probe.returncode != 0:
         if "No module named 'newton'" in probe.stderr:
-            raise _NewtonError(f"Newton is not installed for {Path(python).name}; {FIX}")
-        raise _NewtonError(f"Newton does not start: {_last_line(probe.stderr)}")
+            raise NewtonError(f"Newton is not installed for {Path(python).name}; {FIX}")
+        raise NewtonError(f"Newton does not start: {_last_line(probe.stderr)}")
     from dgl_physics.topology import compute_edges
 
     worker = Path(__file__).with_name("_newton_worker.py")
@@ -95,9 +123,9 @@ def _run_worker(bench: Bench, panel: Panel, frames: int, kind: str) -> dict:
             stretch_stiffness=panel.material.stretch_stiffness,
             thickness=panel.material.thickness,
         )
-        done = _call([python, "-I", str(worker), str(path), str(frames), kind])
+        done = _call([python, "-I", str(worker), str(path), str(frames), kind, *map(str, setting)])
     if done.returncode != 0:
-        raise _NewtonError(f"it failed: {_last_line(done.stderr)}")
+        raise NewtonError(f"it failed: {_last_line(done.stderr)}")
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -105,7 +133,7 @@ def _call(command: list[str]) -> subprocess.CompletedProcess[str]:
     try:
         return subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as err:
-        raise _NewtonError(f"{command[0]} cannot be run ({err.strerror}); {FIX}") from err
+        raise NewtonError(f"{command[0]} cannot be run ({err.strerror}); {FIX}") from err
 
 
 def _last_line(text: str) -> str:

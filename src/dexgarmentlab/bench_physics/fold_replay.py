@@ -98,12 +98,17 @@ def make_fold_env() -> "GarmentEnv":
     return env.unwrapped
 
 
-def record_fold(*, seed: int) -> FoldRecord:
-    """Play the demonstration on its garment, placed by the seed."""
+def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
+    """Play the demonstration on a garment, placed by the seed.
+
+    Args:
+        seed: Of the episode.
+        garment: Catalogue id; the demonstration's own by default, drawn by the seed when None.
+    """
     from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
 
     env = make_fold_env()
-    env.reset(seed=seed, options={"garment": GARMENT})
+    env.reset(seed=seed, options={} if garment is None else {"garment": garment})
     player = _Player(env)
     start = HOME_CONFIGURATION.copy()
     for side in SIDES:

@@ -11,7 +11,7 @@ from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Pic
 from dexgarmentlab.bench_physics.rows import Row
 from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import make_panel
-from dgl_physics import ClothMaterial, ModelBuilder
+from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 
 __all__ = ["Panel", "hang_panel", "measure_panel", "summarise_strain"]
 
@@ -38,7 +38,7 @@ class Panel:
         self.pinned = (int(top[ends.argmin()]), int(top[ends.argmax()]))
 
 
-def hang_panel(panel: Panel, *, drag: float) -> Scene:
+def hang_panel(panel: Panel, *, drag: float, config: SolverConfig | None = None) -> Scene:
     """Hang the panel by its two upper corners."""
     builder = ModelBuilder()
     builder.add_garment(
@@ -48,7 +48,7 @@ def hang_panel(panel: Panel, *, drag: float) -> Scene:
         pinned=panel.pinned,
         material=replace(panel.material, drag=drag),
     )
-    return Scene(builder)
+    return Scene(builder, config)
 
 
 def summarise_strain(strain: np.ndarray) -> tuple[float, float]:

@@ -84,6 +84,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             _lazily("fold", "measure_fold_speed"),
         ),
         Experiment(
+            "cpu_code",
+            "Two codes for a CPU",
+            "Vector code takes eight constraints at a time and gives what Warp's own gives, to the bit.",
+            _lazily("cpu_code", "measure_cpu_code"),
+        ),
+        Experiment(
             "fold_rest",
             "Fold and rest",
             "What was folded should stay as it is, and come to rest.",
@@ -112,6 +118,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             "Beside Newton",
             "The same mesh, hung by the same corners on the same core, in Newton's XPBD and VBD.",
             _lazily("against_newton", "measure_newton"),
+        ),
+        Experiment(
+            "equal_strain",
+            "Beside Newton at equal strain",
+            "The same panel: how long each solver takes for a frame of the same quality, by its cheapest setting.",
+            _lazily("equal_strain", "measure_equal_strain"),
         ),
         Experiment(
             "self_contact",

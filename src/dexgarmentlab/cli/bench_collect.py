@@ -1,0 +1,68 @@
+"""`dgl bench collect`: the time of attempts, by component."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
+from dexgarmentlab.cli.bench_physics import print_rows
+
+if TYPE_CHECKING:
+    from dexgarmentlab.bench_collect.timed import AttemptTimes
+
+__all__ = ["CollectOptions", "measure_collect"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollectOptions:
+    """Time attempts with film and recording: by component, in all, the start of a worker, and several workers.
+
+    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time where they can be, since
+    other work on the machine changes that least. A bar that is not met is a finding and no failure: the exit status is 0.
+
+    Example: dgl bench collect --task FoldTops-v1 --attempts 6
+    """
+
+    task: tuple[str, ...] = ("FoldTops-v1", "FlingTops-v1")
+    """Tasks to time; several workers are tried at the first one."""
+    attempts: int | None = None
+    """Attempts at each task, of seeds of their own; by default six, and one at Fling Tops."""
+    seed: int = 0
+    """Of the runs: as of `dgl collect`, every attempt gets its own from it."""
+    workers: int = 2
+    """Workers side by side that are compared with one; 1 leaves that out."""
+    json: bool = False
+    """Write the rows as JSON."""
+
+
+def measure_collect(options: CollectOptions) -> int:
+    """Make the attempts and write the rows."""
+    from dexgarmentlab.bench_collect import Plan, make_attempts, measure_collection
+
+    try:
+        plan = Plan(
+            tasks=options.task,
+            attempts=options.attempts,
+            seed=options.seed,
+            workers=options.workers,
+        )
+    except ValueError as err:
+        console.error(str(err))
+        return EXIT_USAGE
+    made = 0
+    with console.progress("making attempts", plan.total) as bar:
+
+        def make(task: str, count: int, workers: int) -> "list[AttemptTimes]":
+            nonlocal made
+            before = made
+            note = f"{task}, {workers} worker{'s' * (workers > 1)}"
+
+            def show(done: int) -> None:
+                nonlocal made
+                bar.advance(before + done - made, note=note)
+                made = before + done
+
+            return make_attempts(task, count, workers, seed=options.seed, on_attempt=show)
+
+        rows = measure_collection(plan, make)
+    print_rows(rows, as_json=options.json)
+    return EXIT_OK
