@@ -206,6 +206,7 @@ def test_rewards_of_each_mode_are_given_by_step():
         made = gymnasium.make(
             "FoldTops-v1",
             task=HARDLY_SETTLED,
+            reconfiguration_freq=0,
             obs_mode="state",
             reward_mode=mode,
             render_backend="none",
@@ -224,6 +225,7 @@ def test_end_effectors_go_where_they_are_told():
     made = gymnasium.make(
         "FoldTops-v1",
         task=HARDLY_SETTLED,
+        reconfiguration_freq=0,
         obs_mode="state",
         control_mode="pd_ee_pose",
         render_backend="none",
