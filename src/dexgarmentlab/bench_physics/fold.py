@@ -216,7 +216,7 @@ def measure_fold_speed(bench: Bench) -> Result:
     record, replay = bench.fold, bench.fold_again
     cloth, step = 1e3 * replay.frame_seconds[2:], 1e3 * record.step_seconds[2:]
     bodies, shapes = replay.solver.model.body_count - 1, replay.solver.model.shape_count
-    note = f"{len(record.final)} particles, {bodies} bodies with {shapes} shapes, one core"
+    note = f"processor time; {len(record.final)} particles, {bodies} bodies with {shapes} shapes"
     rows = (
         Row(
             name="Fold Tops, frame of the cloth, mean",

@@ -46,7 +46,7 @@ class FoldRecord:
     stages: Mapping[str, tuple[int, int]]
     """Frame at which the hands of a stage begin to close, and at which they have left the cloth."""
     step_seconds: np.ndarray
-    """Time that each step of the environment took [s], shape (T,)."""
+    """Processor time that each step of the environment took [s], shape (T,)."""
     success_value: float
     """Share of the visible area that lies where the task wants it."""
 
@@ -172,9 +172,9 @@ class _Player:
     def send(self, rows: np.ndarray) -> None:
         """Play rows of joint targets."""
         for row in rows:
-            started = time.perf_counter()
+            started = time.process_time()
             self.env.advance(row.astype(np.float32))
-            self.seconds.append(time.perf_counter() - started)
+            self.seconds.append(time.process_time() - started)
             self.actions.append(row.astype(np.float32))
             self.poses.append(_read_poses(self.env.cloth.state))
 
@@ -234,7 +234,7 @@ class ClothReplay:
     solver: SolverXPBD
     state: State
     frame_seconds: np.ndarray
-    """Time of each frame [s], shape (T,)."""
+    """Processor time of each frame [s], shape (T,); it does not count what CUDA does."""
     positions: Mapping[int, np.ndarray]
     """Particles [m], shape (V, 3), before the first frame and at the end of each stage and of all, by frame."""
     velocities: Mapping[int, np.ndarray]
@@ -259,9 +259,9 @@ def replay_cloth(
             positions[frame] = state.get_positions()[0]
             velocities[frame] = state.get_velocities()[0]
         if frame < len(record.actions):
-            started = time.perf_counter()
+            started = time.process_time()
             record.play(solver, state, frame)
-            seconds[frame] = time.perf_counter() - started
+            seconds[frame] = time.process_time() - started
     return ClothReplay(
         solver=solver,
         state=state,
