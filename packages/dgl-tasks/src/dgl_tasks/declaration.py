@@ -149,8 +149,8 @@ class Task:
     workspace: Workspace = field(default_factory=Workspace)
     material: ClothMaterial = field(default_factory=ClothMaterial)
     hand_friction: float = 3.0
-    """Friction of the hands' rubber pads, a factor on the material's: of 1 hems and the corners of heaps slip out; with
-    25, the original's, garments stay on opened hands."""
+    """Friction of the hands' rubber pads, a factor on the material's (25 in the original code). Of 1, hems and the corners
+    of heaps slip out; what is flung by its shoulders needs more than what is folded."""
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
 

@@ -16,6 +16,7 @@ TASK = Task(
     start_below=0.7,
     settle_frames=120,
     rounds=FLING_ROUNDS,
+    hand_friction=25.0,
     turns_over=True,
     cameras=FLING_CAMERAS,
     stages=(
