@@ -44,8 +44,8 @@ class SolverConfig:
     is_guarded: bool = True
     """Raise when particles diverge or contact capacities overflow, looked at after each frame."""
     cpu_code: CpuCode = "auto"
-    """Code that a CPU runs: "vector" does eight constraints at a time, "warp" one; "auto" takes vector code wherever the
-    CPU has AVX2 and says so in the log where it has not. Both give the same results, to the bit."""
+    """Code that a CPU runs: "vector" does eight constraints at a time, "warp" one; "auto" takes vector code where the CPU has
+    AVX2 and FMA or is an Arm of 64 bits, and says so in the log where it has not. Both give the same results, to the bit."""
 
     def __post_init__(self) -> None:
         if not self.dt > 0:
