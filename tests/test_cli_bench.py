@@ -63,6 +63,17 @@ def test_effort_and_seed_reach_the_experiments(made_up, capsys):
     assert [(b.effort, b.seed) for b in made_up] == [(0.25, 7)]
 
 
+def test_a_report_that_cannot_be_written_is_refused_before_anything_is_measured(
+    made_up, tmp_path, capsys
+):
+    (tmp_path / "file").touch()
+    assert main(["bench", "physics", "--report", str(tmp_path / "file")]) == 2
+    assert (
+        f"--report needs a folder to write to; got {tmp_path / 'file'}" in capsys.readouterr().err
+    )
+    assert not made_up
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

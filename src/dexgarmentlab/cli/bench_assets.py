@@ -46,7 +46,7 @@ class AssetsOptions:
     drop: bool = True
     """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it goes on."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
     @property
     def command(self) -> str:

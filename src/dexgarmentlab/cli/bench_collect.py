@@ -31,7 +31,7 @@ class CollectOptions:
     workers: int = 2
     """Workers side by side that are compared with one; 1 leaves that out."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
 
 def measure_collect(options: CollectOptions) -> int:

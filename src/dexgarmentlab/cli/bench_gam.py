@@ -25,7 +25,7 @@ class GamOptions:
     seed: int = 0
     """Of the clouds and the weights."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
 
 def measure_gam(options: GamOptions) -> int:

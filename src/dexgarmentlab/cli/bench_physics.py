@@ -35,7 +35,7 @@ class PhysicsOptions:
     newton_python: str | None = None
     """Python interpreter that has Newton, when this one has not."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
 
 def measure_physics(options: PhysicsOptions) -> int:
@@ -50,6 +50,14 @@ def measure_physics(options: PhysicsOptions) -> int:
     except ValueError as err:
         console.error(str(err))
         return EXIT_USAGE
+    if options.report is not None:
+        try:
+            options.report.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            console.error(
+                f"--report needs a folder to write to; got {options.report}: {err.strerror}"
+            )
+            return EXIT_USAGE
     results = []
     console.info(f"measuring {experiments[0].name} ...")
     for number, found in enumerate(bench_physics.run(experiments, bench), start=1):

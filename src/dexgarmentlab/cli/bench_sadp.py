@@ -31,7 +31,7 @@ class SadpOptions:
     seed: int = 0
     """Of weights and observations."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
 
 def measure_sadp(options: SadpOptions) -> int:

@@ -35,7 +35,7 @@ class EvalOptions:
     markdown: bool = False
     """Write the table in Markdown."""
     json: bool = False
-    """Write the rows as JSON."""
+    """Print the rows as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
