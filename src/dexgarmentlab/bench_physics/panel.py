@@ -107,7 +107,7 @@ def measure_panel(bench: Bench) -> Result:
             value=frame,
             unit="ms",
             bar=f"<= {1e3 / 60 / 1.5:.1f}",
-            note="mean processor time while swinging; 1.5 times real time",
+            note="mean processor time while swinging; the bar is 1.5 times real time",
         ),
     )
     return Result(rows=rows, figures=tuple(_draw(panel, resting, strain, (means, tails), settle)))
