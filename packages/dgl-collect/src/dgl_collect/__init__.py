@@ -13,8 +13,8 @@ from dgl_collect.errors import NotReplayableError as NotReplayableError
 from dgl_collect.errors import OutputFolderError as OutputFolderError
 from dgl_collect.errors import UnknownTaskError as UnknownTaskError
 from dgl_collect.errors import WorkerError as WorkerError
+from dgl_collect.recording import EpisodeRecorder as EpisodeRecorder
 from dgl_collect.recording import StageRecorder as StageRecorder
-from dgl_collect.recording import StageStart as StageStart
 from dgl_collect.results import AttemptResult as AttemptResult
 from dgl_collect.results import Criterion as Criterion
 from dgl_collect.results import Summary as Summary

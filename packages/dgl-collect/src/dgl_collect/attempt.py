@@ -7,21 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_assets import load_garment
 from dgl_assets.robots import DEFAULT_ROBOT
-from dgl_assets.robots.importing import load_robot
-from dgl_collect.demonstration import load_demonstration
-from dgl_collect.episodes import write_episode
-from dgl_collect.execution import Execution, Outcome, Recorded, Setup
-from dgl_collect.matching import make_find_matcher
-from dgl_collect.results import AttemptResult, Criterion
+from dgl_collect.actors import Expert
+from dgl_collect.episodes import FINAL_PARTICLES, Episode, write_episode
+from dgl_collect.recording import EpisodeRecorder
+from dgl_collect.results import AttemptResult, package_versions
+from dgl_collect.setup import make_setup
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import PhysicsError
-from dgl_tasks import TaskError, get_task
-from dgl_tasks.coverage import sample_visible_surface
-from dgl_tasks.motion import BimanualMotion
+from dgl_tasks import TaskError
+from dgl_tasks.evaluation import EpisodeResult, run_episode
 from dgl_tasks.perception import film
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 logger = logging.getLogger(__name__)
 
@@ -64,10 +60,10 @@ class DemonstrationAttempts:
         matcher: str = "exact",
         robot: str = DEFAULT_ROBOT.name,
         robots: str | None = None,
-        recorded: Recorded = "stages",
+        recorded: str = "stages",
     ) -> None:
         """Build the environment and load the demonstration."""
-        self._garment, self._recorded = garment, recorded
+        self._garment, self._with_approach = garment, recorded == "approaches"
         self._setup = make_setup(
             task,
             render_backend=render_backend,
@@ -87,92 +83,76 @@ class DemonstrationAttempts:
     ) -> AttemptResult:
         """Make one attempt; see `dgl_collect.attempts.AttemptRunner`."""
         started = time.perf_counter()
+        setup = self._setup
+        recorder = EpisodeRecorder(setup.env, with_approach=self._with_approach)
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
+        result, error = None, None
         with VideoWriter(out_dir / files["video"]) as video:
-            execution = Execution(self._setup, seed, video=video, recorded=self._recorded)
             try:
-                outcome = execution.execute(self._garment)
+                result = run_episode(
+                    setup.env,
+                    setup.motion,
+                    setup.make_runner(Expert()),
+                    seed=seed,
+                    garment=self._garment,
+                    film=video.add,
+                    listener=recorder,
+                )
             except (TaskError, PhysicsError) as err:
                 logger.info("attempt %d: %s", attempt_index, err)
-                outcome = Outcome.from_error(err, film(self._setup.env))
-                video.add(outcome.picture)
-        save_png(out_dir / files["picture"], outcome.picture)
-        if outcome.success:
+                error = err
+                video.add(film(setup.env))
+        save_png(out_dir / files["picture"], result.picture if result else film(setup.env))
+        if result is not None and result.success:
             files["episode"] = f"{episode_id}.h5"
-            write_episode(out_dir / files["episode"], execution.make_episode(outcome))
-        return AttemptResult(
+            write_episode(out_dir / files["episode"], self._make_episode(seed, result, recorder))
+        return describe_episode(
+            result or error,
             index=attempt_index,
             seed=seed,
-            success=outcome.success,
-            value=outcome.verdict.value if outcome.verdict else None,
-            reason=outcome.reason,
-            detail=outcome.detail,
-            criteria=_to_criteria(outcome),
-            garment_id=self._setup.env.garment.name,
+            garment_id=setup.env.garment.name,
             seconds=time.perf_counter() - started,
-            frames=sum(record.frame_count for record in execution.records.values()),
-            stage_seconds=execution.stage_seconds,
+            frames=sum(record.frame_count for record in recorder.records.values()),
+            stage_seconds=recorder.seconds,
             files=files,
-            randomisation=dict(self._setup.env.draws),
-            measurements=execution.driver.measurements,
+            randomisation=dict(setup.env.draws),
+        )
+
+    def _make_episode(self, seed: int, result: EpisodeResult, recorder: EpisodeRecorder) -> Episode:
+        """Put the recorded stages of an attempt together."""
+        setup = self._setup
+        stages = setup.demonstration.learned_stages
+        return Episode(
+            task=setup.env.task.id,
+            seed=seed,
+            garment_id=result.garment,
+            robot=setup.motion.robot.name,
+            matcher=setup.matcher,
+            success=result.success,
+            success_value=result.verdict.value,
+            stages=tuple(recorder.records[stage.name] for stage in stages),
+            randomisation=dict(result.draws),
+            measurements=dict(result.measurements),
+            package_versions=package_versions(),
+            commands=result.commands,
+            extra={FINAL_PARTICLES: setup.env.get_particles().astype(np.float32)},
         )
 
 
-def make_setup(
-    task: str,
-    *,
-    render_backend: str | None = None,
-    look: str = "studio",
-    matcher: str = "exact",
-    robot: str = DEFAULT_ROBOT.name,
-    robots: str | None = None,
-) -> Setup:
-    """Build the environment of a task, and what a demonstration of it needs.
-
-    Args:
-        task: Environment id.
-        render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
-        look: "studio" or "random".
-        matcher: Finds the demonstrated points; see `dgl_collect.matching.MatcherName`.
-        robot: Name of arm and hand.
-        robots: Folder of imported robots, for names that are not built in.
-    """
-    import gymnasium
-    import torch
-
-    demonstration = load_demonstration(task)
-    demo_garment = load_garment(demonstration.garment)
-    find_matcher = make_find_matcher(matcher, demo_garment)
-    surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
-    model = load_robot(robot, robots)
-    env = gymnasium.make(
-        task,
-        obs_mode="none",
-        reward_mode="none",
-        sim_backend="physx_cpu",
-        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
-        render_mode="rgb_array",
-        look=look,
-        robot=model,
-    ).unwrapped
-    return Setup(
-        env=env,  # pyright: ignore[reportArgumentType]
-        demonstration=demonstration,
-        matcher=matcher,
-        find_matcher=find_matcher,
-        demo_cloud=surface.astype(np.float32),
-        motion=BimanualMotion(get_task(task), DEFAULT_ROBOT_DIRECTORY, robot=model),
-    )
-
-
-def _to_criteria(outcome: Outcome) -> tuple[Criterion, ...]:
-    if outcome.verdict is None:
-        return ()
-    return (
-        Criterion(
-            name=outcome.verdict.quantity,
-            value=outcome.verdict.value,
-            comparison=">=",
-            threshold=outcome.verdict.threshold,
-        ),
+def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:
+    """Make the result of an attempt of an episode that came to its end, or that an error ended."""
+    if not isinstance(ended, EpisodeResult):
+        kind = type(ended).__name__.removesuffix("Error")
+        words = "".join(f" {c.lower()}" if c.isupper() else c for c in kind).strip()
+        return AttemptResult(success=False, reason=words, detail=str(ended), **common)  # pyright: ignore[reportArgumentType]
+    return AttemptResult(
+        success=ended.success,
+        first_try=ended.first_try.success,
+        value=ended.verdict.value,
+        reason=ended.reason,
+        detail=ended.detail,
+        criteria=ended.verdict.criteria,
+        beliefs=ended.beliefs,
+        measurements={**ended.measurements, "steps": float(len(ended.commands))},
+        **common,  # pyright: ignore[reportArgumentType]
     )

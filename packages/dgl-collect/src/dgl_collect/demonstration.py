@@ -1,157 +1,47 @@
-"""One expert demonstration of a task, held as data and retargeted to any garment.
+"""One expert demonstration of a task, held as data.
 
-A demonstration marks points on one garment and says, stage by stage, where the hands that grasp
-them go: waypoints as formulas over the points, so that heights and distances follow from the
-garment at hand as the paper describes. The files lie in `demonstrations/`.
+A demonstration marks points on one garment and says, stage by stage, what the hands do: where they go are formulas over
+the points and over named places of the scene's objects, so that heights and distances follow from the garment at hand as
+the paper describes. The files lie in `demonstrations/`.
 """
 
+import dataclasses
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import resources
 
 import numpy as np
 
-from dgl_assets.robots import HAND_POSES, SIDES, Side
+from dgl_assets.props import make_prop
+from dgl_assets.robots import SIDES, Side
 from dgl_collect.errors import DemonstrationError
-from dgl_collect.formula import evaluate_formula
+from dgl_collect.formula import Value, check_formula
+from dgl_collect.steps import SEEN_NAMES, STEPS, Demonstration, Grasp, Move, Stage, Step, Stretch
+from dgl_tasks import get_task
+from dgl_tasks.declaration import Task
 
-FORMAT_VERSION = 1
-
-
-SEEN_NAMES = ("half_span", "hanging")
-"""What is seen of a garment that has been stretched between the hands, by its name in formulas [m]: half the
-distance of the hands, and how far it hangs below them. The stage's definitions say what to expect."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """Both hands move apart until what hangs between them is seen to be taut."""
-
-    sag: float
-    """How far the upper edge may hang below the hands midway between them [m]."""
-    step: float
-    """How much farther each hand moves at a time [m]."""
-    at_most: float
-    """How much farther each hand moves in all [m]."""
-    spacing: float
-    """As in `Waypoint`."""
-
-    def __post_init__(self) -> None:
-        for name in ("sag", "step", "at_most", "spacing"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} of a stretch must be positive; got {getattr(self, name)}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Waypoint:
-    """Where the grasp points of the working hands go next: formulas for x, y, z by hand."""
-
-    targets: Mapping[Side, tuple[str, str, str]]
-    spacing: float
-    """Distance between samples of the line [m], one a control step; 0.01 is 0.6 m/s."""
-    stretch: Stretch | None = None
-    """What the hands do when they have arrived."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RetargetedWaypoint:
-    """A waypoint on the garment at hand."""
-
-    targets: Mapping[Side, np.ndarray]
-    """Goal of the grasp point of each working hand [m], shape (3,), world frame."""
-    spacing: float
-    """As in `Waypoint`."""
-    stretch: Stretch | None = None
-    """As in `Waypoint`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DemonstratedStage:
-    """What the expert did in one stage."""
-
-    name: str
-    grasp_pose: str
-    """Hand pose that grasps."""
-    release_pose: str
-    """Hand pose that lets go."""
-    definitions: Mapping[str, str]
-    """Numbers by name, as formulas over the points and the numbers before them."""
-    waypoints: tuple[Waypoint, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Demonstration:
-    """One demonstration on one garment."""
-
-    task: str
-    garment: str
-    """Catalogue id of the garment it was given on."""
-    points: Mapping[str, np.ndarray]
-    """Marked places [m], shape (3,), frame of that garment lying flat."""
-    stages: tuple[DemonstratedStage, ...]
-
-    def get_stage(self, name: str) -> DemonstratedStage:
-        """Return the stage of that name."""
-        for stage in self.stages:
-            if stage.name == name:
-                return stage
-        raise DemonstrationError(
-            f"demonstration of {self.task} has no stage {name!r}; it has "
-            f"{', '.join(s.name for s in self.stages)}"
-        )
-
-
-def retarget_waypoints(
-    stage: DemonstratedStage,
-    points: Mapping[str, np.ndarray],
-    *,
-    seen: Mapping[str, float] | None = None,
-) -> list[RetargetedWaypoint]:
-    """Compute a stage's waypoints for a garment.
-
-    Args:
-        stage: What was demonstrated.
-        points: The demonstration's points as found on this garment [m], shape (3,), world frame.
-        seen: What has been seen on the way, by `SEEN_NAMES`; it takes the place of the definition.
-
-    Returns:
-        The waypoints in order.
-
-    Raises:
-        DemonstrationError: If a formula cannot be evaluated.
-    """
-    names: dict[str, float | np.ndarray] = dict(points)
-    try:
-        for name, formula in stage.definitions.items():
-            known = (seen or {}).get(name)
-            names[name] = evaluate_formula(formula, names) if known is None else known
-        return [
-            RetargetedWaypoint(
-                targets={
-                    side: np.array([evaluate_formula(f, names) for f in formulas])
-                    for side, formulas in waypoint.targets.items()
-                },
-                spacing=waypoint.spacing,
-                stretch=waypoint.stretch,
-            )
-            for waypoint in stage.waypoints
-        ]
-    except ValueError as err:
-        raise DemonstrationError(f"stage {stage.name!r}: {err}") from err
+FORMAT_VERSION = 2
+_POINT = np.zeros(3)
+GARMENT_NAMES = ("min", "max", "centre")
+"""Corners and centre of what is seen of the garment: `garment.min.x` and so on in formulas."""
+CONDITION_NAMES = ("round", "held", "skipped", "value")
+"""What a stage's condition may name."""
 
 
 def load_demonstration(task: str) -> Demonstration:
     """Load the demonstration of a task that comes with this package.
 
     Raises:
-        DemonstrationError: If there is none, or its file is not as it should be.
+        DemonstrationError: If there is none, its file is not as it should be, or it does not fit the task.
     """
     stem = task.partition("-")[0]
     file = resources.files("dgl_collect") / "demonstrations" / f"{stem}.json"
     if not file.is_file():
         raise DemonstrationError(f"there is no demonstration of {task!r} (looked for {stem}.json)")
-    return parse_demonstration(json.loads(file.read_text(encoding="utf-8")), source=f"{stem}.json")
+    source = f"{stem}.json"
+    demonstration = parse_demonstration(json.loads(file.read_text(encoding="utf-8")), source=source)
+    check_demonstration(demonstration, get_task(task), source=source)
+    return demonstration
 
 
 def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
@@ -165,59 +55,109 @@ def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
         DemonstrationError: Saying what is wrong and where.
     """
     try:
-        if content["format"] != FORMAT_VERSION:
-            raise ValueError(f"format must be {FORMAT_VERSION}; got {content['format']!r}")
-        points = {name: np.array(xyz, dtype=np.float64) for name, xyz in content["points"].items()}
+        content = dict(content)
+        if content.pop("format") != FORMAT_VERSION:
+            raise ValueError(f"format must be {FORMAT_VERSION}")
+        points = {n: np.array(xyz, dtype=np.float64) for n, xyz in content.pop("points").items()}
         for name, xyz in points.items():
             if xyz.shape != (3,) or not np.isfinite(xyz).all():
                 raise ValueError(f"point {name!r} must be three numbers; got {xyz.tolist()}")
-        return Demonstration(
-            task=content["task"],
-            garment=content["garment"],
-            points=points,
-            stages=tuple(_parse_stage(stage) for stage in content["stages"]),
-        )
+        stages = tuple(_parse_stage(stage) for stage in content.pop("stages"))
+        return _make(Demonstration, {**content, "points": points, "stages": stages})
     except (KeyError, TypeError, ValueError, AttributeError) as err:
         what = f"missing {err}" if isinstance(err, KeyError) else str(err)
         raise DemonstrationError(f"{source}: {what}") from err
 
 
-def _parse_stage(content: Mapping) -> DemonstratedStage:
-    waypoints = []
-    for entry in content["waypoints"]:
-        targets = {side: entry[side] for side in SIDES if side in entry}
-        unknown = set(entry) - set(SIDES) - {"spacing", "stretch"}
-        if unknown or not targets:
-            raise ValueError(
-                f"a waypoint has hands {SIDES}, spacing and stretch; got {sorted(entry)}"
-            )
-        for side, formulas in targets.items():
-            if len(formulas) != 3:
-                raise ValueError(f"{side} must have formulas for x, y, z; got {formulas}")
-        spacing = float(entry.get("spacing", 0.01))
-        if not spacing > 0:
-            raise ValueError(f"spacing must be positive; got {spacing}")
-        stretch = None
-        if "stretch" in entry:
-            stretch = Stretch(**entry["stretch"])
-            missing = [n for n in SEEN_NAMES if n not in content.get("definitions", {})]
-            if set(targets) != set(SIDES) or missing:
-                raise ValueError(
-                    "a stretch needs both hands and definitions of "
-                    f"{' and '.join(SEEN_NAMES)}, for what to expect; got {sorted(entry)}"
-                )
-        waypoints.append(
-            Waypoint(
-                targets={s: tuple(f) for s, f in targets.items()}, spacing=spacing, stretch=stretch
-            )
-        )
-    for key in ("grasp_pose", "release_pose"):
-        if content[key] not in HAND_POSES:
-            raise ValueError(f"{key} must be one of {sorted(HAND_POSES)}; got {content[key]!r}")
-    return DemonstratedStage(
-        name=content["name"],
-        grasp_pose=content["grasp_pose"],
-        release_pose=content["release_pose"],
-        definitions=dict(content.get("definitions", {})),
-        waypoints=tuple(waypoints),
-    )
+def check_demonstration(demonstration: Demonstration, task: Task, *, source: str) -> None:
+    """Check that all that a demonstration names is there in its task.
+
+    Raises:
+        DemonstrationError: Saying which formula names what.
+    """
+    if demonstration.task != task.id:
+        raise DemonstrationError(f"{source}: task must be {task.id!r}; got {demonstration.task!r}")
+    names: dict[str, Value] = {
+        "garment": dict.fromkeys(GARMENT_NAMES, _POINT),
+        **{item.name: dict(make_prop(item.prop).landmarks) for item in task.objects},
+        **demonstration.points,
+    }
+    try:
+        for name in task.success.landmarks:
+            if name not in demonstration.points:
+                raise ValueError(f"the points must have {name!r}, which the rule judges by")
+        if demonstration.flat_area is not None:
+            seen: dict[str, Value] = dict.fromkeys(SEEN_NAMES, 1.0)
+            check_formula(demonstration.flat_area, {**demonstration.points, **seen})
+        for stage in demonstration.stages:
+            _check_stage(stage, names, demonstration.points)
+    except ValueError as err:
+        raise DemonstrationError(f"{source}: {err}") from err
+
+
+def _check_stage(
+    stage: Stage, names: Mapping[str, Value], points: Mapping[str, np.ndarray]
+) -> None:
+    known = dict(names)
+    try:
+        for grasp in stage.grasp.values():
+            unknown = set(grasp.points) - set(points)
+            if unknown:
+                raise ValueError(f"unknown points {sorted(unknown)}; known: {sorted(points)}")
+            for formula in grasp.at or ():
+                check_formula(formula, known)
+        for name, formula in stage.definitions.items():
+            check_formula(formula, known)
+            known[name] = 1.0
+        for step in stage.steps:
+            if isinstance(step, Stretch):
+                if len(stage.grasp) < len(SIDES):
+                    raise ValueError(f"a stretch needs both hands; got {sorted(stage.grasp)}")
+                known |= {name: 1.0 for name in SEEN_NAMES}
+            if isinstance(step, Move):
+                for formulas in step.targets.values():
+                    for formula in formulas:
+                        check_formula(formula, known)
+        if stage.when is not None:
+            check_formula(stage.when, dict.fromkeys(CONDITION_NAMES, 1.0))
+    except ValueError as err:
+        raise ValueError(f"stage {stage.name!r}: {err}") from err
+
+
+def _parse_stage(content: Mapping) -> Stage:
+    content = dict(content)
+    grasp: dict[Side, Grasp] = {}
+    for side, where in content.pop("grasp").items():
+        if isinstance(where, Mapping):
+            grasp[side] = Grasp(at=tuple(where["at"]))
+        else:
+            grasp[side] = Grasp(points=(where,) if isinstance(where, str) else tuple(where))
+    steps = tuple(_parse_step(step) for step in content.pop("steps"))
+    try:
+        return _make(Stage, {**content, "grasp": grasp, "steps": steps})
+    except ValueError as err:
+        raise ValueError(f"stage {content.get('name')!r}: {err}") from err
+
+
+def _parse_step(content: Mapping) -> Step:
+    content = dict(content)
+    kind = content.pop("step")
+    if kind not in STEPS:
+        raise ValueError(f"a step is one of {sorted(STEPS)}; got {kind!r}")
+    if STEPS[kind] is Move:
+        content["targets"] = {
+            side: tuple(str(formula) for formula in content.pop(side))
+            for side in SIDES
+            if side in content
+        }
+    return _make(STEPS[kind], content)
+
+
+def _make(kind: type, content: Mapping):  # noqa: ANN202 - an object of the kind
+    """Make a dataclass of decoded JSON: lists become tuples, and unknown keys are refused."""
+    known = {item.name for item in dataclasses.fields(kind)}
+    unknown = set(content) - known
+    if unknown:
+        name = kind.__name__.lower()
+        raise ValueError(f"a {name} has {', '.join(sorted(known))}; got {sorted(unknown)}")
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in content.items()})

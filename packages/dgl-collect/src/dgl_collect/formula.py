@@ -1,18 +1,27 @@
-"""Formulas of demonstrations: arithmetic over named points, without `eval`."""
+"""Formulas of demonstrations: arithmetic and conditions over named places and numbers, without `eval`."""
 
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from typing import Union
 
 import numpy as np
 
-Value = float | np.ndarray
+Value = Union[float, np.ndarray, Mapping[str, "Value"]]
+"""A number, a place [m] of shape (3,), or values by name."""
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
+}
+_COMPARE: dict[type, Callable[[float, float], bool]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
 }
 _AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -34,12 +43,13 @@ _FUNCTIONS: dict[str, Callable[..., float]] = {
 def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
     """Evaluate a formula of a demonstration.
 
-    Formulas have numbers, `+ - * /`, names, coordinates of points (`left_cuff.x`) and the functions
-    `min`, `max`, `abs` and `distance_xy(point, point)`, the horizontal distance.
+    Formulas have numbers, `+ - * /`, names, names of names (`hanger.target`), coordinates of points (`left_cuff.x`), the
+    functions `min`, `max`, `abs` and `distance_xy(point, point)`, the horizontal distance, and, for conditions, comparisons,
+    `and`, `or` and `not`; what is true is 1.
 
     Args:
         text: The formula, or a number.
-        names: Numbers, and points [m] of shape (3,), by name.
+        names: Numbers, points [m] of shape (3,), and either by name, by name.
 
     Returns:
         Its value, in metres where its parts are.
@@ -47,44 +57,101 @@ def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
     Raises:
         ValueError: If it is not such a formula, or names something unknown.
     """
-    try:
-        tree = ast.parse(str(text), mode="eval")
-        value = _evaluate(tree.body, names)
-    except SyntaxError as err:
-        raise ValueError(f"formula must be an arithmetic expression; got {text!r}") from err
-    except (ValueError, ZeroDivisionError, TypeError) as err:
-        raise ValueError(f"formula {text!r} cannot be evaluated: {err}") from err
-    if not isinstance(value, float):
-        raise ValueError(f"formula must give a number; {text!r} gives a point")
+    value = _compute(text, names)
     if not np.isfinite(value):
         raise ValueError(f"formula must be finite; {text!r} gives {value}")
     return value
 
 
+def check_formula(text: str | float, names: Mapping[str, Value]) -> None:
+    """Check that a formula can be evaluated with such names, whatever their values.
+
+    Raises:
+        ValueError: As of `evaluate_formula`.
+    """
+    _compute(text, _forget(names))
+
+
+def find_names(text: str | float) -> set[str]:
+    """List the names that a formula uses, of names of names the first.
+
+    Raises:
+        ValueError: If it is no expression.
+    """
+    return {node.id for node in ast.walk(_parse(text)) if isinstance(node, ast.Name)}
+
+
+def _forget(names: Mapping[str, Value]) -> dict[str, Value]:
+    """Give names of the same kinds whose numbers are not known."""
+    forgotten: dict[str, Value] = {}
+    for name, value in names.items():
+        if isinstance(value, Mapping):
+            forgotten[name] = _forget(value)
+        else:
+            forgotten[name] = np.full(3, np.nan) if isinstance(value, np.ndarray) else np.nan
+    return forgotten
+
+
+def _parse(text: str | float) -> ast.expr:
+    try:
+        return ast.parse(str(text), mode="eval").body
+    except SyntaxError as err:
+        raise ValueError(f"formula must be an arithmetic expression; got {text!r}") from err
+
+
+def _compute(text: str | float, names: Mapping[str, Value]) -> float:
+    tree = _parse(text)
+    try:
+        value = _evaluate(tree, names)
+    except (ValueError, ZeroDivisionError, TypeError) as err:
+        raise ValueError(f"formula {text!r} cannot be evaluated: {err}") from err
+    if not isinstance(value, float):
+        kind = "a point" if isinstance(value, np.ndarray) else "several things"
+        raise ValueError(f"formula must give a number; {text!r} gives {kind}")
+    return value
+
+
 def _evaluate(node: ast.expr, names: Mapping[str, Value]) -> Value:
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return float(node.value)
-    if isinstance(node, ast.Name):
-        if node.id not in names:
-            raise ValueError(f"unknown name {node.id!r}; known: {', '.join(sorted(names))}")
-        value = names[node.id]
-        return value if isinstance(value, np.ndarray) else float(value)
-    if isinstance(node, ast.Attribute) and node.attr in _AXES:
-        point = _evaluate(node.value, names)
-        if not isinstance(point, np.ndarray):
-            raise ValueError(f"only points have a coordinate {node.attr!r}")
-        return float(point[_AXES[node.attr]])
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_evaluate(node.operand, names)
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        left, right = _evaluate(node.left, names), _evaluate(node.right, names)
-        if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
-            raise ValueError("arithmetic is for numbers; name a coordinate of the point")
-        return float(_BINARY[type(node.op)](left, right))
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        if node.func.id not in _FUNCTIONS:
-            raise ValueError(
-                f"unknown function {node.func.id!r}; known: {', '.join(sorted(_FUNCTIONS))}"
-            )
-        return float(_FUNCTIONS[node.func.id](*(_evaluate(a, names) for a in node.args)))
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id=name):
+            return _get(name, names)
+        case ast.Attribute(value=inner, attr=name):
+            owner = _evaluate(inner, names)
+            if isinstance(owner, Mapping):
+                return _get(name, owner)
+            if not isinstance(owner, np.ndarray) or name not in _AXES:
+                raise ValueError(f"{ast.unparse(node)!r} is neither a coordinate nor a known name")
+            return float(owner[_AXES[name]])
+        case ast.UnaryOp(op=ast.USub(), operand=inner):
+            return -_number(inner, names)
+        case ast.UnaryOp(op=ast.Not(), operand=inner):
+            return float(not _number(inner, names))
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            return float(_BINARY[type(op)](_number(left, names), _number(right, names)))
+        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARE:
+            return float(_COMPARE[type(op)](_number(left, names), _number(right, names)))
+        case ast.BoolOp(op=op, values=parts):
+            truths = [bool(_number(part, names)) for part in parts]
+            return float(all(truths) if isinstance(op, ast.And) else any(truths))
+        case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]):
+            if name not in _FUNCTIONS:
+                known = ", ".join(sorted(_FUNCTIONS))
+                raise ValueError(f"unknown function {name!r}; known: {known}")
+            return float(_FUNCTIONS[name](*(_evaluate(part, names) for part in parts)))
     raise ValueError(f"{ast.unparse(node)!r} is not allowed")
+
+
+def _get(name: str, names: Mapping[str, Value]) -> Value:
+    if name not in names:
+        raise ValueError(f"unknown name {name!r}; known: {', '.join(sorted(names))}")
+    value = names[name]
+    return value if isinstance(value, np.ndarray | Mapping) else float(value)
+
+
+def _number(node: ast.expr, names: Mapping[str, Value]) -> float:
+    value = _evaluate(node, names)
+    if not isinstance(value, float):
+        raise ValueError(f"arithmetic is for numbers; {ast.unparse(node)!r} is none")
+    return value

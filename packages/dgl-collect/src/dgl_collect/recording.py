@@ -1,27 +1,21 @@
-"""Recording a stage: one frame at every fifth control step."""
+"""Recording what a course does in its stages: one frame at every fifth control step."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dgl_collect.episodes import Points, StageRecord
-from dgl_collect.video import VideoWriter
-from dgl_tasks.observation import STEPS_PER_FRAME, Observation
+from dgl_tasks import perception as see
+from dgl_tasks.course import Command, Mark, StageBegins, StageEnds
+from dgl_tasks.observation import STEPS_PER_ACTION, Observation
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StageStart:
-    """What is known when a stage begins and does not change within it; see `StageRecord`."""
-
-    name: str
-    garment_point_cloud: np.ndarray
-    points_affordance_feature: np.ndarray
-    object_point_cloud: np.ndarray | None = None
-    points: Points = field(default_factory=dict)
-    cloud_step: int | None = None
+if TYPE_CHECKING:
+    from dgl_tasks.env import GarmentEnv
+    from dgl_tasks.sensing import Sensed
 
 
 class StageRecorder:
@@ -34,12 +28,12 @@ class StageRecorder:
 
     Args:
         start: What does not change within the stage.
-        video: An open film that receives every frame's image.
+        points: The named points, for people.
     """
 
-    def __init__(self, start: StageStart, *, video: VideoWriter | None = None) -> None:
+    def __init__(self, start: StageBegins, *, points: Points | None = None) -> None:
         self._start = start
-        self._video = video
+        self._points = points or {}
         self._step_count = 0
         self._approach_frames = 0
         self._first_step: int | None = None
@@ -57,9 +51,9 @@ class StageRecorder:
         Args:
             step: Control steps since the reset.
         """
-        if self._step_count % STEPS_PER_FRAME:
+        if self._step_count % STEPS_PER_ACTION:
             raise ValueError(
-                f"an approach must have whole frames of {STEPS_PER_FRAME} steps; got {self._step_count}"
+                f"an approach must have whole frames of {STEPS_PER_ACTION} steps; got {self._step_count}"
             )
         self._approach_frames = self.frame_count
         self._first_step = step - self._step_count
@@ -76,12 +70,10 @@ class StageRecorder:
             wanted = f"({shape[0]},)" if self._actions else "(D,)"
             raise ValueError(f"target must have shape {wanted}; got {target.shape}")
         action = np.array(target, dtype=np.float32)  # a copy: controllers reuse their buffers
-        if self._step_count % STEPS_PER_FRAME == 0:
+        if self._step_count % STEPS_PER_ACTION == 0:
             observation = observe()
             self._observations.append(observation)
             self._actions.append(action)
-            if self._video is not None:
-                self._video.add(observation.image)
         else:
             self._actions[-1] = action
         self._step_count += 1
@@ -107,11 +99,67 @@ class StageRecorder:
             garment_point_cloud=self._start.garment_point_cloud,
             points_affordance_feature=self._start.points_affordance_feature,
             object_point_cloud=self._start.object_point_cloud,
-            points=self._start.points,
-            cloud_step=self._start.cloud_step,
+            points=self._points,
+            cloud_step=self._start.seen_at,
             first_step=self._first_step,
             approach_frames=self._approach_frames,
         )
 
     def _stack(self, key: str) -> np.ndarray:
         return np.stack([getattr(observation, key) for observation in self._observations])
+
+
+class EpisodeRecorder:
+    """Records every stage of a course; implements `dgl_tasks.driver.Listener`."""
+
+    def __init__(self, env: GarmentEnv, *, with_approach: bool = False) -> None:
+        """Prepare an episode.
+
+        Args:
+            env: Says where the cameras stand.
+            with_approach: Whether the hands' ways to the grasp points are recorded too.
+        """
+        self.records: dict[str, StageRecord] = {}
+        """How each stage was carried out the last time, by name."""
+        self.seconds: dict[str, float] = {}
+        """Wall-clock time by stage [s]."""
+        self._began_at = 0.0
+        self._env, self._with_approach = env, with_approach
+        self._now: StageRecorder | None = None
+        self._has_begun = False
+        self._lost: StageRecorder | None = None
+
+    def before_step(self, command: Command, sensed: Sensed) -> None:
+        """Record a command, if it belongs to a stage's record."""
+        if self._now is None or command.recorded is None:
+            return
+        if command.recorded == "stage" and not self._has_begun:
+            self._now.begin(sensed.step)
+            self._has_begun = True
+        if command.recorded == "stage" or self._with_approach:
+            self._now.before_step(command.target, sensed.observe)
+
+    def note(self, mark: Mark, sensed: Sensed) -> None:
+        """Begin and end stages."""
+        del sensed
+        if isinstance(mark, StageBegins):
+            self._now = StageRecorder(mark, points=self._describe(mark))
+            self._has_begun = False
+            self._began_at = time.perf_counter()
+        elif isinstance(mark, StageEnds):
+            # of a further try that could not even begin, what the one before has done counts
+            now, self._now = self._now or self._lost, None
+            self._lost = None if mark.counts else now
+            spent = time.perf_counter() - self._began_at
+            self.seconds[mark.name] = self.seconds.get(mark.name, 0.0) + spent
+            if mark.counts and now is not None and now.frame_count:
+                self.records[mark.name] = now.finish()
+
+    def _describe(self, mark: StageBegins) -> Points:
+        return {
+            name: {
+                "xyz": [float(v) for v in xyz],
+                "uv": list(see.find_pixel(self._env, "environment_camera", xyz)),
+            }
+            for name, xyz in mark.points.items()
+        }

@@ -16,10 +16,10 @@ from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import Episode, StageRecord, read_episode, write_episode
 from dgl_collect.errors import CorruptEpisodeError
 from dgl_collect.point_finder import PointFinder
+from dgl_collect.steps import Stage
 from dgl_gam import GarmentAffordanceModel, Matcher, compute_affordance
 from dgl_tasks import TaskError, get_task
 from dgl_tasks.coverage import sample_visible_surface
-from dgl_tasks.declaration import Stage
 
 WITHIN = 0.15
 """Farthest that a matched point may be from where the hand took hold [m]."""
@@ -65,13 +65,13 @@ class Relabeller:
             ValueError: If the episode is of another task, or has other stages.
             TaskError: If a stage's points are not near where they lay when the episode began.
         """
-        stages = self.task.stages
+        stages = self._demonstration.learned_stages
         if episode.task != self.task.id:
             raise ValueError(f"the episode must be of {self.task.id}; got one of {episode.task}")
         names = tuple(stage.name for stage in stages)
         if episode.stage_names != names:
             raise ValueError(f"the episode must have the stages {names}; got {episode.stage_names}")
-        finder = PointFinder(self.task, self._demonstration, self._demo_cloud)
+        finder = PointFinder(self._demonstration, self._demo_cloud)
         finder.look(episode.stages[0].garment_point_cloud, self._matcher)
         relabelled = [
             self._relabel_stage(finder, s, r) for s, r in zip(stages, episode.stages, strict=True)
@@ -85,7 +85,7 @@ class Relabeller:
         self, finder: PointFinder, stage: Stage, record: StageRecord
     ) -> tuple[StageRecord, float]:
         cloud = record.garment_point_cloud
-        grasp, similarity = finder.find_grasps(stage, cloud, self._matcher)
+        grasp, similarity = finder.find_grasps(stage, cloud, self._matcher, {})
         went = cloud[record.points_affordance_feature.argmax(axis=0)]  # (2, 3)
         distances = [np.linalg.norm(went[SIDES.index(s)] - point) for s, point in grasp.items()]
         affordance = compute_affordance(similarity)

@@ -12,11 +12,12 @@ import numpy as np
 
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, StageRecord
 from dgl_collect.errors import NotReplayableError
-from dgl_tasks.observation import STEPS_PER_FRAME, Observation
+from dgl_tasks.course import Command, Mark
+from dgl_tasks.observation import STEPS_PER_ACTION
 
 if TYPE_CHECKING:
-    from dgl_tasks.driver import Driver
     from dgl_tasks.env import GarmentEnv
+    from dgl_tasks.sensing import Sensed
 
 _UNITS = {
     "joint_state": "rad",
@@ -148,22 +149,18 @@ def replay_in(
 ) -> Replay:
     """Replay in an environment of the episode's task, robot and look; see `replay_episode`."""
     from dgl_tasks.driver import Driver
-    from dgl_tasks.motion import BimanualMotion
-    from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+    from dgl_tasks.perception import take_picture
 
     commands = _check_replayable(episode)
-    points = _find_points(episode, env.task.success.points)
-    robot = env.agent.model  # pyright: ignore[reportAttributeAccessIssue]
-    motion = BimanualMotion(env.task, DEFAULT_ROBOT_DIRECTORY, robot=robot)
-    driver = Driver(env, motion, seed=episode.seed, film=film)
-    env.reset(seed=episode.seed, options={"garment": episode.garment_id})
-    comparison = _Comparison(episode, driver)
+    comparison = _Comparison(episode)
+    driver = Driver(env, seed=episode.seed, film=film, listener=comparison)
+    driver.reset(episode.garment_id)
     for number, row in enumerate(commands, start=1):
-        driver.send(row[None], comparison)
+        driver.step(Command(row))
         if on_step is not None:
             on_step(number)
-    comparison.compare_end()
-    judgement = driver.judge(points)
+    comparison.compare_end(env.get_particles())
+    verdict = env.judge()
     return Replay(
         task=episode.task,
         seed=episode.seed,
@@ -172,16 +169,16 @@ def replay_in(
         differences=comparison.differences,
         changed_draws=_compare_draws(episode.randomisation, env.draws),
         recorded=(episode.success, episode.success_value),
-        replayed=(judgement.reason is None, judgement.verdict.value),
-        picture=judgement.picture,
+        replayed=(verdict.success, verdict.value),
+        picture=take_picture(env, "garment_camera").rgb,
     )
 
 
 class _Comparison:
     """Looks where the recorder looked, and keeps the largest differences."""
 
-    def __init__(self, episode: Episode, driver: Driver) -> None:
-        self._episode, self._driver = episode, driver
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
         self._largest: dict[str, float] = {}
         self._count: dict[str, int] = {}
         self._frames: dict[int, tuple[StageRecord, int]] = {}
@@ -191,7 +188,7 @@ class _Comparison:
             assert stage.cloud_step is not None
             self._clouds[stage.cloud_step] = stage
             for k in range(stage.frame_count):
-                self._frames[stage.first_step + k * STEPS_PER_FRAME] = (stage, k)
+                self._frames[stage.first_step + k * STEPS_PER_ACTION] = (stage, k)
 
     @property
     def differences(self) -> tuple[Difference, ...]:
@@ -205,30 +202,32 @@ class _Comparison:
             for name, largest in self._largest.items()
         )
 
-    def before_step(self, target: np.ndarray, observe: Callable[[], Observation]) -> None:
-        del target
-        step = self._driver.step_count
-        if step in self._clouds:
-            recorded = self._clouds[step].garment_point_cloud
-            self._compare("garment_point_cloud", recorded, self._driver.see_garment())
-        if step in self._frames:
-            stage, k = self._frames[step]
-            seen = observe()
+    def before_step(self, command: Command, sensed: Sensed) -> None:
+        del command
+        if sensed.step in self._clouds:
+            recorded = self._clouds[sensed.step].garment_point_cloud
+            self._compare("garment_point_cloud", recorded, sensed.see_garment())
+        if sensed.step in self._frames:
+            stage, k = self._frames[sensed.step]
+            seen = sensed.observe()
             for name in ("joint_state", "ee_pose", "image", "env_point_cloud"):
                 self._compare(name, getattr(stage, name)[k], getattr(seen, name))
 
-    def compare_end(self) -> None:
+    def note(self, mark: Mark, sensed: Sensed) -> None:
+        """Nothing is marked in a replay."""
+
+    def compare_end(self, particles: np.ndarray) -> None:
         """Compare what is known at the end: recorded actions with the commands, and the particles."""
         commands = self._episode.commands
         assert commands is not None
         for step, (stage, k) in self._frames.items():
-            held = commands[step : step + STEPS_PER_FRAME]
+            held = commands[step : step + STEPS_PER_ACTION]
             row = held[-1]
             if k == stage.frame_count - 1:  # it may have ended before its fifth step
                 row = held[np.abs(held - stage.action[k]).max(axis=1).argmin()]
             self._compare("action", stage.action[k], row)
-        particles = self._driver.env.get_particles().astype(np.float32)
-        self._compare(FINAL_PARTICLES, self._episode.extra[FINAL_PARTICLES], particles)
+        recorded = self._episode.extra[FINAL_PARTICLES]
+        self._compare(FINAL_PARTICLES, recorded, particles.astype(np.float32))
 
     def _compare(self, name: str, recorded: np.ndarray, replayed: np.ndarray) -> None:
         difference = math.inf
@@ -250,7 +249,7 @@ def _check_replayable(episode: Episode) -> np.ndarray:
     for stage in episode.stages:
         if stage.first_step is None or stage.cloud_step is None:
             raise NotReplayableError(f"stage {stage.name!r} must say when it was seen; it does not")
-        last = stage.first_step + (stage.frame_count - 1) * STEPS_PER_FRAME
+        last = stage.first_step + (stage.frame_count - 1) * STEPS_PER_ACTION
         if last >= len(commands):
             raise NotReplayableError(
                 f"commands must reach step {last} of stage {stage.name!r}; got {len(commands)}"
@@ -268,11 +267,3 @@ def _compare_draws(
         if recorded.get(name) != replayed.get(name)
     }
 
-
-def _find_points(episode: Episode, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Give where the rule's points were found on the garment before it was touched."""
-    points = episode.stages[0].points
-    missing = [name for name in names if "xyz" not in points.get(name, {})]
-    if missing:
-        raise NotReplayableError(f"stage 1 must hold the points of the rule; it lacks {missing}")
-    return {name: np.array(points[name]["xyz"]) for name in names}

@@ -16,6 +16,7 @@ from typing import Literal
 
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import write_json
+from dgl_tasks.success import Criterion
 
 Z_95 = 1.959963984540054
 """Two-sided 95 % quantile of the normal distribution."""
@@ -25,39 +26,6 @@ VERSIONED_PACKAGES = (
     "h5py", "mani-skill", "numpy", "sapien", "torch", "warp-lang",
 )  # fmt: skip
 """Distributions whose versions travel with every result."""
-
-
-RETRIES = ("further_rounds", "further_tries")
-"""Measurements of an attempt that count what was done again."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Criterion:
-    """One condition of a task's success rule, with what was measured."""
-
-    name: str
-    """What is measured, such as `share inside the box`."""
-    value: float
-    """The measured value."""
-    comparison: Literal["<", "<=", ">", ">="]
-    """How the value must compare with the threshold."""
-    threshold: float
-    """The limit."""
-    unit: str = ""
-    """Unit of value and threshold."""
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the value satisfies the condition."""
-        match self.comparison:
-            case "<":
-                return self.value < self.threshold
-            case "<=":
-                return self.value <= self.threshold
-            case ">":
-                return self.value > self.threshold
-            case ">=":
-                return self.value >= self.threshold
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +41,9 @@ class AttemptResult:
     seed: int
     """The attempt's own seed."""
     success: bool
-    """Whether the task's rule was met."""
+    """Whether the task's rule was met at the end."""
+    first_try: bool = False
+    """Whether it was met when something was about to be done again for the first time; at the end where nothing was."""
     value: float | None = None
     """The quantity that the rule judges; None when the attempt did not get that far."""
     reason: str | None = None
@@ -97,6 +67,8 @@ class AttemptResult:
     """Every draw of the attempt."""
     measurements: Mapping[str, float] = field(default_factory=dict)
     """Further named numbers, such as the largest stretch."""
+    beliefs: Mapping[str, float] = field(default_factory=dict)
+    """What the method made of what it saw, by name: the basis of its decisions, and none of its success."""
 
     def __post_init__(self) -> None:
         if self.success and self.reason is not None:
@@ -107,11 +79,6 @@ class AttemptResult:
             self.to_line()
         except (TypeError, ValueError) as err:
             raise ValueError(f"result must be JSON-ready with finite numbers; {err}") from err
-
-    @property
-    def is_first_try(self) -> bool:
-        """Whether nothing was done a second time: no stage, as a hand had lost the garment, and no round."""
-        return not any(self.measurements.get(name) for name in RETRIES)
 
     def to_line(self) -> str:
         """Give the result as one line of JSON, without the line end."""
@@ -197,9 +164,9 @@ class Summary:
     attempted: int
     """Attempts made."""
     succeeded: int
-    """Attempts that met the task's rule."""
+    """Attempts that met the task's rule at their end."""
     succeeded_first: int
-    """Of these, attempts that did so at the first try."""
+    """Attempts that met it at the first try, before anything was done again."""
     success_rate: float | None
     """Succeeded over attempted; None without attempts."""
     success_interval: tuple[float, float]
@@ -240,7 +207,7 @@ def summarize(
         requested=requested,
         attempted=len(results),
         succeeded=succeeded,
-        succeeded_first=sum(result.success and result.is_first_try for result in results),
+        succeeded_first=sum(result.first_try for result in results),
         success_rate=succeeded / len(results) if results else None,
         success_interval=wilson_interval(succeeded, len(results)),
         seconds_per_attempt={

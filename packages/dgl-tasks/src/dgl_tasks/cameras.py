@@ -121,34 +121,6 @@ def look_at(eye: Vector3, target: Vector3) -> Vector3:
     )
 
 
-_VIDEO_EYE: Vector3 = (1.37, 2.36, 2.21)
-FOLD_CAMERAS: dict[str, CameraPlacement] = {
-    "garment_camera": CameraPlacement(
-        name="garment_camera", position=(0.0, 1.0, 6.75), euler_deg=(0, 90, 90)
-    ),
-    "environment_camera": CameraPlacement(
-        name="environment_camera",
-        position=(0.0, 4.0, 6.0),
-        euler_deg=(0, 60, -90),
-    ),
-    "video_camera": CameraPlacement(
-        name="video_camera",
-        position=_VIDEO_EYE,
-        # Just wide enough for both parked arms, whose hands point outwards.
-        euler_deg=look_at(_VIDEO_EYE, (-0.09, 0.04, 0.30)),
-        horizontal_fov=float(np.radians(51.5)),
-    ),
-}
-"""Cameras of the folding tasks; the first two as in the original, the third for people."""
-
-FLING_CAMERAS: dict[str, CameraPlacement] = FOLD_CAMERAS | {
-    "environment_camera": CameraPlacement(
-        name="environment_camera", position=(0.0, 5.0, 8.0), euler_deg=(0, 60, -90)
-    )
-}
-"""Cameras of the flinging tasks, which reach higher and farther; as `FOLD_CAMERAS`."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Workspace:
     """The box that environment clouds are cropped to."""

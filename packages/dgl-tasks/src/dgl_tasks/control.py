@@ -16,6 +16,7 @@ from dgl_assets.robots import (
     Side,
 )
 from dgl_tasks.errors import UnreachableError
+from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.rotations import (
     compute_rotation_angle,
     matrix_from_quaternion,
@@ -24,10 +25,26 @@ from dgl_tasks.rotations import (
     slerp,
 )
 
-CONTROL_DT = 1.0 / 60.0
+CONTROL_DT = 1.0 / CONTROL_FREQUENCY
 """Control step [s]."""
 ARM_SPEED_LIMITS: np.ndarray = np.array([j.speed for j in DEFAULT_ROBOT.arm_joints])
 """Largest joint speeds of the UR10e [rad/s], shape (6,): 120 degrees/s, then 180 from the elbow on."""
+
+
+def interpolate_action(start: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """Reach joint targets in a straight line within the control steps of one action.
+
+    That is how demonstrations move: their targets are given at every control step, and recorded at every fifth.
+
+    Args:
+        start: Targets so far [rad], shape (D,).
+        action: Targets that hold at the end [rad], shape (D,).
+
+    Returns:
+        Targets of each control step [rad], shape (5, D).
+    """
+    share = np.arange(1, STEPS_PER_ACTION + 1)[:, None] / STEPS_PER_ACTION
+    return (1 - share) * np.asarray(start)[None] + share * np.asarray(action)[None]
 
 
 def plan_line(

@@ -17,13 +17,15 @@ from dgl_assets.robots.importing import load_robot
 from dgl_physics import SolverConfig
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
+from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.objects import PlacedObject
+from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
-from dgl_tasks.props import SceneProp
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import let_robot_pass, make_agent_class
 from dgl_tasks.scene import (
@@ -33,8 +35,9 @@ from dgl_tasks.scene import (
     sample_floor_look,
     sample_studio_fabric,
 )
-from dgl_tasks.success import Before, Verdict, compute_covered_area
+from dgl_tasks.success import Criterion, Verdict, compute_covered_area
 from dgl_tasks.tasks import get_task
+from dgl_tasks.views import TrueView
 
 LookName = Literal["studio", "random"]
 """Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
@@ -54,8 +57,9 @@ class GarmentEnv(BaseEnv):
     With `obs_mode="pointcloud"` an observation also has "garment_cloud", shape (1, 2048, 3), and
     "workspace_cloud", shape (1, 2048, 6). Rewards are those of `dgl_tasks.reward`.
 
-    The episode's draws depend on the seed alone. `evaluate` judges the surface that is visible
-    from above, computed from the particles; `dgl_tasks.perception` gives what the cameras see.
+    An action of `step` takes five control steps of 1/60 s: joint targets (`pd_joint_pos`) are reached in a straight line
+    within them, those of `pd_ee_pose` hold from the first on. The episode's draws depend on the seed alone. `judge` and
+    `evaluate` tell the truth, from the particles; `dgl_tasks.perception` gives what the cameras see.
 
     Limitations: one environment, PhysX on the CPU; run several processes for more. Reset it before
     anything else: until then the garment hangs in the air.
@@ -97,16 +101,17 @@ class GarmentEnv(BaseEnv):
             )
         if look not in get_args(LookName):
             raise ValueError(f"look must be one of {list(get_args(LookName))}; got {look!r}")
-        self.task: Task = task if isinstance(task, Task) else get_task(task)
+        self._task: Task = task if isinstance(task, Task) else get_task(task)
         self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._appearance: Appearance
-        self.before: Before
+        self._landmarks: dict[str, np.ndarray] = {}
+        self._flat_area = 0.0
         self._start_value = 0.0
         self.cloth: SapienCloth
         self.garment: Garment
         self.fabric: FabricMaterial
-        self.props: dict[str, SceneProp] = {}
+        self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
         self._is_built = False
         if robot_uids is None:
@@ -129,11 +134,18 @@ class GarmentEnv(BaseEnv):
             ) from err
         self._is_built = True
 
+    @property
+    def task(self) -> Task:
+        """What it is the environment of."""
+        return self._task
+
     # Scene ---------------------------------------------------------------------------------
 
     @property
     def _default_sim_config(self) -> SimConfig:
-        return SimConfig(sim_freq=240, control_freq=60)
+        return SimConfig(
+            sim_freq=4 * CONTROL_FREQUENCY, control_freq=CONTROL_FREQUENCY // STEPS_PER_ACTION
+        )
 
     @property
     def _default_sensor_configs(self) -> list:
@@ -148,11 +160,12 @@ class GarmentEnv(BaseEnv):
     def _load_scene(self, options: dict) -> None:
         self.ground = build_floor(self.scene)
         let_robot_pass(self.ground)
-        self.props = {p.name: SceneProp(self.scene, p) for p in self.task.props}
+        start = self.task.start
+        self.objects = {item.name: PlacedObject(self.scene, item) for item in self.task.objects}
         self._appearance = Appearance(
             self.scene,
             self.ground,
-            mat_centre=(float(np.mean(self.task.x_range)), float(np.mean(self.task.y_range))),
+            mat_centre=(float(np.mean(start.x_range)), float(np.mean(start.y_range))),
             pedestals=[base[:3] for base in (self.task.left_base, self.task.right_base)],
         )
 
@@ -169,9 +182,10 @@ class GarmentEnv(BaseEnv):
         rng = np.random.default_rng(seed)
         # All draws are made whatever the options, so that an option changes only what it names.
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
-        x, y = rng.uniform(*self.task.x_range), rng.uniform(*self.task.y_range)
+        declared = self.task.start
+        x, y = rng.uniform(*declared.x_range), rng.uniform(*declared.y_range)
         garment_id = options.get("garment", drawn)
-        roll = rng.uniform(*self.task.roll_range)
+        roll = rng.uniform(*declared.roll_range)
         sample_fabric = sample_studio_fabric if self._look == "studio" else sample_fabric_material
         self.fabric = sample_fabric([seed, 7])
         self.draws = {
@@ -181,8 +195,8 @@ class GarmentEnv(BaseEnv):
             "roll": float(roll),
             "fabric": self.fabric.name,
         }
-        for prop in self.props.values():
-            self.draws |= prop.draw(rng)
+        for item in self.objects.values():
+            self.draws |= item.draw(rng)
         if self._look == "random":
             look = sample_floor_look([seed, 8])
             self.draws["floor"] = look.material.name if look.material is not None else "studio"
@@ -190,8 +204,9 @@ class GarmentEnv(BaseEnv):
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
+        self._target = np.asarray(start, dtype=np.float64)
         garment = self._make_garment(garment_id)
-        limit, steepest = self.task.start_below, np.pi / 2
+        limit, steepest = declared.value_below, np.pi / 2
         while True:
             self.draws["roll"] = float(roll)
             self._drop(garment, float(x), float(y), float(roll))
@@ -213,33 +228,32 @@ class GarmentEnv(BaseEnv):
         It stays in the air while ManiSkill builds the environment, whose reset only shows the shapes of observations.
         """
         self._load_garment(garment, x, y, roll)
-        for _ in range(self.task.settle_frames if self._is_built else 0):
+        for _ in range(self.task.start.settle_frames if self._is_built else 0):
             self.cloth.step()
         positions = self.get_particles()
-        self.before = Before(
-            points={
-                name: positions[self.garment.landmarks[name]] for name in self.task.success.points
-            },
-            flat_area=compute_covered_area(
-                sample_visible_surface(self.garment.vertices, self.garment.faces)
-            ),
+        self._landmarks = {
+            name: positions[self.garment.landmarks[name]] for name in self.task.success.landmarks
+        }
+        self._flat_area = compute_covered_area(
+            sample_visible_surface(self.garment.vertices, self.garment.faces)
         )
-        self._start_value = self.judge_visible_surface().value
+        self._start_value = self.apply_rule().value
 
     def _load_garment(self, garment: Garment, x: float, y: float, roll: float) -> None:
         self.garment = garment
-        c, s = np.cos(self.task.yaw), np.sin(self.task.yaw)
+        start = self.task.start
+        c, s = np.cos(start.yaw), np.sin(start.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         c, s = np.cos(roll), np.sin(roll)
         tilt = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         vertices = self.garment.vertices @ (turn @ tilt).T
-        vertices += [x, y, self.task.drop_height - vertices[:, 2].min()]
+        vertices += [x, y, start.height - vertices[:, 2].min()]
         scene = self.scene.sub_scenes[0]
         self.cloth = SapienCloth(
             [scene],
             colliders=[find_colliders(scene)],
             friction=self._get_friction,
-            config=SolverConfig(dt=self.control_timestep),
+            config=SolverConfig(dt=1.0 / CONTROL_FREQUENCY),
         )
         self.cloth.add_garment(
             vertices,
@@ -258,47 +272,112 @@ class GarmentEnv(BaseEnv):
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
             return self.task.hand_friction
-        for prop in self.props.values():
-            if component.entity.name == prop.entity_name:
-                return prop.placement.friction
+        for item in self.objects.values():
+            if component.entity.name == item.entity_name:
+                return item.declared.friction
         return self.task.ground_friction
 
     # Stepping ------------------------------------------------------------------------------
 
-    def _before_simulation_step(self) -> None:
-        self.cloth.apply_forces()
+    def _step_action(self, action: Any) -> torch.Tensor | None:
+        """Make the control steps of one action; see the class."""
+        if action is None:
+            for _ in range(STEPS_PER_ACTION):
+                self.advance(None)
+            return None
+        if isinstance(action, dict):
+            if action["control_mode"] != self.agent.control_mode:
+                self.agent.set_control_mode(action["control_mode"])
+                self.agent.controller.reset()
+            action = action["action"]
+        wanted = self.agent.single_action_space.shape
+        action = torch.as_tensor(action, device=self.device)
+        if action.shape not in (wanted, (1, *wanted)):
+            raise ValueError(f"action must have shape {wanted} or (1, *); got {tuple(action.shape)}")
+        action = action.reshape(1, *wanted)
+        if self.agent.control_mode == "pd_joint_pos":
+            for row in interpolate_action(self._target, action[0].cpu().numpy()):
+                self.advance(row.astype(np.float32))
+        else:
+            for _ in range(STEPS_PER_ACTION):
+                self.advance(action)
+        return action
 
-    def _after_control_step(self) -> None:
-        self.cloth.step()
-        self._appearance.mark_moved()
-
-    def advance(self, action: np.ndarray | torch.Tensor) -> None:
-        """Make one control step without observation, reward and evaluation.
+    def advance(self, action: np.ndarray | torch.Tensor | None) -> None:
+        """Make one control step of 1/60 s without observation, reward and evaluation.
 
         For whoever asks for these at some steps only, such as a recorder at every fifth.
 
         Args:
-            action: Joint targets [rad], shape (D,) or (1, D).
+            action: Of the control mode, such as joint targets [rad], shape (D,) or (1, D), which hold from now on; None
+                leaves them as they are.
         """
-        self._step_action(action)
-        self._elapsed_steps += 1
+        if action is not None:
+            action = torch.as_tensor(action, device=self.device)
+            self.agent.set_action(action.reshape(1, -1))
+            if self.agent.control_mode == "pd_joint_pos":
+                self._target = action.reshape(-1).cpu().numpy().astype(np.float64)
+        for _ in range(self._sim_steps_per_control // STEPS_PER_ACTION):
+            self.agent.before_simulation_step()
+            self.cloth.apply_forces()
+            self.scene.step()
+        self.cloth.step()
+        self._appearance.mark_moved()
 
     def get_particles(self) -> np.ndarray:
         """Positions of the garment's vertices [m], shape (V, 3), world frame."""
         return self.cloth.state.get_positions()[0]
 
+    @property
+    def view(self) -> TrueView:
+        """What is there now, as it is."""
+        return TrueView(
+            particles=self.get_particles(),
+            faces=self.garment.faces,
+            landmarks=self._landmarks,
+            flat_area=self._flat_area,
+            frames={name: item.get_frames() for name, item in self.objects.items()},
+        )
+
+    def apply_rule(self) -> Verdict:
+        """Apply the task's rule to what is there."""
+        return self.task.success(self.view)
+
+    def judge(self) -> Verdict:
+        """Judge the garment: the task's rule, that no hand touches it, and that it is at rest."""
+        rule = self.apply_rule()
+        released = Criterion(
+            name="links of the robot that touch the garment",
+            value=float(self.count_touching()),
+            comparison="<=",
+            threshold=0.0,
+            failure="not released",
+        )
+        still = Criterion(
+            name="speed of the garment",
+            value=self.measure_speed(),
+            comparison="<",
+            threshold=STILL_SPEED,
+            unit=" m/s",
+            failure="still moving",
+        )
+        return Verdict(criteria=(*rule.criteria, released, still), box=rule.box)
+
     def evaluate(self) -> dict:
-        """Judge the garment: success, the rule's value, whether it lies still and is let go."""
-        verdict = self.judge_visible_surface()
-        is_still = self.is_still()
-        is_released = not self.is_touching()
-        success = verdict.success and is_still and is_released
-        return {
-            "success": torch.tensor([success], device=self.device),
-            "success_value": torch.tensor([verdict.value], device=self.device),
-            "is_still": torch.tensor([is_still], device=self.device),
-            "is_released": torch.tensor([is_released], device=self.device),
+        """Judge the garment; what was measured for each criterion is under "criteria"."""
+        verdict = self.judge()
+        *_, released, still = verdict.criteria
+        told = {
+            "success": verdict.success,
+            "success_value": verdict.value,
+            "is_released": released.is_met,
+            "is_still": still.is_met,
         }
+        content: dict = {k: torch.tensor([v], device=self.device) for k, v in told.items()}
+        content["criteria"] = {
+            c.name: torch.tensor([c.value], device=self.device) for c in verdict.criteria
+        }
+        return content
 
     def measure_speed(self) -> float:
         """Measure the RMS speed of the garment's particles [m/s]."""
@@ -317,10 +396,10 @@ class GarmentEnv(BaseEnv):
             point = wrist_to_grasp(pose[:3], pose[3:], side, robot=self.agent.model)
             distances.append(np.linalg.norm(particles - point, axis=1).min())
         return compute_reward_terms(
-            self.judge_visible_surface(),
+            self.apply_rule(),
             start=self._start_value,
             distances=np.array(distances),
-            is_released=not self.is_touching(),
+            is_released=self.count_touching() == 0,
             speed=self.measure_speed(),
         )
 
@@ -334,17 +413,12 @@ class GarmentEnv(BaseEnv):
         """Reward in [0, 1], shape (1,)."""
         return torch.tensor([self.compute_reward_terms().normalized], device=self.device)
 
-    def judge_visible_surface(self) -> Verdict:
-        """Apply the task's rule to the surface that is visible from straight above."""
-        points = sample_visible_surface(self.get_particles(), self.garment.faces)
-        return self.task.success(points, self.before)
-
-    def is_touching(self) -> bool:
-        """Tell whether a link of the robot touches the garment."""
+    def count_touching(self) -> int:
+        """Count the links of the robot that touch the garment."""
         forces = self.cloth.get_forces()[0]
-        return any(
+        return sum(
             isinstance(body, sapien.physx.PhysxArticulationLinkComponent)
-            and np.abs(force[:3]).max() > 0
+            and bool(np.abs(force[:3]).max() > 0)
             for body, force in zip(self.cloth.bodies[0], forces, strict=True)
         )
 

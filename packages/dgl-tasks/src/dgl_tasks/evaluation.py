@@ -1,85 +1,121 @@
-"""The evaluation loop: one episode of a policy, judged by the task's own rule."""
+"""One episode of a method, judged by the task's own rule."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_tasks.driver import Driver, Judgement
+from dgl_tasks.driver import Driver, Listener
 from dgl_tasks.env import GarmentEnv
+from dgl_tasks.handling import Handling, Part
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.policy import EpisodePolicy
+from dgl_tasks.perception import take_picture
+from dgl_tasks.policy import Method
+from dgl_tasks.sensing import Sensed
+from dgl_tasks.success import Verdict
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeResult:
     """How an episode ended."""
 
     garment: str
     """Catalogue id."""
-    judgement: Judgement
-    """Verdict, and whether the garment lies still and is let go."""
-    steps: int
-    """Control steps of 1/60 s, those that are scripted included."""
+    verdict: Verdict
+    """What is true at the end."""
+    first_try: Verdict
+    """What was true when the method was about to do something again for the first time; at the end where it never was."""
+    picture: np.ndarray
+    """What the garment camera sees at the end, shape (H, W, 3), uint8."""
+    commands: np.ndarray
+    """Joint targets of every control step of 1/60 s, those that are scripted included [rad], shape (S, D), float32."""
     measurements: Mapping[str, float]
-    """Largest strain and penetration."""
+    """Largest strain and penetration, and how often something was done again."""
+    beliefs: Mapping[str, float]
+    """What the method made of what it had seen, the last of each name."""
     draws: Mapping[str, object]
     """Every draw of the episode."""
-    events: tuple[tuple[str, str], ...] = ()
-    """What the method saw going wrong on the way: a reason that can be counted, and where."""
+    mishaps: tuple[tuple[str, str], ...] = ()
+    """What has gone wrong on the way: a reason that can be counted, and where."""
 
     @property
     def success(self) -> bool:
         """Whether the task was done."""
-        return self.judgement.reason is None
+        return self.verdict.success
 
     @property
     def reason(self) -> str | None:
-        """Why it was not, in words that can be counted: the first event, if there is one."""
-        if self.success or not self.events:
-            return self.judgement.reason
-        return self.events[0][0]
+        """Why it was not, in words that can be counted: the first mishap says more than the result."""
+        if self.success or not self.mishaps:
+            return self.verdict.reason
+        return self.mishaps[0][0]
+
+    @property
+    def detail(self) -> str:
+        """The same with numbers; empty for a success."""
+        if self.success:
+            return ""
+        parts = [where for _, where in self.mishaps[:1]]
+        return "; ".join([*parts, self.verdict.describe_shortfalls()])
+
+
+def plan_episode(motion: BimanualMotion, method: Method, sensed: Sensed) -> Part:
+    """Give the course of a whole episode: the arms park, the method acts, the hands leave, the garment comes to rest.
+
+    Args:
+        motion: Plans the arms.
+        method: Acts in between.
+        sensed: What is sensed after the reset.
+    """
+    hands = Handling(motion, sensed)
+    yield from hands.park()
+    yield from method.run(hands)
+    if not hands.is_parked:
+        yield from hands.retreat()
+    yield from hands.settle()
 
 
 def run_episode(
     env: GarmentEnv,
     motion: BimanualMotion,
-    policy: EpisodePolicy,
+    method: Method,
     *,
     seed: int,
     garment: str | None = None,
     film: Callable[[np.ndarray], None] | None = None,
+    listener: Listener | None = None,
 ) -> EpisodeResult:
-    """Run a policy for one episode.
+    """Run a method for one episode.
 
     The start depends on seed and garment alone, so that methods are compared on the same episodes.
-    The places that the rule names are the true ones, whatever the method believes; the arms are
-    parked when the garment is judged, and what a hand still holds is no success.
+    What is judged is true, whatever the method believes; the arms are parked then, and what a hand still holds is no
+    success.
 
     Args:
         env: An environment that can render.
         motion: Plans its arms.
-        policy: Acts; see `dgl_tasks.policy`.
+        method: Acts; see `dgl_tasks.policy`.
         seed: Of the episode.
         garment: Catalogue id; drawn from the seed when None.
         film: Receives pictures for people, shape (H, W, 3), uint8.
+        listener: Is told what the course yields, such as a recorder.
 
     Raises:
-        TaskError: If a hand cannot go where the policy sends it, or a camera sees no garment to be handled.
+        TaskError: If a hand cannot go where the method sends it, or a camera sees no garment to be handled.
         PhysicsError: If the simulation fails.
-        ValueError: If the policy gives something that is no action.
+        ValueError: If a policy gives something that is no action.
     """
-    driver = Driver(env, motion, seed=seed, film=film)
-    driver.start(garment)
-    policy.run(driver)
-    if not driver.is_parked:
-        driver.retreat()
-    driver.settle()
+    driver = Driver(env, seed=seed, film=film, listener=listener)
+    driver.drive(plan_episode(motion, method, driver.reset(garment)))
+    verdict = env.judge()
     return EpisodeResult(
         garment=env.garment.name,
-        judgement=driver.judge(),
-        steps=driver.step_count,
+        verdict=verdict,
+        first_try=driver.first_try or verdict,
+        picture=take_picture(env, "garment_camera").rgb,
+        commands=np.stack(driver.commands),
         measurements=dict(driver.measurements),
+        beliefs=dict(driver.beliefs),
         draws=dict(env.draws),
-        events=tuple(driver.events),
+        mishaps=tuple(driver.mishaps),
     )

@@ -100,6 +100,11 @@ GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = _make_orientations
 """Orientation of `ee` for each kind of grasp, by side: unit quaternions wxyz, shape (4,)."""
 
 
+def orient(name: GraspName, side: Side, turn: float = 0.0) -> np.ndarray:
+    """Give the orientation of `ee` for a kind of grasp, turned inward [rad]: wxyz, shape (4,)."""
+    return turn_inward(GRASP_ORIENTATIONS[name][side], turn, side)
+
+
 def grasp_to_wrist(
     point: np.ndarray, quaternion: np.ndarray, side: Side, *, robot: Robot = DEFAULT_ROBOT
 ) -> np.ndarray:

@@ -10,7 +10,7 @@ from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
 from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName, grasp_to_wrist, turn_inward
+from dgl_tasks.grasps import grasp_to_wrist
 
 HAND_FRAMES = 20
 """Frames of a change of hand pose (original code)."""
@@ -24,8 +24,8 @@ TURNS: tuple[float, ...] = tuple(
 )
 """Inward turns about the vertical that are tried when a grasp is out of reach [rad]."""
 
-Rehearsal = Callable[[Side, np.ndarray], object]
-"""Plans one hand's motion with an orientation of its `ee`, wxyz, shape (4,), using the object that it is given to; raises
+Rehearsal = Callable[[Side, float], object]
+"""Plans one hand's motion, turned inward about the vertical [rad], using the object that it is given to; raises
 `UnreachableError` if the hand cannot do it."""
 
 PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side in SIDES}
@@ -149,12 +149,11 @@ class BimanualMotion:
         return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
 
     def choose_turns(
-        self, name: GraspName, sides: tuple[Side, ...], *rehearsals: Rehearsal
-    ) -> dict[Side, np.ndarray]:
-        """Choose each hand's orientation: the named one, or the nearest turn that can be done.
+        self, sides: tuple[Side, ...], *rehearsals: Rehearsal
+    ) -> dict[Side, float]:
+        """Choose how far each hand is turned inward about the vertical [rad], as little as what it has to do allows.
 
         Args:
-            name: Wanted orientation.
             sides: Working hands.
             rehearsals: What is wanted of each hand, and what has to do where no turn can do that, and so on. Nothing
                 is sent and the targets are put back afterwards.
@@ -162,23 +161,20 @@ class BimanualMotion:
         Raises:
             UnreachableError: If a hand can do not even the last with any turn; the message is that of no turn.
         """
-        return {side: self._choose_turn(name, side, rehearsals) for side in sides}
+        return {side: self._choose_turn(side, rehearsals) for side in sides}
 
-    def _choose_turn(
-        self, name: GraspName, side: Side, rehearsals: tuple[Rehearsal, ...]
-    ) -> np.ndarray:
-        orientations = [turn_inward(GRASP_ORIENTATIONS[name][side], t, side) for t in TURNS]
+    def _choose_turn(self, side: Side, rehearsals: tuple[Rehearsal, ...]) -> float:
         first: UnreachableError | None = None
         for rehearse in rehearsals:
             first = None
-            for orientation in orientations:
+            for turn in TURNS:
                 try:
                     with self.rehearsal():
-                        rehearse(side, orientation)
+                        rehearse(side, turn)
                 except UnreachableError as err:
                     first = first or err
                 else:
-                    return orientation
+                    return turn
         assert first is not None
         raise first
 

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-STEPS_PER_FRAME = 5
-"""Control steps of 1/60 s between two recorded frames; also the length of a policy's action."""
+CONTROL_FREQUENCY = 60
+"""Control steps a second."""
+STEPS_PER_ACTION = 5
+"""Control steps of an action; also those between two recorded frames."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

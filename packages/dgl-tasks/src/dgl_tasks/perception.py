@@ -56,23 +56,23 @@ def get_garment_cloud(env: "GarmentEnv", picture: Picture, *, seed: int) -> np.n
 def get_object_cloud(
     env: "GarmentEnv", picture: Picture, *, seed: int, names: Sequence[str] | None = None
 ) -> np.ndarray:
-    """Sample the cloud of the scene's props, shape (2048, 3), float32.
+    """Sample the cloud of the scene's objects, shape (2048, 3), float32.
 
     Args:
         env: The environment.
         picture: What a camera sees.
         seed: Of the sampling.
-        names: Only these props; all of the task when None.
+        names: Only these objects; all of the task when None.
 
     Raises:
-        ValueError: If there is no such prop.
+        ValueError: If there is no such object.
         PerceptionError: If none of them is in the picture.
     """
-    wanted = list(env.props) if names is None else list(names)
-    unknown = sorted(set(wanted) - set(env.props))
+    wanted = list(env.objects) if names is None else list(names)
+    unknown = sorted(set(wanted) - set(env.objects))
     if unknown or not wanted:
-        raise ValueError(f"names must be some of {sorted(env.props)}; got {unknown or wanted}")
-    segments = [env.props[name].segment for name in wanted]
+        raise ValueError(f"names must be some of {sorted(env.objects)}; got {unknown or wanted}")
+    segments = [env.objects[name].segment for name in wanted]
     mask = np.isin(picture.segments, segments) & np.isfinite(picture.points[..., 2])
     points = picture.points[mask]
     if len(points) == 0:

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from dgl_tasks.driver import Driver
+from dgl_tasks.handling import Handling, Part
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -41,10 +41,10 @@ class ObservingPolicy(Policy, Protocol):
 
 
 @runtime_checkable
-class EpisodePolicy(Protocol):
-    """A method that drives a whole episode, with the environment's controller for what it does not learn."""
+class Method(Protocol):
+    """A way to do a task: it drives a whole episode, with the environment's controller for what it does not learn."""
 
-    def run(self, driver: Driver) -> None:
+    def run(self, hands: Handling) -> Part:
         """Act, from the parked arms beside the dropped garment until nothing more is to be done.
 
         Hands that are not parked then are opened and drawn back before the garment is judged.
@@ -55,9 +55,10 @@ class EpisodePolicy(Protocol):
 class Nothing:
     """Leaves the garment as it fell: what a success rule must not accept."""
 
-    def run(self, driver: Driver) -> None:
+    def run(self, hands: Handling) -> Part:
         """Do nothing."""
-        del driver
+        del hands
+        yield from ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,10 +74,10 @@ class FromStart:
         if self.actions < 1:
             raise ValueError(f"actions must be at least 1; got {self.actions}")
 
-    def run(self, driver: Driver) -> None:
+    def run(self, hands: Handling) -> Part:
         """Observe, act, and execute until the policy ends the episode or has had its actions."""
-        seen = driver.observe().as_arrays()
-        self.policy.reset({**seen, "garment_point_cloud": driver.see_garment()})
+        seen = hands.sensed.observe().as_arrays()
+        self.policy.reset({**seen, "garment_point_cloud": hands.sensed.see_garment()})
         left = self.actions
         while left > 0:
             targets = np.asarray(self.policy.act(seen))[:left]
@@ -84,7 +85,7 @@ class FromStart:
                 return
             left -= len(targets)
             for number, target in enumerate(targets, start=1):
-                driver.execute(target[None])
-                seen = driver.observe().as_arrays()
+                yield from hands.execute(target[None])
+                seen = hands.sensed.observe().as_arrays()
                 if number < len(targets) and isinstance(self.policy, ObservingPolicy):
                     self.policy.observe(seen)

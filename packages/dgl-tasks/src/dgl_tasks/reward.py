@@ -56,15 +56,17 @@ def compute_reward_terms(
         ValueError: If a number is negative or not finite.
     """
     distances = np.asarray(distances, dtype=float)
-    numbers = np.array([*distances, speed, verdict.value, start])
+    main = verdict.criteria[0]
+    numbers = np.array([*distances, speed, main.value, start])
     if not np.isfinite(numbers).all() or (distances < 0).any() or speed < 0:
         raise ValueError(
             "distances and speed must be finite and not negative, values finite; "
-            f"got {distances}, {speed}, {verdict.value}, {start}"
+            f"got {distances}, {speed}, {main.value}, {start}"
         )
-    is_met = verdict.value >= verdict.threshold
-    way = verdict.threshold - start
-    progress = 1.0 if is_met else float(np.clip((verdict.value - start) / max(way, 1e-6), 0, 1))
+    way = main.threshold - start  # negative where less is wanted
+    way = np.copysign(max(abs(way), 1e-6), way)
+    progress = 1.0 if main.is_met else float(np.clip((main.value - start) / way, 0, 1))
     near = float(np.mean(1.0 - np.tanh(distances / REACH_SCALE)))
+    is_met = verdict.success
     rest = float(np.exp(-speed / CALM_SPEED)) if is_met and is_released else 0.0
     return RewardTerms(reach=1.0 if is_met else near, progress=progress, rest=rest)

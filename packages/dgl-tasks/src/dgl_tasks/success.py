@@ -1,50 +1,133 @@
-"""Success rules: pure functions of what a camera sees and of how the garment lay before."""
+"""Success rules: pure functions of a scene, which give named criteria with what was measured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 AREA_CELL = 0.01
-"""Side of the cells in which covered area is counted [m]: two pixels of the cameras above."""
+"""Side of the cells in which covered area is counted [m]."""
+
+Box = tuple[float, float, float, float]
+"""A horizontal box: x low, y low, x high, y high [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criterion:
+    """One condition of a success rule, with what was measured."""
+
+    name: str
+    """What is measured, such as `share inside the box`."""
+    value: float
+    """The measured value."""
+    comparison: Literal["<", "<=", ">", ">="]
+    """How the value must compare with the threshold."""
+    threshold: float
+    """The limit."""
+    unit: str = ""
+    """Unit of value and threshold."""
+    failure: str = "below the threshold"
+    """What not to meet it is called, in words that can be counted."""
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the value satisfies the condition."""
+        match self.comparison:
+            case "<":
+                return self.value < self.threshold
+            case "<=":
+                return self.value <= self.threshold
+            case ">":
+                return self.value > self.threshold
+            case ">=":
+                return self.value >= self.threshold
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The outcome of a rule, with the quantity behind it."""
+    """The outcome of a rule."""
 
-    success: bool
-    value: float
-    """The measured quantity."""
-    threshold: float
-    """What `value` is compared with."""
-    quantity: str
-    """What `value` is, in words."""
-    box: tuple[float, float, float, float] | None = None
-    """The box (x low, y low, x high, y high) [m] that the rule looked at, for pictures."""
+    criteria: tuple[Criterion, ...]
+    """All of them have to be met; the first is the one that the task is about."""
+    box: Box | None = None
+    """The box that the rule looked at, for pictures."""
+
+    def __post_init__(self) -> None:
+        if not self.criteria:
+            raise ValueError("criteria must have at least one criterion; got none")
+
+    @property
+    def success(self) -> bool:
+        """Whether all criteria are met."""
+        return self.reason is None
+
+    @property
+    def reason(self) -> str | None:
+        """What the first criterion that is not met is called; None for a success."""
+        return next((c.failure for c in self.criteria if not c.is_met), None)
+
+    @property
+    def value(self) -> float:
+        """What was measured for the first criterion."""
+        return self.criteria[0].value
+
+    def describe_shortfalls(self) -> str:
+        """Put what is not met into words."""
+        return "; ".join(
+            f"{c.name}: {c.value:.3f}{c.unit}, needed {c.comparison} {c.threshold:g}{c.unit}"
+            for c in self.criteria
+            if not c.is_met
+        )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Before:
-    """What is known of the garment from before the robots touched it."""
+class SceneView(Protocol):
+    """What a rule judges: the scene as it is, or as somebody believes it to be."""
 
-    points: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Places that the rule names [m], shape (3,), world frame, on the garment as it lay then."""
-    flat_area: float
-    """Area that the garment covers when it lies flat [m^2], counted as `compute_covered_area` does."""
+    @property
+    def top(self) -> np.ndarray:
+        """What can be seen of the garment from straight above [m], shape (N, 3): each point stands for the same area.
+
+        N is 0 when it is out of sight.
+        """
+        ...
+
+    @property
+    def surface(self) -> np.ndarray:
+        """Points all over the garment [m], shape (N, 3)."""
+        ...
+
+    @property
+    def landmarks(self) -> Mapping[str, np.ndarray]:
+        """Places of the garment by name as it lay before it was touched [m], shape (3,)."""
+        ...
+
+    @property
+    def flat_area(self) -> float:
+        """Area that the garment covers when it lies flat [m^2], counted as `compute_covered_area` does."""
+        ...
+
+    @property
+    def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:
+        """Named places of the objects in the scene, by object and name [m], shape (3,)."""
+        ...
 
 
 class SuccessRule(Protocol):
-    """Judges what a camera above sees of the garment."""
+    """Judges a scene."""
 
     @property
-    def points(self) -> tuple[str, ...]:
-        """Names of the places in `Before.points` that the rule needs."""
+    def landmarks(self) -> tuple[str, ...]:
+        """Names of the places in `SceneView.landmarks` that the rule needs."""
         ...
 
-    def __call__(self, points: np.ndarray, before: Before) -> Verdict:
-        """Judge what is seen of the garment [m], shape (N, 3), world frame; N is 0 when it is out of sight."""
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the objects' places that the rule needs, such as "hanger.target"."""
+        ...
+
+    def __call__(self, view: SceneView) -> Verdict:
+        """Judge what is there."""
         ...
 
 
@@ -66,15 +149,12 @@ def compute_covered_area(points: np.ndarray, *, cell: float = AREA_CELL) -> floa
     return len(np.unique(np.floor(points[:, :2] / cell).astype(np.int64), axis=0)) * cell**2
 
 
-def compute_box_share(points: np.ndarray, box: tuple[float, float, float, float]) -> float:
+def compute_box_share(points: np.ndarray, box: Box) -> float:
     """Compute the share of points inside a horizontal box.
-
-    The pixels of a camera that looks straight down each stand for the same area of cloth, so for
-    their points this is the share of the garment's visible area.
 
     Args:
         points: [m], shape (N, 2) or (N, 3), world frame.
-        box: x low, y low, x high, y high [m].
+        box: Its sides [m].
 
     Returns:
         Share in [0, 1]; 0 without points: of what is out of sight nothing is seen to be inside.
@@ -93,8 +173,8 @@ def compute_box_share(points: np.ndarray, box: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FoldRule:
-    """Enough of the garment's visible area lies inside a box of key points of the unfolded garment."""
+class ShareInBox:
+    """Enough of what is seen from above lies inside a box of key points of the garment before it was touched."""
 
     left: tuple[str, ...]
     """Points whose mean x is the left side of the box."""
@@ -108,57 +188,54 @@ class FoldRule:
     """How far the box reaches beyond its left, near, right and far side [m]."""
     threshold: float
     """Least share of the visible area, in [0, 1]."""
+    frames: tuple[str, ...] = field(default=(), init=False)
 
     @property
-    def points(self) -> tuple[str, ...]:
+    def landmarks(self) -> tuple[str, ...]:
         """Names of the key points."""
         return tuple(dict.fromkeys((*self.left, *self.right, self.near, self.far)))
 
-    def __call__(self, points: np.ndarray, before: Before) -> Verdict:
-        """Measure the share of the visible points inside the box; see `SuccessRule`."""
+    def __call__(self, view: SceneView) -> Verdict:
+        """Measure the share of the visible points inside the box."""
         left, right = (
-            float(np.mean([before.points[name][0] for name in side]))
+            float(np.mean([view.landmarks[name][0] for name in side]))
             for side in (self.left, self.right)
         )
-        near, far = (float(before.points[name][1]) for name in (self.near, self.far))
+        near, far = (float(view.landmarks[name][1]) for name in (self.near, self.far))
         box = (
             left - self.margins[0],
             near - self.margins[1],
             right + self.margins[2],
             far + self.margins[3],
         )
-        value = compute_box_share(points, box)
-        return Verdict(
-            success=value >= self.threshold,
-            value=value,
+        share = Criterion(
+            name="share of the garment's visible area inside the box of the key points",
+            value=compute_box_share(view.top, box),
+            comparison=">=",
             threshold=self.threshold,
-            quantity="share of the garment's visible area inside the box of the key points",
-            box=box,
         )
+        return Verdict(criteria=(share,), box=box)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlingRule:
+class CoversFlatArea:
     """The garment covers nearly the area that it covers when it lies flat (paper)."""
 
     tolerance: float = 0.2
     """How far the ratio of the areas may be from 1; the paper's bound, which it must stay below."""
+    landmarks: tuple[str, ...] = field(default=(), init=False)
+    frames: tuple[str, ...] = field(default=(), init=False)
 
-    @property
-    def points(self) -> tuple[str, ...]:
-        """No key points are needed."""
-        return ()
-
-    def __call__(self, points: np.ndarray, before: Before) -> Verdict:
-        """Compare the covered area with the flat one; see `SuccessRule`."""
-        ratio = compute_covered_area(points) / before.flat_area
-        value = 1.0 - abs(1.0 - ratio)
-        return Verdict(
-            success=value > 1.0 - self.tolerance,
-            value=value,
+    def __call__(self, view: SceneView) -> Verdict:
+        """Compare the covered area with the flat one."""
+        ratio = compute_covered_area(view.top) / view.flat_area
+        flatness = Criterion(
+            name="1 - |1 - covered area / area of the flat garment|",
+            value=1.0 - abs(1.0 - ratio),
+            comparison=">",
             threshold=1.0 - self.tolerance,
-            quantity="1 - |1 - covered area / area of the flat garment|",
         )
+        return Verdict(criteria=(flatness,))
 
 
 def _check_points(points: np.ndarray) -> np.ndarray:

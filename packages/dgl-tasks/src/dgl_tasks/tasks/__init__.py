@@ -1,20 +1,20 @@
-"""The tasks by id; to add one, write its declaration in a file here and list it."""
+"""The tasks by id; to add one, write its declaration in a file here."""
 
 import difflib
+import importlib
+import pkgutil
 
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnknownTaskError
-from dgl_tasks.tasks import (
-    fling_dress,
-    fling_tops,
-    fling_trousers,
-    fold_dress,
-    fold_tops,
-    fold_trousers,
-)
 
-_MODULES = (fold_tops, fold_dress, fold_trousers, fling_tops, fling_dress, fling_trousers)
-_TASKS: dict[str, Task] = {module.TASK.id: module.TASK for module in _MODULES}
+
+def _find_tasks() -> dict[str, Task]:
+    names = sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+    tasks = [importlib.import_module(f"{__name__}.{name}").TASK for name in names]
+    return {task.id: task for task in tasks}
+
+
+_TASKS = _find_tasks()
 
 
 def task_ids() -> tuple[str, ...]:

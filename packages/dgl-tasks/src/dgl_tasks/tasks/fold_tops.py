@@ -1,8 +1,8 @@
 """Fold Tops: left sleeve to the right, right sleeve to the left, bottom to top."""
 
-from dgl_tasks.cameras import FOLD_CAMERAS
-from dgl_tasks.declaration import Stage, Task
-from dgl_tasks.success import FoldRule
+from dgl_tasks.tasks._common import FOLD_CAMERAS
+from dgl_tasks.declaration import Start, Task
+from dgl_tasks.success import ShareInBox
 
 TASK = Task(
     id="FoldTops-v1",
@@ -13,30 +13,13 @@ TASK = Task(
         "at least 85 % of the garment's visible area lies between the sleeve joints (+- 0.05 m) "
         "and between centre and collar (+- 0.1 m)"
     ),
-    x_range=(-0.1, 0.1),
-    y_range=(0.7, 0.9),
-    cameras=FOLD_CAMERAS,
-    stages=(
-        Stage(
-            name="left_sleeve",
-            grasp={"left": "left_cuff"},
-            policy_loops=8,
-        ),
-        Stage(
-            name="right_sleeve",
-            grasp={"right": "right_cuff"},
-            policy_loops=8,
-        ),
-        Stage(
-            name="bottom_up",
-            grasp={"left": "left_hem", "right": "right_hem"},
-            orientation="heap",
-            grasp_height=0.0,
-            policy_loops=12,
-        ),
+    start=Start(
+        x_range=(-0.1, 0.1),
+        y_range=(0.7, 0.9),
     ),
+    cameras=FOLD_CAMERAS,
     # threshold from the paper, margins from the original code
-    success=FoldRule(
+    success=ShareInBox(
         left=("left_sleeve_joint",),
         right=("right_sleeve_joint",),
         near="centre",

@@ -3,9 +3,9 @@
 import numpy as np
 
 from dgl_physics import ClothMaterial
-from dgl_tasks.cameras import FOLD_CAMERAS
-from dgl_tasks.declaration import Stage, Task
-from dgl_tasks.success import FoldRule
+from dgl_tasks.tasks._common import FOLD_CAMERAS
+from dgl_tasks.declaration import Start, Task
+from dgl_tasks.success import ShareInBox
 
 TASK = Task(
     id="FoldTrousers-v1",
@@ -19,34 +19,17 @@ TASK = Task(
         "at least 85 % of the garment's visible area lies in the half of the far leg next to the "
         "waistband, between its outer seam and the middle of the trousers (+- 0.1 m)"
     ),
-    rounds=3,
-    again_from=1,
-    x_range=(-0.1, 0.1),
-    y_range=(0.7, 0.9),
-    yaw=float(np.pi / 2),
+    start=Start(
+        x_range=(-0.1, 0.1),
+        y_range=(0.7, 0.9),
+        yaw=float(np.pi / 2),
+    ),
     cameras=FOLD_CAMERAS,
     # four layers are taken in one pinch: with no more friction between layers than with the ground
     # the upper leg slides off the lower one, which stays behind
     material=ClothMaterial(particle_friction_scale=1.0),
-    stages=(
-        Stage(
-            name="near_leg_over",
-            grasp={"left": "left_waist", "right": "left_hem_outer"},
-            # a thumb that slides back through the leg drags it, and the trousers, along
-            leave="shed",
-            policy_loops=12,
-        ),
-        Stage(
-            name="hems_to_waist",
-            grasp={"right": ("left_hem_middle", "right_hem_middle")},
-            orientation="hems",
-            grasp_height=0.0,
-            moved_at_most=None,
-            policy_loops=8,
-        ),
-    ),
     # threshold from the paper, margins from the original code
-    success=FoldRule(
+    success=ShareInBox(
         left=("right_waist",),
         right=("right_waist", "right_hem_outer"),
         near="centre",

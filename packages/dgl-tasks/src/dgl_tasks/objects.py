@@ -1,4 +1,4 @@
-"""Props in scenes: seen by the cameras, felt by cloth and robots."""
+"""Objects in scenes: seen by the cameras, felt by cloth and robots."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,7 @@ import numpy as np
 import sapien
 
 from dgl_assets.props import Prop, PropPart, PropShape, make_prop
-from dgl_tasks.declaration import PropPlacement, Vector3
+from dgl_tasks.declaration import SceneObject, Vector3
 from dgl_tasks.robot import let_robot_pass
 
 if TYPE_CHECKING:
@@ -18,24 +18,24 @@ _TEXELS = 256  # of a wood's tile of 0.6 m: 2.3 mm
 _X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
 
 
-class SceneProp:
-    """A prop that stands in a scene; it moves only when it is placed."""
+class PlacedObject:
+    """An object that stands in a scene; it moves only when it is placed."""
 
-    def __init__(self, scene: "ManiSkillScene", placement: PropPlacement) -> None:
-        """Add a kinematic body with the prop's shapes and, where pictures are taken, its looks."""
-        self.placement = placement
-        self.prop: Prop = make_prop(placement.prop)
+    def __init__(self, scene: "ManiSkillScene", declared: SceneObject) -> None:
+        """Add a kinematic body with the object's shapes and, where pictures are taken, its looks."""
+        self.declared = declared
+        self.prop: Prop = make_prop(declared.prop)
         builder = scene.create_actor_builder()
-        builder.initial_pose = _make_pose(placement.position, placement.yaw)  # pyright: ignore[reportAttributeAccessIssue]
-        self.actor: Actor = builder.build_kinematic(name=placement.name)
+        builder.initial_pose = _make_pose(declared.position, declared.yaw)  # pyright: ignore[reportAttributeAccessIssue]
+        self.actor: Actor = builder.build_kinematic(name=declared.name)
         (entity,) = self.actor._objs  # noqa: SLF001  ManiSkill has no way to add shapes of points
         self._entity: sapien.Entity = entity
         body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
         assert isinstance(body, sapien.physx.PhysxRigidDynamicComponent)
-        material = sapien.physx.PhysxMaterial(placement.friction, placement.friction, 0.0)
+        material = sapien.physx.PhysxMaterial(declared.friction, declared.friction, 0.0)
         for shape in self.prop.shapes:
             body.attach(_convert_shape(shape, material))
-        if not placement.is_solid_to_robot:
+        if not declared.is_solid_to_robot:
             let_robot_pass(self.actor)
         if scene.can_render():
             component = sapien.render.RenderBodyComponent()
@@ -45,39 +45,39 @@ class SceneProp:
 
     @property
     def segment(self) -> int:
-        """Segmentation id of the prop in pictures."""
+        """Segmentation id of the object in pictures."""
         return self._entity.per_scene_id
 
     @property
     def entity_name(self) -> str:
-        """Name of the prop's entity in SAPIEN's scene."""
+        """Name of the object's entity in SAPIEN's scene."""
         return self._entity.name
 
     @property
     def pose(self) -> np.ndarray:
-        """Where the prop is: xyz [m] + quaternion wxyz, shape (7,), world frame."""
+        """Where the object is: xyz [m] + quaternion wxyz, shape (7,), world frame."""
         pose = self._entity.pose
         return np.concatenate([pose.p, pose.q]).astype(np.float64)
 
-    def get_landmarks(self) -> dict[str, np.ndarray]:
-        """Places of the prop's landmarks now [m], shape (3,), world frame."""
+    def get_frames(self) -> dict[str, np.ndarray]:
+        """Named places of the object now [m], shape (3,), world frame."""
         return self.prop.compute_landmarks(self.pose)
 
     def place(self, position: Vector3, yaw: float = 0.0) -> None:
-        """Put the prop somewhere at once.
+        """Put the object somewhere at once.
 
         Cloth takes a move between two of its frames for a motion and is carried or hit by it; to
         avoid that, call `SapienCloth.sync_bodies(is_jump=True)` after placing.
 
         Args:
-            position: Of the prop's frame [m], world frame.
+            position: Of the object's frame [m], world frame.
             yaw: Rotation about z [rad].
         """
         self._entity.set_pose(_make_pose(position, yaw))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """Place the prop at random within its ranges; returns the draws by name [m]."""
-        p = self.placement
+        """Place the object at random within its ranges; returns the draws by name [m]."""
+        p = self.declared
         dx, dy = float(rng.uniform(*p.x_range)), float(rng.uniform(*p.y_range))
         x, y, z = p.position
         self.place((x + dx, y + dy, z), p.yaw)

@@ -1,0 +1,234 @@
+"""The course of a task: look, match, approach, act, check, retry, release, park, whoever acts in between."""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from dgl_collect.actors import Actor
+from dgl_collect.belief import BelievedView
+from dgl_collect.formula import Value, evaluate_formula, find_names
+from dgl_collect.point_finder import PointFinder
+from dgl_collect.stage_work import Hold, HoldLost, Reaction, StageWork
+from dgl_collect.steps import Demonstration, Stage
+from dgl_gam import Matcher, compute_affordance
+from dgl_tasks.course import BeginsAgain, Believes, Command, Mark, StageBegins, StageEnds
+from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.handling import Handling, Part
+from dgl_tasks.sensing import Sensed
+from dgl_tasks.success import SuccessRule, Verdict
+
+TRIES = 3
+"""How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
+back."""
+
+T = TypeVar("T")
+PartOf = Generator[Command | Mark, Sensed, T]
+"""A part of a course that gives something at its end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRunner:
+    """Goes through the stages of a demonstration; implements `dgl_tasks.policy.Method`.
+
+    Retries rest on what cameras see, and on what the demonstration and the matcher make of it.
+    """
+
+    demonstration: Demonstration
+    demo_cloud: np.ndarray
+    """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
+    rule: SuccessRule
+    """The task's, for what is believed."""
+    get_matcher: Callable[[], Matcher]
+    """Gives what finds the demonstration's points on the garment as it lies."""
+    actor: Actor
+    rounds: int | None = None
+    """How often the stages are gone through at most; as the demonstration says when None."""
+    tries: int = TRIES
+    """How often a stage is begun at most in a round."""
+
+    def run(self, hands: Handling) -> Part:
+        """Run all stages; some or all of them again while the task is believed not to be done.
+
+        Raises:
+            TaskError: If a hand cannot go where it has to, or a camera sees no garment.
+        """
+        yield from _Course(self, hands).perform()
+
+
+class _Course:
+    """One episode."""
+
+    def __init__(self, runner: StageRunner, hands: Handling) -> None:
+        self.runner, self.hands = runner, hands
+        self.stages = runner.demonstration.stages
+        self.finder = PointFinder(runner.demonstration, runner.demo_cloud)
+        self._seen: dict[str, float] = {}
+        self._carried_out: set[str] = set()
+        self._skipped: set[str] = set()
+        self._round = 1
+        self._is_held = True
+
+    def perform(self) -> Part:
+        self._look()
+        rounds = self.runner.rounds or self.runner.demonstration.rounds
+        for self._round in range(1, rounds + 1):
+            stages = self.stages
+            if self._round > 1:
+                stages = tuple(stage for stage in self.stages if stage.again)
+                names = tuple(stage.name for stage in stages)
+                yield from self.hands.mark(BeginsAgain("round", names))
+                if stages == self.stages:  # else how the garment lay at first says where it has to go
+                    self._look()
+            is_last = self._round == rounds
+            yield from self._go_through(stages, is_last=is_last)
+            is_whole = self._carried_out.issuperset(stage.name for stage in self.stages)
+            if (is_last or is_whole) and (yield from self._believe()).success:
+                return
+
+    def _go_through(self, stages: Sequence[Stage], *, is_last: bool) -> Part:
+        """Run the stages of a round.
+
+        What is out of reach now is left out while there are further rounds: the stages after it may bring the garment nearer.
+        """
+        refused: list[UnreachableError] = []
+        skipped: set[str] = set()
+        self._is_held = True
+        for stage in stages:
+            if stage.when is not None and not (yield from self._meets(stage, stage.when)):
+                skipped.add(stage.name)
+                continue
+            try:
+                hold = yield from self._run_stage(stage)
+            except UnreachableError as err:
+                if is_last or not stage.again:
+                    raise
+                refused.append(err)
+                continue
+            self._is_held = hold == "all"
+            if hold is not None:
+                self._carried_out.add(stage.name)
+        if len(refused) == len(stages):
+            raise refused[0]  # and would be again: the next round begins with the same
+        self._skipped = skipped
+
+    def _meets(self, stage: Stage, condition: str) -> PartOf[bool]:
+        names: dict[str, Value] = {
+            "round": self._round,
+            "held": float(self._is_held),
+            "skipped": float(stage.name in self._skipped),
+        }
+        if "value" in find_names(condition):
+            names["value"] = (yield from self._believe()).value
+        return bool(evaluate_formula(condition, names))
+
+    def _believe(self) -> PartOf[Verdict]:
+        """Apply the task's rule to what is believed of the scene, once it is at rest."""
+        yield from self.hands.settle()
+        view = BelievedView(
+            self.hands.sensed,
+            landmarks=self.finder.points,
+            flat_area=self.runner.demonstration.flat_area,
+            seen=self._seen,
+        )
+        verdict = self.runner.rule(view)
+        values = {**self._seen, "value": verdict.value}
+        if np.isfinite(view.flat_area):
+            values["flat_area"] = view.flat_area
+        yield from self.hands.mark(Believes(values=values))
+        return verdict
+
+    def _look(self) -> None:
+        self.finder.look(self.hands.sensed.see_garment(), self.runner.get_matcher())
+
+    # One stage -------------------------------------------------------------------------------
+
+    def _run_stage(self, stage: Stage) -> PartOf[Hold | None]:
+        """Carry out a stage; how many hands held the garment to the end, None if none did."""
+        if stage.on_loss == "lay down":
+            try:
+                return (yield from self._try(stage, 1, "lay down"))
+            except HoldLost:
+                yield from self._give_up(stage)
+                return None
+        tries = self.runner.tries
+        for number in range(1, tries + 1):
+            try:
+                return (yield from self._try(stage, number, "give up" if number < tries else "ignore"))
+            except HoldLost:
+                yield from self._give_up(stage)
+                yield from self.hands.mark(BeginsAgain("try", (stage.name,)))
+                if stage is self.stages[0]:
+                    self._look()  # what has been let go lies in another way
+            except (UnreachableError, PerceptionError):
+                if number == 1:
+                    raise
+                # A hand seen empty may have let go at the end of its way, and what it has carried does not lie where it lay.
+                yield from self._end(stage, counts=True)
+                break
+        return "all"
+
+    def _give_up(self, stage: Stage) -> Part:
+        yield from self._end(stage, counts=False)
+        yield from self.hands.settle()
+
+    def _end(self, stage: Stage, *, counts: bool) -> Part:
+        yield from self.hands.mark(StageEnds(name=stage.name, counts=counts))
+        if not self.hands.is_parked:
+            yield from self.hands.retreat(stage.hands, stage.retreat.way_out)
+
+    def _try(self, stage: Stage, number: int, reaction: Reaction) -> PartOf[Hold]:
+        work = self._begin(stage, number, reaction)
+        actor = self.runner.actor
+        if actor.is_sent or not stage.is_learned:
+            if not actor.follows_steps:
+                work.find_reachable()
+            work.choose_turns(must_do_all=actor.follows_steps)
+        yield from self.hands.mark(work.begins)
+        if actor.is_sent or not stage.is_learned:
+            for step in work.iterate_scripted(is_after=False):
+                yield from work.perform(step)
+        if stage.is_learned:
+            yield from actor.act(work)
+        for step in work.iterate_scripted(is_after=True):
+            yield from work.perform(step)
+        self._seen |= work.seen
+        yield from self._end(stage, counts=True)
+        if work.hold != "all":
+            yield from self.hands.settle()
+        return work.hold
+
+    def _begin(self, stage: Stage, number: int, reaction: Reaction) -> StageWork:
+        """Look at what a stage begins with, and find its points."""
+        sensed, matcher = self.hands.sensed, self.runner.get_matcher()
+        # seen again: the stages before may have dragged the garment along
+        cloud = sensed.see_garment()
+        points = self.finder.points
+        if stage.looks_again:
+            points = self.finder.find_points(cloud, matcher)
+        low, high = cloud.min(axis=0).astype(float), cloud.max(axis=0).astype(float)
+        extent: dict[str, Value] = {"min": low, "max": high, "centre": (low + high) / 2}
+        names: dict[str, Value] = {"garment": extent, **sensed.get_frames(), **points}
+        places, affordance = {}, np.zeros((len(cloud), 2), np.float32)
+        if self.runner.actor.is_sent or not stage.is_learned:
+            places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)
+            affordance = compute_affordance(similarity)
+        again = [] if number == self._round == 1 else [number] if self._round == 1 else [number, self._round]
+        return StageWork(
+            stage=stage,
+            hands=self.hands,
+            names=names,
+            cloud=cloud,
+            places=places,
+            begins=StageBegins(
+                name=stage.name,
+                garment_point_cloud=cloud,
+                points_affordance_feature=affordance,
+                object_point_cloud=sensed.see_objects() if sensed.has_objects else None,
+                points=points,
+                seen_at=sensed.step,
+            ),
+            reaction=reaction,
+            draw=(self.stages.index(stage) + 1, *again),
+        )

@@ -1,0 +1,292 @@
+"""One stage on the garment at hand: its steps with their formulas worked out, planned, and carried out."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from dgl_assets.robots import Side
+from dgl_collect.errors import DemonstrationError
+from dgl_collect.formula import Value, evaluate_formula
+from dgl_collect.steps import (
+    Approach,
+    HandPose,
+    Move,
+    Release,
+    Retreat,
+    Stage,
+    Step,
+    Stretch,
+    Wait,
+)
+from dgl_tasks.course import Carrying, StageBegins
+from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.grasps import GraspName, orient, point_along_fingers
+from dgl_tasks.handling import Handling, Part, plan_approach, plan_leave
+from dgl_tasks.holding import find_empty
+
+LEAST_RISE = 0.004
+"""By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
+SWING_FRAMES = 20
+"""Frames for a lifted garment to swing to rest before it is stretched."""
+REACHABLE_WITHIN = 0.1
+"""How far from a point that is out of reach a hand may take hold of the garment instead [m]."""
+REACHABLE_SPACING = 0.02
+"""Distance between places of the garment that are tried then [m]."""
+
+Reaction = Literal["give up", "lay down", "ignore"]
+"""What a hand that is seen to hold nothing leads to: the stage ends at once; it goes on while another hand holds something;
+or nobody looks."""
+Hold = Literal["all", "some"]
+"""How many of the working hands held what the stage had to carry, as far as it was looked for."""
+
+
+class HoldLost(Exception):  # noqa: N818 - no error, a turn that a course takes
+    """Hands were seen to hold nothing any more."""
+
+
+@dataclass(kw_only=True, eq=False)
+class StageWork:
+    """A stage that is being carried out."""
+
+    stage: Stage
+    hands: Handling
+    names: Mapping[str, Value]
+    """What its formulas may name, but for its definitions and what it will see."""
+    cloud: np.ndarray
+    """What is seen of the garment [m], shape (2048, 3), world frame."""
+    places: Mapping[Side, np.ndarray]
+    """The point on the garment for each working hand [m], shape (3,), world frame."""
+    begins: StageBegins
+    """What is known when it begins."""
+    reaction: Reaction
+    draw: tuple[int, ...]
+    """Tells one time that a stage is carried out from another: its number from 1, then, where it is not the first time, that of
+    the try and of the round."""
+    hold: Hold = "all"
+    seen: dict[str, float] = field(default_factory=dict)
+    """What has been seen on the way, by name [m]."""
+    grasp: dict[Side, np.ndarray] = field(default_factory=dict)
+    """Where each working hand takes hold [m], shape (3,), world frame."""
+    _turns: dict[Side, float] = field(default_factory=dict)
+    _orientation: GraspName = "standard"
+    _targets: dict[Side, np.ndarray] = field(default_factory=dict)
+    _lifts: int = 0
+    _has_released: bool = False
+
+    def __post_init__(self) -> None:
+        self.grasp = {side: self._place(side, point) for side, point in self.places.items()}
+
+    @property
+    def orientations(self) -> dict[Side, np.ndarray]:
+        """Orientation of `ee` of each working hand now, wxyz, shape (4,)."""
+        return {side: orient(self._orientation, side, turn) for side, turn in self._turns.items()}
+
+    # Before it begins ----------------------------------------------------------------------
+
+    def find_reachable(self) -> None:
+        """Take hold of the garment as near as can be to points that are out of reach.
+
+        Raises:
+            UnreachableError: If a hand can reach nothing of the garment within `REACHABLE_WITHIN` of its point.
+        """
+        for side, point in self.places.items():
+            refused: UnreachableError | None = None
+            for place in (point, *_get_places(point, self.cloud)):
+                self.grasp[side] = self._place(side, place)
+                try:
+                    self.hands.motion.choose_turns((side,), self._plan_coming)
+                    break
+                except UnreachableError as err:
+                    refused = refused or err
+            else:
+                assert refused is not None
+                raise refused
+
+    def choose_turns(self, *, must_do_all: bool) -> None:
+        """Turn the hands so that all steps are within reach.
+
+        Args:
+            must_do_all: Whether it is refused otherwise; else as much of it as can be will do, down to the approach.
+
+        Raises:
+            UnreachableError: If a hand cannot do what it has to.
+        """
+        counts = [len(self.stage.steps)]
+        if not must_do_all:
+            first = self.stage.steps.index(self.stage.approach) + 1
+            counts = list(range(counts[0], first - 1, -1))
+
+        def rehearse(count: int, side: Side, turn: float) -> None:
+            self._rehearse(self.stage.steps[:count], side, turn)
+
+        self._turns = self.hands.motion.choose_turns(
+            tuple(self.grasp), *(lambda s, t, n=n: rehearse(n, s, t) for n in counts)
+        )
+
+    def _rehearse(self, steps: Sequence[Step], side: Side, turn: float) -> None:
+        """Plan one hand's way through steps; raises `UnreachableError`."""
+        motion, name, at = self.hands.motion, self.stage.approach.orientation, self.grasp[side]
+        for step in steps:
+            match step:
+                case Approach():
+                    self._plan_coming(side, turn)
+                case Move(targets=targets) if side in targets:
+                    name, at = step.orientation or name, self._compute(targets[side])
+                    motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
+                case Retreat():
+                    plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step.way_out)
+
+    def _plan_coming(self, side: Side, turn: float) -> None:
+        self._plan_approach({side: self.grasp[side]}, {side: turn})
+
+    def _plan_approach(
+        self, grasp: Mapping[Side, np.ndarray], turns: Mapping[Side, float]
+    ) -> np.ndarray:
+        step = self.stage.approach
+        orientations = {side: orient(step.orientation, side, turn) for side, turn in turns.items()}
+        return plan_approach(
+            self.hands.motion, grasp, orientations, come_from=step.come_from, spacing=step.spacing
+        )
+
+    def _place(self, side: Side, point: np.ndarray) -> np.ndarray:
+        """Say where a hand takes hold at a point of the garment [m], shape (3,)."""
+        step = self.stage.approach
+        height = point[2] if step.height is None else step.height
+        grasp = np.array([point[0], point[1], height], dtype=float)
+        if step.short_by:
+            grasp -= step.short_by * point_along_fingers(orient(step.orientation, side))
+        return grasp
+
+    def _compute(self, formulas: Sequence[str]) -> np.ndarray:
+        names = self._known
+        try:
+            return np.array([evaluate_formula(formula, names) for formula in formulas])
+        except ValueError as err:
+            raise DemonstrationError(f"stage {self.stage.name!r}: {err}") from err
+
+    @property
+    def _known(self) -> Mapping[str, Value]:
+        names = {**self.names, **self.seen}
+        for name, formula in self.stage.definitions.items():
+            known = self.seen.get(name)
+            names[name] = evaluate_formula(formula, names) if known is None else known
+        return names
+
+    # Carrying it out -------------------------------------------------------------------------
+
+    def iterate_scripted(self, *, is_after: bool) -> Iterator[Step]:
+        """Give the steps before, or after, those that are recorded; all of them before where none is."""
+        is_past = False
+        for step in self.stage.steps:
+            is_past |= step.recorded
+            if not step.recorded and is_past == is_after:
+                yield step
+
+    def perform(self, step: Step) -> Part:
+        """Carry out one step as demonstrated.
+
+        Raises:
+            HoldLost: If hands are seen to hold nothing, and that ends the stage.
+            UnreachableError: If a hand cannot go there.
+        """
+        hands, motion = self.hands, self.hands.motion
+        recorded = "stage" if step.recorded else None
+        match step:
+            case Approach():
+                self._orientation = step.orientation
+                yield from hands.approach(self._plan_approach(self.grasp, self._turns))
+            case HandPose(pose=pose):
+                rows = motion.set_hands(dict.fromkeys(self.grasp, pose))
+                yield from hands.send(rows, recorded=recorded)
+                self._has_released = isinstance(step, Release)
+            case Move():
+                self._orientation = step.orientation or self._orientation
+                targets = {side: self._compute(f) for side, f in step.targets.items()}
+                rows = motion.move(targets, self.orientations, spacing=step.spacing)
+                yield from hands.send(rows, recorded=recorded)
+                self._targets = targets
+                if step.recorded and not self._has_released:
+                    yield from self._check(checked=step.checked)
+                    self._lifts += 1
+            case Stretch():
+                if self.hold == "all":  # what has been lost cannot be stretched
+                    yield from self._stretch(step)
+                    yield from self._check(checked=step.checked)
+            case Wait(frames=frames):
+                yield from hands.send(motion.hold(frames), recorded=recorded)
+            case Retreat():
+                yield from hands.retreat(self.stage.hands, step.way_out)
+
+    def _check(self, *, checked: bool) -> Part:
+        """Look whether the hands hold the garment, where that is wanted."""
+        if checked and self.reaction != "ignore":
+            self.react(self.find_empty())
+        is_first = self._lifts == 0
+        mark = Carrying(
+            stage=self.stage.name,
+            hands=self.stage.hands,
+            is_first=is_first,
+            where=f"move {self._lifts + 1}",
+        )
+        yield from self.hands.mark(mark)
+
+    def find_empty(self) -> set[Side]:
+        """See which working hands are up and hold nothing; none where nothing is seen of the garment."""
+        sensed = self.hands.sensed
+        try:
+            return set(find_empty(sensed, self.stage.hands, sensed.see_points()))
+        except PerceptionError:
+            return set()
+
+    def react(self, empty: set[Side]) -> None:
+        """Take hands to have lost the garment.
+
+        Raises:
+            HoldLost: If the stage is given up then, or nothing is left to lay down.
+        """
+        if not empty or self.reaction == "ignore":
+            return
+        self.hold = "some"
+        if self.reaction == "give up" or len(empty) == len(self.stage.hands):
+            raise HoldLost
+
+    def _stretch(self, step: Stretch) -> Part:
+        """Move the hands apart until the garment between them is taut, and see how it hangs."""
+        hands, motion = self.hands, self.hands.motion
+        recorded = "stage" if step.recorded else None
+        targets = dict(self._targets)
+        outwards = targets["right"] - targets["left"]
+        outwards /= np.linalg.norm(outwards)
+        yield from hands.send(motion.hold(SWING_FRAMES), recorded=recorded)
+        hanging = hands.sensed.see_hanging()
+        for _ in range(round(step.at_most / step.by)):
+            # an edge as low as the garment is long is none: it hangs from one hand
+            if not step.sag < hanging.sag < hanging.length:
+                break
+            targets["left"] = targets["left"] - step.by * outwards
+            targets["right"] = targets["right"] + step.by * outwards
+            rows = motion.move(targets, self.orientations, spacing=step.spacing)
+            yield from hands.send(rows, recorded=recorded)
+            before, hanging = hanging, hands.sensed.see_hanging()
+            if hanging.sag > before.sag - LEAST_RISE:
+                break  # it slides out of a hand instead
+        span = float(np.linalg.norm(targets["right"] - targets["left"]))
+        self.seen |= {
+            "half_span": span / 2,
+            "hanging": hanging.length,
+            "hanging_area": hanging.area,
+        }
+
+
+def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:
+    """Give places of a cloud around a point [m], shape (M, 3), from the nearest to the farthest."""
+    distances = np.linalg.norm(cloud[:, :2] - point[:2], axis=1)
+    order = np.argsort(distances, kind="stable")
+    order = order[distances[order] <= REACHABLE_WITHIN]
+    squares = np.floor(cloud[order, :2] / REACHABLE_SPACING)
+    _, first = np.unique(squares, axis=0, return_index=True)
+    return cloud[order[np.sort(first)]]
+
+

@@ -1,0 +1,349 @@
+"""What arms and hands do alike whoever acts: they come to the garment, leave it, park and wait. Parts of courses."""
+
+import logging
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dgl_assets.robots import SIDES, Side
+from dgl_tasks.control import interpolate_action
+from dgl_tasks.course import Command, Mark
+from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
+from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.observation import STEPS_PER_ACTION
+from dgl_tasks.sensing import Sensed
+
+logger = logging.getLogger(__name__)
+
+Part = Generator[Command | Mark, Sensed, None]
+"""A part of a course."""
+
+APPROACH_FROM = (0.0, 0.0, 0.15)
+"""From where a hand comes to a grasp point, as an offset [m]: straight down."""
+ARRIVAL_FRAMES = 10
+"""Frames for the arm to arrive at the grasp points before the hand closes."""
+RELEASE_FRAMES = 15
+"""Frames for the cloth to fall from an opened hand before it leaves."""
+LEAVE_SPACING = 0.005
+"""Distance between samples of the way out of the cloth [m]; 0.005 is 0.3 m/s."""
+CAUGHT_DISTANCE = 0.12
+"""A risen hand is taken to carry cloth that is seen so near to its grasp point [m]; what lies is 0.15 m below."""
+FREE_ROLLS = (0.0, 0.0, 0.5, 0.5, 0.5)
+"""How far a hand rolls on for its thumb to point down, in each of the tries to get rid of cloth that has come along [rad];
+then it goes away with it."""
+FREE_BACKS = (0.12, 0.08, 0.04, 0.0)
+"""How far a hand draws back from cloth that came along [m]: the first of these that the arm can reach."""
+PARKED_FRAMES = 30
+"""Control steps in which the fingers come to rest after the arms have swung to their parking place: they lag behind by
+0.08 rad. A policy that begins there would be told by them how long ago that was, in every demonstration alike, and would
+take a hand that has been at rest for longer to be further on its way."""
+SETTLE_FRAMES = 50
+"""Control steps in which a garment comes to rest once the hands are out of the way."""
+SETTLE_WAITS = 4
+"""How often these are waited for at most, while the garment is seen to move."""
+STILL_LOOK_FRAMES = 10
+"""Control steps between the two looks that tell whether the garment moves."""
+STILL_SHARE = 0.01
+"""Share of the garment's pixels that may change between them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayOut:
+    """How an opened hand leaves the cloth. Its palm looks down, so its thumb is under the cloth."""
+
+    roll: float = float(np.radians(30))
+    """How far the hand rolls for its thumb to point down [rad]."""
+    rise: float = 0.0
+    """How far it rises while it rolls [m]."""
+    wait: int = 0
+    """Frames for the cloth to slide off the thumb then."""
+    back: tuple[float, ...] = (0.12, 0.08, 0.04, 0.0)
+    """How far it draws back along its fingers, level [m]: the first of these that the arm can reach."""
+    up: float = 0.15
+    """How far it rises then [m]."""
+    spacing: float = LEAVE_SPACING
+    """Distance between samples of its way [m]."""
+    frees: bool = True
+    """Whether cloth that is seen to have come along is put down again."""
+
+
+def plan_approach(
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+    *,
+    come_from: Sequence[float] = APPROACH_FROM,
+    spacing: float = 0.01,
+) -> np.ndarray:
+    """Plan how hands come to grasp points: to a place beside them, straight to them, and a wait.
+
+    Args:
+        motion: Plans the arms.
+        points: Grasp point of each hand [m], shape (3,), world frame.
+        orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+        come_from: Offset of the place beside them [m]; its x is outward for both hands.
+        spacing: Distance between samples of the last line [m].
+
+    Returns:
+        Joint targets [rad], shape (N, D).
+
+    Raises:
+        UnreachableError: If a hand cannot go there.
+    """
+    x, y, z = come_from
+    beside: dict[Side, np.ndarray] = {
+        side: point + np.array([-x if side == "left" else x, y, z])
+        for side, point in points.items()
+    }
+    way = motion.reach(beside, orientations)
+    return np.concatenate(
+        [way, motion.move(points, orientations, spacing=spacing), motion.hold(ARRIVAL_FRAMES)]
+    )
+
+
+def plan_way_out(
+    motion: BimanualMotion,
+    starts: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+    out: WayOut,
+) -> list[np.ndarray]:
+    """Plan a way to `starts`, a wait, a way back along the fingers, and one up.
+
+    Args:
+        motion: Plans the arms.
+        starts: Where the grasp point of each hand goes first [m], shape (3,), world frame.
+        orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+        out: How far back and up, and how long the wait.
+
+    Returns:
+        Joint targets of each part, shape (N, D) [rad].
+
+    Raises:
+        UnreachableError: If a hand cannot even go straight up.
+    """
+    ways: dict[Side, tuple[np.ndarray, ...]] = {}
+    for side, q in orientations.items():
+        for length in out.back:
+            back = starts[side] - length * point_along_fingers(q)
+            ways[side] = (starts[side], back, back + np.array([0, 0, out.up]))
+            with motion.rehearsal():
+                try:
+                    for target in ways[side]:
+                        motion.move({side: target}, {side: q}, spacing=out.spacing)
+                except UnreachableError:
+                    if length == out.back[-1]:
+                        raise
+                else:
+                    break
+    parts = []
+    for k in range(3):
+        targets: dict[Side, np.ndarray] = {side: way[k] for side, way in ways.items()}
+        parts.append(motion.move(targets, orientations, spacing=out.spacing))
+        if k == 0:
+            parts.append(motion.hold(out.wait))
+    return parts
+
+
+def plan_leave(
+    motion: BimanualMotion,
+    points: Mapping[Side, np.ndarray],
+    orientations: Mapping[Side, np.ndarray],
+    out: WayOut,
+) -> list[np.ndarray]:
+    """Plan how opened hands leave the cloth, from where `motion` is: they roll, draw back along their fingers, and rise.
+
+    Args and errors as of `plan_way_out`; `points` are where the hands are.
+    """
+    rolled: dict[Side, np.ndarray] = {
+        side: roll_thumb_down(q, out.roll, side) for side, q in orientations.items()
+    }
+    starts = {side: points[side] + np.array([0, 0, out.rise]) for side in orientations}
+    return plan_way_out(motion, starts, rolled, out)
+
+
+class Handling:
+    """Both arms and hands of one episode: plans what they do, yields it, and keeps what is sensed last."""
+
+    def __init__(self, motion: BimanualMotion, sensed: Sensed) -> None:
+        """Take over the arms as a reset has left them.
+
+        Args:
+            motion: Plans the arms.
+            sensed: What is sensed then.
+        """
+        self.motion = motion
+        self.sensed = sensed
+        """What is sensed now."""
+        self._settled_at: int | None = None
+        motion.reset(motion.robot.compute_start("open"))
+
+    @property
+    def is_parked(self) -> bool:
+        """Whether both arms have been sent to their parking place."""
+        robot = self.motion.robot
+        return all(
+            np.allclose(
+                self.motion.target[robot.joint_slice(s, "arm")], robot.arm.parked[s], atol=1e-6
+            )
+            for s in SIDES
+        )
+
+    def mark(self, mark: Mark) -> Part:
+        """Give a mark."""
+        self.sensed = yield mark
+
+    def send(
+        self,
+        rows: np.ndarray,
+        *,
+        recorded: Literal["approach", "stage"] | None = None,
+        is_passage: bool = False,
+    ) -> Part:
+        """Give joint targets that `motion` has planned [rad], shape (N, D), one a control step."""
+        for row in rows:
+            self.sensed = yield Command(row, recorded, is_passage)
+
+    def execute(
+        self, actions: np.ndarray, *, recorded: Literal["approach", "stage"] | None = None
+    ) -> Part:
+        """Give a policy's actions [rad], shape (N, D), as `GarmentEnv.step` takes them.
+
+        Raises:
+            ValueError: If the shape is another one, or a number is not finite.
+        """
+        actions = np.asarray(actions, dtype=float)
+        wanted = self.motion.robot.dof
+        if actions.ndim != 2 or actions.shape[1] != wanted:
+            raise ValueError(f"actions must have shape (N, {wanted}); got {actions.shape}")
+        if not np.isfinite(actions).all():
+            raise ValueError("actions must be finite; got some that are not")
+        for action in actions:
+            yield from self.send(interpolate_action(self.motion.target, action), recorded=recorded)
+            self.motion.reset(action)
+
+    def approach(self, rows: np.ndarray) -> Part:
+        """Give the way to the grasp points; whole frames of it, counted from the end, may be recorded."""
+        before = len(rows) % STEPS_PER_ACTION
+        yield from self.send(rows[:before], is_passage=True)
+        yield from self.send(rows[before:], recorded="approach", is_passage=True)
+
+    def leave(
+        self,
+        points: Mapping[Side, np.ndarray],
+        orientations: Mapping[Side, np.ndarray],
+        out: WayOut,
+    ) -> Part:
+        """Let opened hands leave the cloth and park, from where `motion` is.
+
+        They are laid flat first: the thumb of an open hand is under the cloth and takes it along.
+
+        Args:
+            points: Grasp point of each of these hands [m], shape (3,), world frame.
+            orientations: Of `ee` of each of these hands, wxyz, shape (4,).
+            out: In which way.
+
+        Raises:
+            UnreachableError: If a hand cannot even go straight up.
+        """
+        yield from self._pass(self.motion.hold(RELEASE_FRAMES))
+        yield from self._pass(self.motion.set_hands(dict.fromkeys(orientations, "flat")))
+        for rows in plan_leave(self.motion, points, orientations, out):
+            yield from self._pass(rows)
+        if out.frees:
+            yield from self._free_hands(tuple(orientations))
+        yield from self.park()
+
+    def retreat(self, sides: tuple[Side, ...] = SIDES, out: WayOut | None = None) -> Part:
+        """Open hands, wherever they are, and let them leave the cloth and park.
+
+        From where there is no way straight up the arms swing to their parking place at once.
+
+        Args:
+            sides: Hands that leave the cloth; both arms park.
+            out: In which way they leave it.
+        """
+        out = out or WayOut()
+        if not all(self._is_open(side) for side in sides):
+            yield from self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
+        points, orientations = self._get_hands(sides)
+        try:
+            with self.motion.rehearsal():
+                plan_leave(self.motion, points, orientations, out)
+        except (UnreachableError, ValueError) as err:
+            logger.info("the hands park at once: %s", err)
+            yield from self._pass(self.motion.hold(RELEASE_FRAMES))
+            yield from self.park()
+        else:
+            yield from self.leave(points, orientations, out)
+
+    def park(self) -> Part:
+        """Bring both arms out of the picture, open the hands, and wait until they are at rest."""
+        yield from self._pass(self.motion.park())
+        if not all(self._is_open(side) for side in SIDES):
+            yield from self._pass(self.motion.set_hands(dict.fromkeys(SIDES, "open")))
+        yield from self._pass(self.motion.hold(PARKED_FRAMES))
+
+    def settle(self) -> Part:
+        """Wait for the garment to come to rest; nothing is left to wait for right after a wait."""
+        if self._settled_at == self.sensed.step:
+            return
+        for _ in range(SETTLE_WAITS):
+            yield from self._pass(self.motion.hold(SETTLE_FRAMES - STILL_LOOK_FRAMES))
+            before = self.sensed.see_mask()
+            yield from self._pass(self.motion.hold(STILL_LOOK_FRAMES))
+            after = self.sensed.see_mask()
+            if (before != after).sum() <= STILL_SHARE * max((before | after).sum(), 1):
+                break
+        self._settled_at = self.sensed.step
+
+    def _free_hands(self, sides: tuple[Side, ...]) -> Part:
+        """Put cloth that is seen to hang on risen hands down again: down, a wait, back along the fingers, up."""
+        for roll in FREE_ROLLS:
+            caught = self._see_caught(sides)
+            if not caught:
+                return
+            points, orientations = self._get_hands(caught)
+            down = {side: point - np.array([0, 0, 0.15]) for side, point in points.items()}
+            rolled = {side: roll_thumb_down(q, roll, side) for side, q in orientations.items()}
+            out = WayOut(wait=RELEASE_FRAMES, back=FREE_BACKS)
+            try:
+                parts = plan_way_out(self.motion, down, rolled, out)
+            except UnreachableError as err:
+                logger.info("cloth hangs on a hand that cannot go down again: %s", err)
+                return
+            for rows in parts:
+                yield from self._pass(rows)
+
+    def _see_caught(self, sides: Iterable[Side]) -> list[Side]:
+        try:
+            points = self.sensed.see_points()
+        except PerceptionError:
+            return []  # hangs out of sight, if at all
+        near = {
+            side: np.linalg.norm(points - self.sensed.get_grasp_point(side), axis=1).min()
+            for side in sides
+        }
+        return [side for side in sides if near[side] < CAUGHT_DISTANCE]
+
+    def _get_hands(
+        self, sides: Iterable[Side]
+    ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray]]:
+        """Give the grasp point and the orientation of each of these hands, where the last targets bring them."""
+        poses, robot = self.motion.compute_poses(), self.motion.robot
+        orientations: dict[Side, np.ndarray] = {side: poses[side][3:] for side in sides}
+        points: dict[Side, np.ndarray] = {
+            side: wrist_to_grasp(poses[side][:3], q, side, robot=robot)
+            for side, q in orientations.items()
+        }
+        return points, orientations
+
+    def _is_open(self, side: Side) -> bool:
+        robot = self.motion.robot
+        target = self.motion.target[robot.joint_slice(side, "hand")]
+        return np.allclose(target, robot.get_hand_pose("open"), atol=1e-6)
+
+    def _pass(self, rows: np.ndarray) -> Part:
+        yield from self.send(rows, is_passage=True)

@@ -1,0 +1,35 @@
+"""The scene as it is, for success rules."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dgl_tasks.coverage import sample_visible_surface
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrueView:
+    """What the simulation knows; implements `dgl_tasks.success.SceneView`."""
+
+    particles: np.ndarray
+    """Vertices of the garment's surface [m], shape (V, 3), world frame."""
+    faces: np.ndarray
+    """Its triangles, shape (F, 3)."""
+    landmarks: Mapping[str, np.ndarray]
+    """As in `SceneView`."""
+    flat_area: float
+    """As in `SceneView`."""
+    frames: Mapping[str, Mapping[str, np.ndarray]]
+    """As in `SceneView`."""
+
+    @cached_property
+    def top(self) -> np.ndarray:
+        """What can be seen from straight above [m], shape (N, 3)."""
+        return sample_visible_surface(self.particles, self.faces)
+
+    @property
+    def surface(self) -> np.ndarray:
+        """Vertices of the garment's surface [m], shape (V, 3): they lie evenly on it."""
+        return self.particles
