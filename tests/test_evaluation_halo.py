@@ -5,8 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from dexgarmentlab.evaluation.attempts import make_evaluation_runner
 from dexgarmentlab.evaluation.halo import (
     LEARNED,
     Guide,
@@ -15,6 +13,8 @@ from dexgarmentlab.evaluation.halo import (
     check_checkpoints,
     count_chunks,
 )
+
+from dexgarmentlab.evaluation.attempts import make_evaluation_runner
 from dexgarmentlab.evaluation.methods import MethodOptions, check_method
 from dgl_assets.robots import joint_slice
 from dgl_collect.demonstration import load_demonstration, retarget_waypoints

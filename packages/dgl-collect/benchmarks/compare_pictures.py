@@ -10,13 +10,13 @@ drawn, so the distance between its matches in both pictures stands beside that b
 import argparse
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dgl_collect.attempt import make_setup
-from dgl_collect.execution import Setup
 from dgl_collect.point_finder import PointFinder
+from dgl_collect.setup import Setup, make_setup
 from dgl_tasks import perception as see
 from dgl_tasks import task_ids
 from dgl_tasks.cameras import depth_to_points
@@ -69,7 +69,7 @@ def arrange(env: GarmentEnv, number: int) -> None:
     if number % 4 == 1:
         flat = env.garment.vertices
         particles = (flat - [*flat[:, :2].mean(axis=0), flat[:, 2].min()]).astype(np.float32)
-        particles += np.float32([0.0, np.mean(env.task.y_range), 0.01])
+        particles += np.float32([0.0, np.mean(env.task.start.y_range), 0.01])
     if number % 4 == 3:
         angle = rng.uniform(0.0, 2 * np.pi)
         normal = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -100,7 +100,7 @@ def compare(setup: Setup, number: int) -> dict[str, float]:
 
 
 def _compare_pixels(env: GarmentEnv, ours: see.Picture, theirs: see.Picture) -> dict[str, float]:
-    named = [env.garment_segment, *env.robot_segments, *(p.segment for p in env.props.values())]
+    named = [env.garment_segment, *env.robot_segments, *(p.segment for p in env.objects.values())]
     first, second = (np.where(np.isin(p.segments, named), p.segments, 0) for p in (ours, theirs))
     is_same = first == second
     distance = np.linalg.norm(ours.points - theirs.points, axis=2)[is_same & (first > 0)]
@@ -116,15 +116,15 @@ def _compare_pixels(env: GarmentEnv, ours: see.Picture, theirs: see.Picture) -> 
 def _compare_garments(setup: Setup, ours: see.Picture, theirs: see.Picture) -> dict[str, float]:
     env = setup.env
     seen = [see.get_garment_points(env, picture) for picture in (ours, theirs)]
-    values = [env.task.success(points, env.before).value for points in seen]
-    passed = [env.task.success(points, env.before).success for points in seen]
+    verdicts = [env.task.success(_see(env, points)) for points in seen]
+    values, passed = [v.value for v in verdicts], [v.success for v in verdicts]
     clouds = [
         see.get_garment_cloud(env, picture, seed=seed)
         for picture, seed in ((ours, 0), (theirs, 0), (theirs, 1))
     ]
     matches = []
     for cloud in clouds:
-        finder = PointFinder(env.task, setup.demonstration, setup.demo_cloud)
+        finder = PointFinder(setup.demonstration, setup.demo_cloud)
         finder.look(cloud, setup.find_matcher(env))
         matches.append(np.array(list(finder.points.values())))
     return {
@@ -138,6 +138,18 @@ def _compare_garments(setup: Setup, ours: see.Picture, theirs: see.Picture) -> d
         "another verdict": float(passed[0] != passed[1]),
         "success": float(passed[1]),
     }
+
+
+def _see(env: GarmentEnv, points: np.ndarray) -> SimpleNamespace:
+    """Give the scene as it is, but for what is seen of the garment from above [m], shape (N, 3)."""
+    view = env.view
+    return SimpleNamespace(
+        top=points,
+        surface=points,
+        landmarks=view.landmarks,
+        flat_area=view.flat_area,
+        frames=view.frames,
+    )
 
 
 def main(count: int = 50, path: Path | None = None) -> dict[str, dict[str, float]]:

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from dgl_collect.execution import TRIES
 
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
 from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
-from dgl_collect.execution import TRIES
 from dgl_tasks import get_task
 
 TASK_ID = "FoldTops-v1"

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dgl_collect.execution import Execution
 
 from dgl_assets.robots import SIDES
 from dgl_collect.demonstration import load_demonstration
-from dgl_collect.execution import Execution
 from dgl_tasks import get_task
 
 FACE_UP, FACE_DOWN = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dgl_collect.execution import TRIES, Execution, _HoldLost
+from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_collect.attempt import make_setup
 from dgl_collect.demonstration import RetargetedWaypoint, Stretch, load_demonstration
-from dgl_collect.execution import TRIES, Execution, _HoldLost
-from dgl_collect.scripted import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_tasks import get_task
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError

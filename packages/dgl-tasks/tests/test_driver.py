@@ -7,10 +7,6 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
-
-import dgl_tasks
-from dgl_assets import load_garment
-from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.approach import (
     CLEARANCE,
     FREE_DRAW_BACKS,
@@ -21,10 +17,14 @@ from dgl_tasks.approach import (
     plan_free,
     plan_leave,
 )
+from dgl_tasks.leaving import LEAVES
+
+import dgl_tasks
+from dgl_assets import load_garment
+from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_ROLLS, Driver
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
-from dgl_tasks.leaving import LEAVES
 from dgl_tasks.motion import PARKED, BimanualMotion
 from dgl_tasks.observation import STEPS_PER_FRAME
 from dgl_tasks.perception import Picture

@@ -91,9 +91,7 @@ def make_timed_attempts(task: str, options: Mapping[str, object]) -> "TimedAttem
     others = {name: value for name, value in options.items() if name != "launched"}
     launched = options["launched"]
     assert isinstance(launched, float)
-    runner = make_attempt_runner(task, others)
-    runner.env.task = replace(runner.env.task, rounds=1)
-    return TimedAttempts(runner, launched)
+    return TimedAttempts(make_attempt_runner(task, {**others, "rounds": 1}), launched)
 
 
 class TimedAttempts:

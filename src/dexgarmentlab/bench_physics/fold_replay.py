@@ -1,6 +1,6 @@
 """The Fold Tops scene as it is collected: both robots fold a top after the demonstration.
 
-The robots' motion is planned and played once in the task's environment, without cameras. What every rigid body
+The robots' motion is planned and played once in the task's environment. What every rigid body
 did in each frame is kept, so that the cloth can be simulated again by itself against the same motion: with
 other substeps, on another device, or just to be timed.
 """
@@ -18,7 +18,7 @@ from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
 
-__all__ = ["ClothReplay", "FoldRecord", "make_fold_env", "record_fold", "replay_cloth"]
+__all__ = ["ClothReplay", "FoldRecord", "record_fold", "replay_cloth"]
 
 GARMENT = "Tops_LongSleeve/001294"
 """The garment that the demonstration was given on."""
@@ -82,22 +82,6 @@ class FoldRecord:
         solver.step(state)
 
 
-def make_fold_env() -> "GarmentEnv":
-    """Make the task's environment without anything that draws."""
-    import gymnasium
-
-    import dgl_tasks  # noqa: F401 - registers the environments
-
-    env: Any = gymnasium.make(
-        TASK,
-        obs_mode="none",
-        reward_mode="none",
-        sim_backend="physx_cpu",
-        render_backend="none",
-    )
-    return env.unwrapped
-
-
 def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
     """Play the demonstration on a garment, placed by the seed.
 
@@ -105,114 +89,62 @@ def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
         seed: Of the episode.
         garment: Catalogue id; the demonstration's own by default, drawn by the seed when None.
     """
-    from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
+    from dgl_collect.actors import Expert
+    from dgl_collect.setup import make_setup
+    from dgl_tasks.course import Command, Mark, StageBegins, StageEnds
+    from dgl_tasks.driver import Driver
+    from dgl_tasks.evaluation import plan_episode
+    from dgl_tasks.sensing import Sensed
 
-    env = make_fold_env()
-    env.reset(seed=seed, options={} if garment is None else {"garment": garment})
-    player = _Player(env)
-    start = HOME_CONFIGURATION.copy()
-    for side in SIDES:
-        start[joint_slice(side, "hand")] = HAND_POSES["open"]
-    player.motion.reset(start)
+    poses: list[np.ndarray] = []
+    seconds: list[float] = []
+    first: dict[str, int] = {}
+    stages: dict[str, tuple[int, int]] = {}
+
+    class Recorder:
+        """Keeps where the hands of each stage begin to close, and where they have left the cloth."""
+
+        def before_step(self, command: Command, sensed: Sensed) -> None:
+            if command.recorded == "stage":
+                first.setdefault(now[-1], sensed.step)
+
+        def note(self, mark: Mark, sensed: Sensed) -> None:
+            if isinstance(mark, StageBegins):
+                now.append(mark.name)
+            elif isinstance(mark, StageEnds):
+                stages[mark.name] = (first[mark.name], sensed.step)
+
+    class TimedDriver(Driver):
+        def step(self, command: Command) -> None:
+            started = time.process_time()
+            super().step(command)
+            seconds.append(time.process_time() - started)
+            poses.append(_read_poses(self.env.cloth.state))
+
+    now: list[str] = []
+    setup = make_setup(TASK)
+    env = setup.env
+    driver = TimedDriver(env, seed=seed, listener=Recorder())
+    sensed = driver.reset(garment)
     positions = env.cloth.state.get_positions()[0]
     velocities = env.cloth.state.get_velocities()[0]
     is_stuck = env.cloth.state.get_is_stuck()[0]
-    player.poses.append(_read_poses(env.cloth.state))
-    points = player.find_points()
-    player.send(player.motion.park())
-    for stage in env.task.stages:
-        player.run_stage(stage, points)
-    player.send(player.motion.hold(20))
+    poses.append(_read_poses(env.cloth.state))
+    runner = setup.make_runner(Expert(), rounds=1, tries=1)
+    driver.drive(plan_episode(setup.motion, runner, sensed))
     return FoldRecord(
         env=env,
         config=env.cloth.config,
         positions=positions,
         velocities=velocities,
         is_stuck=is_stuck,
-        poses=np.array(player.poses),
-        actions=np.array(player.actions),
+        poses=np.array(poses),
+        actions=np.array(driver.commands),
         final=env.get_particles(),
-        stages=player.stages,
-        step_seconds=np.array(player.seconds),
-        success_value=env.judge_visible_surface().value,
+        stages=stages,
+        step_seconds=np.array(seconds),
+        success_value=env.apply_rule().value,
     )
-
-
-class _Player:
-    """Plans the stages with exact knowledge of the garment, and sends them to the environment."""
-
-    def __init__(self, env: "GarmentEnv") -> None:
-        from dgl_assets import load_garment
-        from dgl_collect.demonstration import load_demonstration
-        from dgl_tasks.motion import BimanualMotion
-        from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
-
-        self.env = env
-        self.motion = BimanualMotion(env.task, DEFAULT_ROBOT_DIRECTORY)
-        self.demonstration = load_demonstration(TASK)
-        self.demo_garment = load_garment(self.demonstration.garment)
-        self.poses: list[np.ndarray] = []
-        self.actions: list[np.ndarray] = []
-        self.seconds: list[float] = []
-        self.stages: dict[str, tuple[int, int]] = {}
-
-    def find_points(self) -> dict[str, np.ndarray]:
-        """Find the demonstration's marked places on the garment as it lies [m]."""
-        from dgl_collect.matching import ExactMatcher
-        from dgl_tasks.coverage import sample_visible_surface
-
-        particles = self.env.get_particles()
-        cloud = sample_visible_surface(particles, self.env.garment.faces)
-        matcher = ExactMatcher(self.demo_garment, self.env.garment, particles)
-        names = list(self.demonstration.points)
-        wanted = np.array([self.demonstration.points[name] for name in names])
-        found, _ = matcher.match(cloud, wanted, cloud)
-        return {n: cloud[i].astype(float) for n, i in zip(names, found, strict=True)}
-
-    def send(self, rows: np.ndarray) -> None:
-        """Play rows of joint targets."""
-        for row in rows:
-            started = time.process_time()
-            self.env.advance(row.astype(np.float32))
-            self.seconds.append(time.process_time() - started)
-            self.actions.append(row.astype(np.float32))
-            self.poses.append(_read_poses(self.env.cloth.state))
-
-    def run_stage(self, stage: Any, points: dict[str, np.ndarray]) -> None:
-        """Grasp, carry and let go as demonstrated."""
-        from dgl_collect.demonstration import retarget_waypoints
-        from dgl_tasks.approach import RELEASE_FRAMES, plan_leave
-
-        motion = self.motion
-        shown = self.demonstration.get_stage(stage.name)
-        seen = self.find_points()  # the stages before may have dragged the garment along
-        grasp = {
-            s: stage.place_grasp(s, np.mean([seen[n] for n in stage.get_grasp_names(s)], axis=0))
-            for s in stage.grasp
-        }
-        above = {s: p + np.array([0, 0, 0.15]) for s, p in grasp.items()}
-        waypoints = retarget_waypoints(shown, points)
-
-        def rehearse(side: Any, q: np.ndarray) -> None:
-            motion.reach({side: above[side]}, {side: q})
-            motion.move({side: grasp[side]}, {side: q})
-            for w in waypoints:
-                motion.move({side: w.targets[side]}, {side: q}, spacing=w.spacing)
-
-        q = motion.choose_turns(stage.orientation, tuple(grasp), rehearse)
-        self.send(motion.reach(above, q))
-        self.send(motion.move(grasp, q))
-        self.send(motion.hold(10))
-        first = len(self.actions)
-        self.send(motion.set_hands(dict.fromkeys(grasp, shown.grasp_pose)))
-        for w in waypoints:
-            self.send(motion.move(w.targets, q, spacing=w.spacing))
-        self.send(motion.set_hands(dict.fromkeys(grasp, shown.release_pose)))
-        self.send(motion.hold(RELEASE_FRAMES))
-        for rows in plan_leave(motion, waypoints[-1].targets, q):
-            self.send(rows)
-        self.stages[stage.name] = (first, len(self.actions))
-        self.send(motion.park())
 
 
 def _get_friction(body: Any, task: Any) -> float:

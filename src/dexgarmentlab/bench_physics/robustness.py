@@ -54,7 +54,7 @@ def measure_robustness(bench: Bench) -> Result:
             strains.append(100 * float(strain.max()))
             speeds.append(float(np.linalg.norm(velocities, axis=-1).max()))
             torn += bool(strain.max() > TORN - 1)
-            is_touching = env.is_touching()
+            is_touching = env.count_touching() > 0
             touched += is_touching
             idle = 0 if is_touching else idle + 1
             continue

@@ -39,6 +39,7 @@ def run(options: Options) -> int:
 def describe_task(task: "Task") -> dict[str, Any]:
     """Put what a user wants to know of a task into plain values; lengths [m], angles [rad]."""
     from dgl_assets import garment_ids
+    from dgl_collect.demonstration import load_demonstration
 
     return {
         "id": task.id,
@@ -46,17 +47,21 @@ def describe_task(task: "Task") -> dict[str, Any]:
         "description": task.description,
         "category": task.category,
         "garments": {split: len(garment_ids(task.category, split)) for split in SPLITS},
+        "objects": [item.name for item in task.objects],
         "stages": [
             {
                 "name": stage.name,
-                "grasp": {side: stage.get_grasp_names(side) for side in stage.grasp},
-                "orientation": stage.orientation,
-                "policy_loops": stage.policy_loops,
+                "grasp": {
+                    side: list(grasp.points or ("where its shape says",))
+                    for side, grasp in stage.grasp.items()
+                },
+                "orientation": stage.approach.orientation,
+                "learned": stage.is_learned,
             }
-            for stage in task.stages
+            for stage in load_demonstration(task.id).stages
         ],
         "success": task.success_text,
-        "garment_position": {"x": list(task.x_range), "y": list(task.y_range)},
+        "garment_position": {"x": list(task.start.x_range), "y": list(task.start.y_range)},
         "robot_bases": {"left": list(task.left_base), "right": list(task.right_base)},
     }
 
@@ -78,6 +83,7 @@ def _lines(task: dict[str, Any]) -> list[str]:
     rows = [
         ("garments", f"{task['category']}, {garments}"),
         ("position", place),
+        *((("objects", ", ".join(task["objects"])),) if task["objects"] else ()),
         ("stages", stages[0]),
         *(("", stage) for stage in stages[1:]),
         ("success", task["success"]),

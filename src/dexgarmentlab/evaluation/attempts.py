@@ -11,12 +11,12 @@ import numpy as np
 
 from dexgarmentlab.evaluation.methods import MethodOptions, make_method
 from dgl_assets import garment_ids
-from dgl_collect.attempt import make_setup
-from dgl_collect.execution import Outcome
-from dgl_collect.results import AttemptResult, Criterion
+from dgl_collect.attempt import describe_episode
+from dgl_collect.results import AttemptResult
+from dgl_collect.setup import make_setup
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import PhysicsError
-from dgl_tasks import TaskError
+from dgl_tasks import TaskError, get_task
 from dgl_tasks.evaluation import EpisodeResult, run_episode
 from dgl_tasks.perception import film
 
@@ -86,16 +86,19 @@ class EvaluationAttempts:
             raise ValueError(
                 f"garments must be one of {list(get_args(GarmentChoice))}; got {garments!r}"
             )
-        self._setup = make_setup(task, matcher=matcher, look=look, render_backend=render_backend)
+        declared = get_task(task)
+        material = dataclasses.replace(
+            declared.material,
+            friction=friction * declared.material.friction,
+            adhesion=friction * declared.material.adhesion,
+        )
+        self._setup = make_setup(
+            dataclasses.replace(declared, material=material),
+            matcher=matcher,
+            look=look,
+            render_backend=render_backend,
+        )
         self._garments: GarmentChoice = garments
-        env = self._setup.env
-        if friction != 1.0:
-            material = dataclasses.replace(
-                env.task.material,
-                friction=friction * env.task.material.friction,
-                adhesion=friction * env.task.material.adhesion,
-            )
-            env.task = dataclasses.replace(env.task, material=material)
         self._policy = make_method(policy, self._setup, method)
 
     def close(self) -> None:
@@ -110,10 +113,10 @@ class EvaluationAttempts:
         env = self._setup.env
         split = choose_split(self._garments, attempt_index)
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
-        result, outcome = None, None
+        ended: EpisodeResult | Exception
         with VideoWriter(out_dir / files["video"]) as video:
             try:
-                result = run_episode(
+                ended = run_episode(
                     env,
                     self._setup.motion,
                     self._policy,
@@ -121,55 +124,24 @@ class EvaluationAttempts:
                     garment=draw_garment(env.task.category, split, seed),
                     film=video.add,
                 )
-                picture = result.judgement.picture
+                picture = ended.picture
             except (TaskError, PhysicsError) as err:
                 logger.info("episode %d: %s", attempt_index, err)
-                outcome = Outcome.from_error(err, film(env))
-                picture = outcome.picture
+                ended, picture = err, film(env)
                 video.add(picture)
         save_png(out_dir / files["picture"], picture)
-        common = {
-            "index": attempt_index,
-            "seed": seed,
-            "garment_id": env.garment.name,
-            "seconds": time.perf_counter() - started,
-            "files": files,
-            "randomisation": {**env.draws, "split": split},
-        }
-        if result is None:
-            assert outcome is not None
-            return AttemptResult(
-                success=False, reason=outcome.reason, detail=outcome.detail, **common
-            )
-        return _describe(result, common)
+        return describe_episode(
+            ended,
+            index=attempt_index,
+            seed=seed,
+            garment_id=env.garment.name,
+            seconds=time.perf_counter() - started,
+            files=files,
+            randomisation={**env.draws, "split": split},
+        )
 
 
 def draw_garment(category: str, split: "Split", seed: int) -> str:
     """Draw the garment of an episode from a split of its category."""
     ids = garment_ids(category, split)
     return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
-
-
-def _describe(result: EpisodeResult, common: dict) -> AttemptResult:
-    verdict = result.judgement.verdict
-    detail = ""
-    if not verdict.success:
-        detail = f"{verdict.quantity}: {verdict.value:.3f}, needed {verdict.threshold:.2f}"
-        if result.events:
-            detail = f"{result.events[0][1]}; {detail}"
-    return AttemptResult(
-        success=result.success,
-        value=verdict.value,
-        reason=result.reason,
-        detail=detail,
-        criteria=(
-            Criterion(
-                name=verdict.quantity,
-                value=verdict.value,
-                comparison=">=",
-                threshold=verdict.threshold,
-            ),
-        ),
-        measurements={**result.measurements, "steps": float(result.steps)},
-        **common,
-    )

@@ -2,17 +2,17 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dgl_collect.execution import Setup
+    from dgl_collect.setup import Setup
     from dgl_tasks.declaration import Task
-    from dgl_tasks.policy import EpisodePolicy
+    from dgl_tasks.policy import Method
 
-__all__ = ["METHODS", "MethodOptions", "check_method", "make_method"]
+__all__ = ["SCRIPTED", "MethodOptions", "check_method", "make_method"]
 
 DEFAULT_ACTIONS = 600
 """Actions that a policy of one's own has for an episode: 50 s."""
@@ -30,7 +30,7 @@ class MethodOptions:
     chunks: int | None = None
     """Predictions that each stage gets; as long as the longest recorded stage when None."""
     rounds: int | None = None
-    """How often a learned method goes through the stages at most; as the task says when None."""
+    """How often a method goes through the stages at most; as the task says when None."""
     device: str = "cpu"
     """Where policies compute, "cpu" or "cuda"."""
 
@@ -41,33 +41,8 @@ class MethodOptions:
                 raise ValueError(f"{name} must be at least 1; got {value}")
 
 
-def _make_nothing(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
-    from dgl_tasks.policy import Nothing
-
-    del setup, options
-    return Nothing()
-
-
-def _make_expert(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
-    from dgl_collect.scripted import Expert
-
-    del options
-    return Expert(setup=setup)
-
-
-def _make_lift_drop(setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
-    from dgl_collect.scripted import LiftAndDrop
-
-    del options
-    return LiftAndDrop(setup=setup)
-
-
-METHODS: Mapping[str, Callable[["Setup", MethodOptions], "EpisodePolicy"]] = {
-    "nothing": _make_nothing,
-    "lift-drop": _make_lift_drop,
-    "expert": _make_expert,
-}
-"""Name of a method to what makes it in a worker."""
+SCRIPTED = ("nothing", "lift-drop", "expert")
+"""Names of the methods without learning."""
 
 
 def check_method(name: str, task: "Task", options: MethodOptions) -> None:
@@ -77,18 +52,18 @@ def check_method(name: str, task: "Task", options: MethodOptions) -> None:
         ValueError: If there is no such method or module, or what it needs is missing or of another kind.
         CheckpointError: If a policy is damaged.
     """
-    if name in METHODS:
+    if name in SCRIPTED:
         return
-    from dexgarmentlab.evaluation.halo import LEARNED, check_checkpoints
+    from dexgarmentlab.evaluation.learned import METHODS, check_checkpoints
 
-    if name in LEARNED:
+    if name in METHODS:
         if options.checkpoints is None:
             raise ValueError(f"--policy {name} needs --checkpoints, a folder of trained policies")
-        check_checkpoints(task, Path(options.checkpoints), use_gam=LEARNED[name].use_gam)
+        check_checkpoints(task, Path(options.checkpoints), use_gam=METHODS[name].use_gam)
         return
     module, _, attribute = name.partition(":")
     if not module or not attribute:
-        names = ", ".join([*METHODS, *LEARNED])
+        names = ", ".join([*SCRIPTED, *METHODS])
         raise ValueError(f"--policy must be one of {names}, or module:factory; got {name!r}")
     try:
         found = importlib.util.find_spec(module)
@@ -98,12 +73,12 @@ def check_method(name: str, task: "Task", options: MethodOptions) -> None:
         raise ValueError(f"--policy {name}: there is no module {module} here or on PYTHONPATH")
 
 
-def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePolicy":
+def make_method(name: str, setup: "Setup", options: MethodOptions) -> "Method":
     """Make a method.
 
     Args:
-        name: One of `METHODS` or of `LEARNED`, or `module:factory` of your own, which is called with the environment and gives
-            a `Policy` or an `EpisodePolicy` of `dgl_tasks.policy`.
+        name: One of `SCRIPTED` or of `learned.METHODS`, or `module:factory` of your own, which is called with the environment
+            and gives a `Policy` or a `Method` of `dgl_tasks.policy`.
         setup: Environment and demonstration.
         options: What it may be told.
 
@@ -111,20 +86,27 @@ def make_method(name: str, setup: "Setup", options: MethodOptions) -> "EpisodePo
         ValueError: If there is no such method, or what the factory gives has not the methods of a policy.
         ImportError: If the module cannot be imported.
     """
-    if name in METHODS:
-        return METHODS[name](setup, options)
-    from dexgarmentlab.evaluation.halo import LEARNED, HaloMethod
+    from dexgarmentlab.evaluation.learned import METHODS, load_actor
+    from dgl_collect.actors import Expert, LiftAndDrop
+    from dgl_tasks.policy import Nothing
 
     check_method(name, setup.env.task, options)
-    if name in LEARNED:
-        return HaloMethod(
+    if name == "nothing":
+        return Nothing()
+    if name == "expert":
+        return setup.make_runner(Expert(), rounds=options.rounds)
+    if name == "lift-drop":
+        first = replace(setup.demonstration, stages=setup.demonstration.stages[:1])
+        return setup.make_runner(LiftAndDrop(), rounds=1, tries=1, demonstration=first)
+    if name in METHODS:
+        actor = load_actor(
             name,
-            setup,
+            setup.env.task,
             Path(str(options.checkpoints)),
             chunks=options.chunks,
-            rounds=options.rounds,
             device=options.device,
         )
+        return setup.make_runner(actor, rounds=options.rounds)
     return _adapt(_load(name)(setup.env), name, options)
 
 
@@ -136,10 +118,10 @@ def _load(name: str) -> Callable[..., Any]:
     return factory
 
 
-def _adapt(made: object, name: str, options: MethodOptions) -> "EpisodePolicy":
-    from dgl_tasks.policy import EpisodePolicy, FromStart, Policy
+def _adapt(made: object, name: str, options: MethodOptions) -> "Method":
+    from dgl_tasks.policy import FromStart, Method, Policy
 
-    if isinstance(made, EpisodePolicy):
+    if isinstance(made, Method):
         return made
     if isinstance(made, Policy):
         return FromStart(policy=made, actions=options.actions)

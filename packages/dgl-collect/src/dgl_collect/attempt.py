@@ -21,7 +21,7 @@ from dgl_tasks.perception import film
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots", "recorded")
+OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots", "recorded", "rounds")
 
 
 def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
@@ -34,14 +34,16 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
             "look": "studio", the default, or "random": floors and fabrics of all kinds;
             "matcher": "exact", the default, knows the simulated garment, "gam" sees its cloud alone;
             "robot": name of arm and hand, such as "ur10e+allegro"; "robots": folder of imported
-            robots, for names that are not built in; "recorded": "stages", the default, or "approaches".
+            robots, for names that are not built in; "recorded": "stages", the default, or "approaches";
+            "rounds": how often the stages are gone through at most, as the demonstration says by default.
     """
     unknown = set(options) - set(OPTIONS)
     if unknown:
         raise ValueError(f"options must be among {OPTIONS}; got {sorted(unknown)}")
     for name, value in options.items():
-        if not isinstance(value, str):
-            raise ValueError(f"option {name} must be a string; got {value!r}")
+        kind, word = (int, "an integer") if name == "rounds" else (str, "a string")
+        if not isinstance(value, kind):
+            raise ValueError(f"option {name} must be {word}; got {value!r}")
     if (recorded := options.get("recorded", "stages")) not in ("stages", "approaches"):
         raise ValueError(f"option recorded must be 'stages' or 'approaches'; got {recorded!r}")
     return DemonstrationAttempts(task, **options)  # pyright: ignore[reportArgumentType]
@@ -61,8 +63,10 @@ class DemonstrationAttempts:
         robot: str = DEFAULT_ROBOT.name,
         robots: str | None = None,
         recorded: str = "stages",
+        rounds: int | None = None,
     ) -> None:
         """Build the environment and load the demonstration."""
+        self._rounds = rounds
         self._garment, self._with_approach = garment, recorded == "approaches"
         self._setup = make_setup(
             task,
@@ -92,7 +96,7 @@ class DemonstrationAttempts:
                 result = run_episode(
                     setup.env,
                     setup.motion,
-                    setup.make_runner(Expert()),
+                    setup.make_runner(Expert(), rounds=self._rounds),
                     seed=seed,
                     garment=self._garment,
                     film=video.add,

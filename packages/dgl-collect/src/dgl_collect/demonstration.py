@@ -113,7 +113,7 @@ def _check_stage(
             if isinstance(step, Stretch):
                 if len(stage.grasp) < len(SIDES):
                     raise ValueError(f"a stretch needs both hands; got {sorted(stage.grasp)}")
-                known |= {name: 1.0 for name in SEEN_NAMES}
+                known |= dict.fromkeys(SEEN_NAMES, 1.0)
             if isinstance(step, Move):
                 for formulas in step.targets.values():
                     for formula in formulas:
@@ -153,7 +153,7 @@ def _parse_step(content: Mapping) -> Step:
     return _make(STEPS[kind], content)
 
 
-def _make(kind: type, content: Mapping):  # noqa: ANN202 - an object of the kind
+def _make(kind: type, content: Mapping):
     """Make a dataclass of decoded JSON: lists become tuples, and unknown keys are refused."""
     known = {item.name for item in dataclasses.fields(kind)}
     unknown = set(content) - known

@@ -266,4 +266,3 @@ def _compare_draws(
         for name in names
         if recorded.get(name) != replayed.get(name)
     }
-

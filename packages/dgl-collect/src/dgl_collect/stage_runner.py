@@ -79,7 +79,9 @@ class _Course:
                 stages = tuple(stage for stage in self.stages if stage.again)
                 names = tuple(stage.name for stage in stages)
                 yield from self.hands.mark(BeginsAgain("round", names))
-                if stages == self.stages:  # else how the garment lay at first says where it has to go
+                if (
+                    stages == self.stages
+                ):  # else how the garment lay at first says where it has to go
                     self._look()
             is_last = self._round == rounds
             yield from self._go_through(stages, is_last=is_last)
@@ -155,7 +157,9 @@ class _Course:
         tries = self.runner.tries
         for number in range(1, tries + 1):
             try:
-                return (yield from self._try(stage, number, "give up" if number < tries else "ignore"))
+                return (
+                    yield from self._try(stage, number, "give up" if number < tries else "ignore")
+                )
             except HoldLost:
                 yield from self._give_up(stage)
                 yield from self.hands.mark(BeginsAgain("try", (stage.name,)))
@@ -214,7 +218,13 @@ class _Course:
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)
             affordance = compute_affordance(similarity)
-        again = [] if number == self._round == 1 else [number] if self._round == 1 else [number, self._round]
+        again = (
+            []
+            if number == self._round == 1
+            else [number]
+            if self._round == 1
+            else [number, self._round]
+        )
         return StageWork(
             stage=stage,
             hands=self.hands,

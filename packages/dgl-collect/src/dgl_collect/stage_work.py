@@ -288,5 +288,3 @@ def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:
     squares = np.floor(cloud[order, :2] / REACHABLE_SPACING)
     _, first = np.unique(squares, axis=0, return_index=True)
     return cloud[order[np.sort(first)]]
-
-

@@ -11,16 +11,8 @@ from dgl_sadp.errors import CheckpointError as CheckpointError
 from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
-from dgl_sadp.errors import StageError as StageError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
 from dgl_sadp.errors import TrainingProcessError as TrainingProcessError
-from dgl_sadp.halo import HALO as HALO
-from dgl_sadp.halo_parts import EnvironmentDriver as EnvironmentDriver
-from dgl_sadp.halo_parts import HaloStage as HaloStage
-from dgl_sadp.halo_parts import Hold as Hold
-from dgl_sadp.halo_parts import Matcher as Matcher
-from dgl_sadp.halo_parts import StagePolicy as StagePolicy
-from dgl_sadp.halo_parts import StageRecord as StageRecord
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 from dgl_sadp.runner import PolicyRunner as PolicyRunner
 from dgl_sadp.train import Progress as Progress
@@ -30,23 +22,15 @@ from dgl_sadp.train_config import TrainConfig as TrainConfig
 from dgl_sadp.train_config import get_train_config as get_train_config
 
 __all__ = [
-    "HALO",
     "CheckpointError",
     "CorruptEpisodeError",
     "DiffusionPolicy",
-    "EnvironmentDriver",
     "EpisodeDataset",
-    "HaloStage",
-    "Hold",
-    "Matcher",
     "ObservationError",
     "PolicyConfig",
     "PolicyRunner",
     "Progress",
     "SadpError",
-    "StageError",
-    "StagePolicy",
-    "StageRecord",
     "TrainConfig",
     "TrainResult",
     "TrainingDivergedError",

@@ -7,7 +7,6 @@ __all__ = [
     "CorruptEpisodeError",
     "ObservationError",
     "SadpError",
-    "StageError",
     "TrainingDivergedError",
     "TrainingProcessError",
 ]
@@ -23,10 +22,6 @@ class CheckpointError(SadpError):
 
 class ObservationError(SadpError):
     """An observation lacks something, or has another shape or values that are not finite."""
-
-
-class StageError(SadpError):
-    """A stage cannot be carried out: its points are not where they have to be, or no hand gets there."""
 
 
 class TrainingDivergedError(SadpError):

@@ -293,7 +293,9 @@ class GarmentEnv(BaseEnv):
         wanted = self.agent.single_action_space.shape
         action = torch.as_tensor(action, device=self.device)
         if action.shape not in (wanted, (1, *wanted)):
-            raise ValueError(f"action must have shape {wanted} or (1, *); got {tuple(action.shape)}")
+            raise ValueError(
+                f"action must have shape {wanted} or (1, *); got {tuple(action.shape)}"
+            )
         action = action.reshape(1, *wanted)
         if self.agent.control_mode == "pd_joint_pos":
             for row in interpolate_action(self._target, action[0].cpu().numpy()):

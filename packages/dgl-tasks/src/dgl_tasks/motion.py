@@ -148,9 +148,7 @@ class BimanualMotion:
         """Bring arms to where no camera sees them over the garment, shape (N, D)."""
         return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
 
-    def choose_turns(
-        self, sides: tuple[Side, ...], *rehearsals: Rehearsal
-    ) -> dict[Side, float]:
+    def choose_turns(self, sides: tuple[Side, ...], *rehearsals: Rehearsal) -> dict[Side, float]:
         """Choose how far each hand is turned inward about the vertical [rad], as little as what it has to do allows.
 
         Args:

@@ -29,7 +29,9 @@ class Sensed:
             seed: Of the episode.
             step: Control steps since the reset.
         """
-        self._env, self._seed = env, seed
+        self._env = env
+        self.seed = seed
+        """Of the episode, for whoever draws something."""
         self.step = step
         """Control steps since the reset."""
 
@@ -115,5 +117,5 @@ class Sensed:
 
     @property
     def _cloud_seed(self) -> int:
-        rng = np.random.default_rng([self._seed, 1, self.step])
+        rng = np.random.default_rng([self.seed, 1, self.step])
         return int(rng.integers(2**31))
