@@ -3,11 +3,11 @@
 import ast
 import operator
 from collections.abc import Callable, Mapping
-from typing import Union
+from typing import TypeAlias
 
 import numpy as np
 
-Value = Union[float, np.ndarray, Mapping[str, "Value"]]
+Value: TypeAlias = "float | np.ndarray | Mapping[str, Value]"
 """A number, a place [m] of shape (3,), or values by name."""
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
