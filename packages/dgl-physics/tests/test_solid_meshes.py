@@ -147,6 +147,19 @@ def test_bad_surfaces(builder):
         builder.add_tetrahedra(TET, ONE, env=3)
 
 
+def test_bad_stiffness(builder):
+    with pytest.raises(ValueError, match=r"stiffness must have shape \(4,\); got \(3,\)"):
+        builder.add_tetrahedra(TET, ONE, stiffness=np.ones(3))
+    for bad in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="stiffness must be positive"):
+            builder.add_tetrahedra(TET, ONE, stiffness=np.array([1.0, 1.0, 1.0, bad]))
+    with pytest.raises(ValueError, match="stiffness must be None"):
+        builder.add_solid(TET, CLOSED, stiffness=np.ones(4))
+    vertices, faces = half_ball()
+    with pytest.raises(ValueError, match="stiffness must have shape"):
+        builder.add_solid(vertices, faces, thickness=0.004, stiffness=np.ones(3))
+
+
 def half_ball():
     vertices, faces = ball(0.04)
     faces = faces[(vertices[faces, 2] > -1e-9).all(axis=1)]

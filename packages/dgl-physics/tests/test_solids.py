@@ -51,6 +51,51 @@ def test_a_hanging_bar_stretches_as_its_modulus_says(run, builder, device, modul
     assert np.abs(r.v).max() < 1e-3
 
 
+def test_each_part_of_a_bar_stretches_as_its_own_stiffness_says(run, builder, device):
+    """Elongation of the lower half rho g L^2 / 8 E; of the upper one, which carries it too, three times that."""
+    vertices, tets = bar(2, 2, 16)
+    half = 8 * CELL
+    stiffness = np.where(vertices[:, 2] > half, 4.0, 1.0)
+    material = smooth(youngs_modulus=3e5, damping=0.01, drag=2.0)
+    top = tuple(np.flatnonzero(vertices[:, 2] > 2 * half - 1e-6))
+    builder.add_tetrahedra(vertices, tets, material=material, pinned=top, stiffness=stiffness)
+    r = run(builder, device=device, gravity=(0, 0, -50.0)).step(180)
+    middle, bottom = np.abs(vertices[:, 2] - half) < 1e-6, vertices[:, 2] < 1e-6
+    lower = r.x[middle, 2].mean() - r.x[bottom, 2].mean() - half
+    upper = half - r.x[middle, 2].mean()
+    unit = material.density * 50.0 * half**2 / (2 * material.youngs_modulus)
+    # elements across the border have a stiffness in between
+    assert upper == pytest.approx(3 * unit / 4, rel=0.12)
+    assert lower == pytest.approx(unit, rel=0.05)
+
+
+def test_a_part_of_a_shell_can_be_stiffer(run, builder):
+    """A strip that is clamped at one end and loaded by its weight bends less where it is stiffer, by that factor."""
+    sags = []
+    for factor in (1.0, 8.0):
+        own = type(builder)()
+        x = np.arange(9) * CELL
+        vertices = np.column_stack([np.repeat(x, 3), np.tile([0, CELL, 2 * CELL], 9), np.zeros(27)])
+        faces = []
+        for i in range(8):
+            for j in range(2):
+                a, b = 3 * i + j, 3 * i + j + 1
+                faces += [(a, a + 3, b), (b, a + 3, b + 3)]
+        pinned = tuple(np.flatnonzero(vertices[:, 0] < CELL + 1e-6))
+        own.add_solid(
+            vertices,
+            np.array(faces),
+            thickness=0.003,
+            material=smooth(youngs_modulus=2e6, damping=0.01, drag=2.0),
+            pinned=pinned,
+            stiffness=np.full(27, factor),
+        )
+        r = run(own).step(180)
+        sags.append(-float(r.x[24:27, 2].mean()))
+    assert sags[0] > 5e-4
+    assert sags[0] / sags[1] == pytest.approx(8.0, rel=0.03)
+
+
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
 def test_a_stretched_bar_contracts_by_poissons_ratio(run, builder, ratio):
     """Held at 2 % stretch, its middle; and with 0.45 the volume is nearly kept."""

@@ -23,12 +23,21 @@ class SolidMesh:
         inverse_shape: Inverse rest edge matrices [1/m], shape (T, 3, 3).
         volume: Rest volumes [m^3], shape (T,).
         mass: Of each row [kg], 0 for pinned ones, shape (V,).
+        stiffness: Of each element, relative to the material's, shape (T,).
     """
 
     def __init__(
-        self, rest: np.ndarray, tets: np.ndarray, material: SolidMaterial, pinned: Sequence[int]
+        self,
+        rest: np.ndarray,
+        tets: np.ndarray,
+        material: SolidMaterial,
+        pinned: Sequence[int],
+        stiffness: np.ndarray | None = None,
     ) -> None:
         self.material = material
+        self.stiffness = np.ones(len(tets))
+        if stiffness is not None:
+            self.stiffness = stiffness[tets].mean(axis=1)
         self.vertex_count = len(rest)
         self.order = factor.order_rows(tets, len(rest))
         row = np.empty(len(rest), dtype=np.int64)
@@ -52,7 +61,7 @@ class SolidMesh:
         gradient = np.concatenate(
             [-self.inverse_shape.sum(axis=1, keepdims=True), self.inverse_shape], axis=1
         )  # (T, 4, 3)
-        scale = dt * (dt + self.material.damping) * bound * self.volume
+        scale = dt * (dt + self.material.damping) * bound * self.volume * self.stiffness
         blocks = scale[:, None, None] * (gradient @ gradient.transpose(0, 2, 1))  # (T, 4, 4)
         rows = np.repeat(self.tets, 4, axis=1).ravel()
         columns = np.tile(self.tets, (1, 4)).ravel()
@@ -94,7 +103,7 @@ def build_solids(placed: Sequence[tuple[int, SolidMesh]], device: str) -> Solids
     for _, mesh in placed:
         mu, lame = mesh.material.compute_lame()
         # Coefficients that give these moduli at rest: Smith, de Goes and Kim 2018, section 3.4.
-        moduli.append(np.tile([4 / 3 * mu, lame + 5 / 6 * mu], (len(mesh.tets), 1)))
+        moduli.append(np.outer(mesh.stiffness, [4 / 3 * mu, lame + 5 / 6 * mu]))
     corners = tets.ravel()
     incident = np.argsort(corners, kind="stable")
     start = np.searchsorted(corners[incident], np.arange(counts.sum() + 1))

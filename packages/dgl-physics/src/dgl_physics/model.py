@@ -173,6 +173,7 @@ class ModelBuilder:
         thickness: float | None = None,
         resolution: int = 16,
         pinned: np.ndarray | tuple[int, ...] = (),
+        stiffness: np.ndarray | None = None,
         env: int | None = None,
     ) -> None:
         """Add an elastic solid, given by its surface, to one environment or the same to all.
@@ -188,6 +189,8 @@ class ModelBuilder:
             thickness: Thickness of the wall of an open surface [m]; None for a closed one.
             resolution: Cubes of the lattice along the longest side of a closed surface.
             pinned: Vertices of an open surface that do not move, through the whole wall.
+            stiffness: Factor on Young's modulus at each vertex of an open surface, shape (V,), for
+                parts that are stiffer than others; 1 everywhere when None.
             env: Environment; all when None.
 
         Raises:
@@ -200,6 +203,7 @@ class ModelBuilder:
             thickness=thickness,
             resolution=resolution,
             pinned=tuple(pinned),
+            stiffness=stiffness,
         )
         self._place(entry, env)
 
@@ -211,6 +215,7 @@ class ModelBuilder:
         material: SolidMaterial | None = None,
         rest: np.ndarray | None = None,
         pinned: np.ndarray | tuple[int, ...] = (),
+        stiffness: np.ndarray | None = None,
         env: int | None = None,
     ) -> None:
         """Add an elastic solid, given by tetrahedra, to one environment or the same to all.
@@ -222,13 +227,20 @@ class ModelBuilder:
             rest: Unstrained positions [m], shape (V, 3), in which every tetrahedron has a
                 positive volume; `vertices` when not given.
             pinned: Vertices that do not move.
+            stiffness: Factor on Young's modulus at each vertex, shape (V,); 1 everywhere when None.
             env: Environment; all when None.
 
         Raises:
             MeshError: If the mesh cannot be simulated.
         """
-        material = material or SolidMaterial()
-        entry = make_tet_entry(vertices, tets, material=material, rest=rest, pinned=tuple(pinned))
+        entry = make_tet_entry(
+            vertices,
+            tets,
+            material=material or SolidMaterial(),
+            rest=rest,
+            pinned=tuple(pinned),
+            stiffness=stiffness,
+        )
         self._place(entry, env)
 
     def _place(self, entry: dict, env: int | None) -> None:

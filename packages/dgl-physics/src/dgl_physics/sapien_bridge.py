@@ -194,6 +194,7 @@ class SapienCloth:
         material: SolidMaterial | None = None,
         thickness: float | None = None,
         resolution: int = 16,
+        stiffness: np.ndarray | None = None,
         env: int | None = None,
     ) -> None:
         """Add an elastic solid; the arguments are those of `ModelBuilder.add_solid`."""
@@ -203,6 +204,7 @@ class SapienCloth:
             material=material,
             thickness=thickness,
             resolution=resolution,
+            stiffness=stiffness,
             env=env,
         )
 

@@ -19,6 +19,7 @@ def make_solid_entry(
     thickness: float | None,
     resolution: int,
     pinned: Sequence[int],
+    stiffness: np.ndarray | None = None,
 ) -> dict:
     """Make tetrahedra of a surface, and an entry of them; see `ModelBuilder.add_solid`."""
     vertices = np.asarray(vertices, dtype=np.float64)
@@ -32,6 +33,8 @@ def make_solid_entry(
             raise ValueError(
                 f"a filled surface has particles of its own, none can be pinned; got {len(pinned)}"
             )
+        if stiffness is not None:
+            raise ValueError("a filled surface has particles of its own, stiffness must be None")
         points, tets, skin = fill_closed_surface(vertices, faces, resolution)
         return make_tet_entry(points, tets, material=material, skin=skin)
     if thickness is None or not thickness > 0:
@@ -39,7 +42,13 @@ def make_solid_entry(
     n = len(vertices)
     points, tets = tetrahedra.extrude_shell(vertices, faces, thickness)
     through = [i + n for i in pinned]
-    return make_tet_entry(points, tets, material=material, pinned=[*pinned, *through])
+    both = None
+    if stiffness is not None:
+        one = _check_stiffness(stiffness, n)
+        both = np.concatenate([one, one])
+    return make_tet_entry(
+        points, tets, material=material, pinned=[*pinned, *through], stiffness=both
+    )
 
 
 def make_tet_entry(
@@ -50,6 +59,7 @@ def make_tet_entry(
     rest: np.ndarray | None = None,
     pinned: Sequence[int] = (),
     skin: Skin | None = None,
+    stiffness: np.ndarray | None = None,
 ) -> dict:
     """Make an entry of tetrahedra; see `ModelBuilder.add_tetrahedra`."""
     vertices = np.asarray(vertices, dtype=np.float64)
@@ -64,7 +74,9 @@ def make_tet_entry(
     if any(not 0 <= i < len(rest) for i in pinned):
         raise ValueError(f"pinned must be in 0..{len(rest) - 1}; got {min(pinned)}..{max(pinned)}")
     tets = tets.astype(np.int32)
-    mesh = SolidMesh(rest, tets, material, pinned)
+    if stiffness is not None:
+        stiffness = _check_stiffness(stiffness, len(rest))
+    mesh = SolidMesh(rest, tets, material, pinned, stiffness)
     edges = tetrahedra.compute_edges(tets)
     faces = tetrahedra.compute_surface(tets)
     radius = np.zeros(len(rest))
@@ -89,6 +101,15 @@ def make_tet_entry(
         "skin": skin,
         "coarse": _make_no_coarse_level(mesh.vertex_mass),
     }
+
+
+def _check_stiffness(stiffness: np.ndarray, count: int) -> np.ndarray:
+    stiffness = np.asarray(stiffness, dtype=np.float64)
+    if stiffness.shape != (count,):
+        raise ValueError(f"stiffness must have shape ({count},); got {stiffness.shape}")
+    if not (np.isfinite(stiffness) & (stiffness > 0)).all():
+        raise ValueError(f"stiffness must be positive; got {stiffness.min():g}")
+    return stiffness
 
 
 def _make_no_coarse_level(masses: np.ndarray) -> coarse.CoarseLevel:
