@@ -8,6 +8,7 @@ import numpy as np
 from dgl_physics.convex_hull import compute_hull
 from dgl_physics.distance_grid import DistanceGrid, build_distance_grid
 from dgl_physics.errors import MeshError
+from dgl_physics.grid_cache import load_or_build
 
 _CONVEX_TOLERANCE = 1e-3
 """How far a vertex of a convex mesh may be above one of its triangles, relative to its radius."""
@@ -104,14 +105,20 @@ class CollisionMesh:
 
     @cached_property
     def grid(self) -> DistanceGrid:
-        """Signed distances around `centre`; building it takes up to some seconds."""
-        return build_distance_grid(
-            self.vertices - self.centre,
+        """Signed distances around `centre`; building it takes up to some seconds, and is kept on disk for large meshes."""
+        vertices = self.vertices - self.centre
+        return load_or_build(
+            vertices,
             self.faces,
-            is_sheet=self.is_sheet,
-            spacing=self.spacing,
-            reach=self.reach,
-            max_nodes=self.max_nodes,
+            (self.is_sheet, self.spacing, self.reach, self.max_nodes),
+            lambda: build_distance_grid(
+                vertices,
+                self.faces,
+                is_sheet=self.is_sheet,
+                spacing=self.spacing,
+                reach=self.reach,
+                max_nodes=self.max_nodes,
+            ),
         )
 
 

@@ -6,6 +6,8 @@ from dgl_assets.props.hanger import make_coat_hanger as make_coat_hanger
 from dgl_assets.props.hanger import make_hanger as make_hanger
 from dgl_assets.props.meshes import WOODS as WOODS
 from dgl_assets.props.obj import save_obj as save_obj
+from dgl_assets.props.person import PersonParameters as PersonParameters
+from dgl_assets.props.person import make_person_prop as make_person_prop
 from dgl_assets.props.picture import draw_prop as draw_prop
 from dgl_assets.props.prop import Finish as Finish
 from dgl_assets.props.prop import Prop as Prop

@@ -11,6 +11,7 @@ from dgl_assets.props.hanger import (
     make_coat_hanger,
     make_hanger,
 )
+from dgl_assets.props.person import PersonParameters, make_person_prop
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.stands import (
     HatStandParameters,
@@ -32,6 +33,7 @@ PropParameters = (
     | PlatformParameters
     | HatStandParameters
     | TableParameters
+    | PersonParameters
 )
 """What props are made from."""
 _MAKERS: dict[str, tuple[type[Any], Callable[[Any], Prop]]] = {
@@ -41,6 +43,7 @@ _MAKERS: dict[str, tuple[type[Any], Callable[[Any], Prop]]] = {
     "platform": (PlatformParameters, make_platform),
     "hat_stand": (HatStandParameters, make_hat_stand),
     "table": (TableParameters, make_table),
+    "person": (PersonParameters, make_person_prop),
 }
 PROP_KINDS: tuple[str, ...] = tuple(_MAKERS)
 """Names of all kinds."""

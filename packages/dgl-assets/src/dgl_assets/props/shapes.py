@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, KDTree
 
 from dgl_assets.robots._frames import rotation_from_quaternion
 
-ShapeKind = Literal["box", "capsule", "cylinder", "convex"]
+ShapeKind = Literal["box", "capsule", "cylinder", "convex", "mesh"]
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -25,7 +25,7 @@ ALONG: dict[str, Quaternion] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PropShape:
-    """One convex solid fixed to a prop. Capsules and cylinders lie along their local z axis."""
+    """One solid fixed to a prop. Capsules and cylinders lie along their local z axis."""
 
     kind: ShapeKind
     radius: float = 0.0
@@ -35,7 +35,9 @@ class PropShape:
     half_size: Vector3 = (0.0, 0.0, 0.0)
     """Half sizes [m] of a box along its local axes."""
     points: np.ndarray | None = None
-    """Of a convex: points [m] whose hull it is, shape (N, 3), local frame."""
+    """Of a convex: points [m] whose hull it is, shape (N, 3), local frame; of a mesh its vertices."""
+    faces: np.ndarray | None = None
+    """Of a mesh, which is closed: triangles, counter-clockwise from outside, shape (F, 3)."""
     xyz: Vector3 = (0.0, 0.0, 0.0)
     """Centre [m] in the prop's frame."""
     wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -47,13 +49,16 @@ class PropShape:
             "cylinder": (self.radius, self.half_length),
             "box": self.half_size,
             "convex": (),
+            "mesh": (),
         }
         if self.kind not in sizes:
             raise ValueError(f"kind must be one of {sorted(sizes)}; got {self.kind!r}")
         if any(not s > 0.0 for s in sizes[self.kind]):
             raise ValueError(f"a {self.kind} needs positive sizes; got {sizes[self.kind]}")
-        if (self.points is not None) != (self.kind == "convex"):
-            raise ValueError(f"points must be given for a convex alone; kind is {self.kind!r}")
+        if (self.points is not None) != (self.kind in ("convex", "mesh")):
+            raise ValueError(f"points must be given for convex and mesh; kind is {self.kind!r}")
+        if (self.faces is not None) != (self.kind == "mesh"):
+            raise ValueError(f"faces must be given for a mesh alone; kind is {self.kind!r}")
         if self.points is not None and (self.points.ndim != 2 or self.points.shape[1] != 3):
             raise ValueError(f"points must have shape (N, 3); got {self.points.shape}")
 
@@ -65,10 +70,12 @@ class PropShape:
 
         Returns:
             Distances [m], shape (N,). Outside of a convex beside its edges and corners they are
-            too small: those to the farthest plane.
+            too small: those to the farthest plane. Those to a mesh are to its vertices.
         """
         R = rotation_from_quaternion(np.array(self.wxyz))
         local = (np.asarray(points, dtype=float) - self.xyz) @ R
+        if self.kind == "mesh":
+            return self._compute_mesh_distance(local)
         if self.kind == "convex":
             assert self.points is not None
             planes = ConvexHull(self.points).equations
@@ -88,6 +95,19 @@ class PropShape:
             beyond = np.abs(local) - self.half_size
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return outside + np.minimum(beyond.max(axis=1), 0.0)
+
+    def _compute_mesh_distance(self, local: np.ndarray) -> np.ndarray:
+        """Distance to the nearest vertex, signed by the side of its normal."""
+        assert self.points is not None
+        assert self.faces is not None
+        corners = self.points[self.faces].astype(float)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.zeros((len(self.points), 3))
+        for k in range(3):
+            np.add.at(normals, self.faces[:, k], across)
+        distance, nearest = KDTree(self.points).query(local)
+        side = np.einsum("nk,nk->n", local - self.points[nearest], normals[nearest])
+        return np.where(side < 0, -distance, distance)
 
 
 def make_box(low: Vector3, high: Vector3) -> PropShape:

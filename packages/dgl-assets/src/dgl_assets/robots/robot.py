@@ -63,6 +63,8 @@ class HandPart:
     """Place between the fingers that tasks lead, right hand, in axes of `ee` [m]; left: z negated."""
     ground_links: frozenset[str]
     """Links that the ground stops; the others, at the wrist, pass through it."""
+    thumb_links: frozenset[str]
+    """Links of the thumb."""
     gains: tuple[JointGains, ...]
     """Drives of the moving joints in the order of the tree."""
     load_meshes: Callable[[Side], LinkMeshes]
@@ -250,6 +252,9 @@ SHADOW_HAND_PART = HandPart(
         link.name
         for link in _SHADOW_TREES["right"].links
         if link.name.startswith(("palm", "ff_", "mf_", "rf_", "lf_", "th_"))
+    ),
+    thumb_links=frozenset(
+        link.name for link in _SHADOW_TREES["right"].links if link.name.startswith("th_")
     ),
     gains=tuple(DRIVE_GAINS[name] for name in _SHADOW_TREES["right"].moving_joint_names),
     load_meshes=build_shadow_meshes,

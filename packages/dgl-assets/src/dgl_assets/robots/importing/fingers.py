@@ -212,7 +212,7 @@ def _choose_thumb(
     tree: KinematicTree, fingers: list[Finger], along: np.ndarray, thumb: str | None
 ) -> Finger:
     if thumb is not None:
-        chosen = [f for f in fingers if thumb in _links_of(tree, f)]
+        chosen = [f for f in fingers if thumb in list_links(tree, f)]
         if not chosen:
             ends = ", ".join(f.tip_link for f in fingers)
             raise RobotImportError(
@@ -229,7 +229,8 @@ def _choose_thumb(
     return ranked[0]
 
 
-def _links_of(tree: KinematicTree, finger: Finger) -> set[str]:
+def list_links(tree: KinematicTree, finger: Finger) -> set[str]:
+    """List the links of a finger: those that its joints move, and what is fixed to them."""
     links = {joint.child for joint in tree.joints if joint.name in finger.joints}
     for joint in tree.joints:
         if joint.axis is None and joint.parent in links:

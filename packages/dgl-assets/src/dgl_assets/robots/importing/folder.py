@@ -139,6 +139,7 @@ def _describe_hand(hand: HandPart) -> dict[str, Any]:
             for side in SIDES
         },
         "ground_links": sorted(hand.ground_links),
+        "thumb_links": sorted(hand.thumb_links),
         "gains": {n: asdict(g) for n, g in zip(names, hand.gains, strict=True)},
     }
 
@@ -174,9 +175,11 @@ def _load_hand(folder: Path, content: Mapping[str, Any]) -> HandPart:
         raise ValueError(f"poses must have {', '.join(POSE_NAMES)}; missing {missing}")
     x, y, z = (_finite(v, "grasp_point") for v in content["grasp_point"])
     links = {link.name for link in right.links}
-    unknown = sorted(set(content["ground_links"]) - links)
-    if unknown:
-        raise ValueError(f"ground_links must be links of the hand; got {unknown}")
+    thumb = content.get("thumb_links", [])  # none in files of before
+    for key, named in (("ground_links", content["ground_links"]), ("thumb_links", thumb)):
+        unknown = sorted(set(named) - links)
+        if unknown:
+            raise ValueError(f"{key} must be links of the hand; got {unknown}")
     return HandPart(
         name=folder.name,
         trees={side: parts[side][0] for side in SIDES},
@@ -187,6 +190,7 @@ def _load_hand(folder: Path, content: Mapping[str, Any]) -> HandPart:
         },
         grasp_point=(x, y, z),
         ground_links=frozenset(content["ground_links"]),
+        thumb_links=frozenset(thumb),
         gains=_read_gains(right, content["gains"]),
         load_meshes=lambda side: parts[side][1](),
     )

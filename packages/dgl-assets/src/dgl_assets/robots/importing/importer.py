@@ -21,6 +21,7 @@ from dgl_assets.robots.importing.drives import choose_gains
 from dgl_assets.robots.importing.fingers import (
     AXES,
     HandFrame,
+    list_links,
     parse_axis,
     rest_positions,
     shape_points,
@@ -397,6 +398,7 @@ class _Maker:
             poses=poses,
             grasp_point=grasp,
             ground_links=_links_of_fingers_and_palm(right.tree, moved),
+            thumb_links=frozenset(list_links(right.tree, frame.fingers[0])),
             gains=choose_gains(right.tree, poses["open"], is_hand=True),
             load_meshes=lambda side: meshes[side],
         )

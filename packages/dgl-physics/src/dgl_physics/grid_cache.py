@@ -1,0 +1,84 @@
+"""Distance grids of large meshes on disk: one file each, which appears whole or not at all."""
+
+import hashlib
+import logging
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from dgl_physics.distance_grid import DistanceGrid
+
+logger = logging.getLogger(__name__)
+
+VERSION = 1
+"""Raised whenever the same mesh gets another grid than before."""
+LEAST_FACES = 2000
+"""Meshes of fewer triangles are not kept: building their grids takes no longer than reading them."""
+
+
+def get_cache_folder() -> Path:
+    """Give the folder of grids: in `$XDG_CACHE_HOME`, or in `~/.cache` where that is not set."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "dexgarmentlab" / "grids"
+
+
+def load_or_build(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    settings: tuple[object, ...],
+    build: Callable[[], DistanceGrid],
+) -> DistanceGrid:
+    """Read the grid of a mesh, or build it and keep it.
+
+    A file that cannot be read is built anew, and a folder that cannot be written is told and done without.
+
+    Args:
+        vertices: Of the mesh [m], shape (V, 3).
+        faces: Shape (F, 3).
+        settings: What else the grid depends on.
+        build: Builds it.
+    """
+    if len(faces) < LEAST_FACES:
+        return build()
+    key = hashlib.sha256(repr((VERSION, vertices.shape, faces.shape, settings)).encode())
+    key.update(np.ascontiguousarray(vertices, dtype=np.float64).tobytes())
+    key.update(np.ascontiguousarray(faces, dtype=np.int64).tobytes())
+    path = get_cache_folder() / f"{key.hexdigest()[:32]}.npz"
+    found = _read(path)
+    if found is None:
+        found = build()
+        _write(path, found)
+    return found
+
+
+def _read(path: Path) -> DistanceGrid | None:
+    if not path.is_file():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            content = {field.name: archive[field.name] for field in fields(DistanceGrid)}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
+        logger.warning("%s cannot be read (%s); it is made again", path, err)
+        return None
+    for name in ("spacing", "reach"):
+        content[name] = float(content[name])
+    return DistanceGrid(**content)
+
+
+def _write(path: Path, grid: DistanceGrid) -> None:
+    beside: str | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **{field.name: getattr(grid, field.name) for field in fields(grid)})
+        Path(beside).replace(path)
+    except OSError as err:
+        logger.warning("the grid of a mesh cannot be kept in %s (%s)", path.parent, err)
+        if beside is not None:
+            Path(beside).unlink(missing_ok=True)
