@@ -68,9 +68,7 @@ class FoldRecord:
             config=config or self.config,
             device=device,
         )
-        cloth.add_garment(
-            garment.vertices, garment.faces, rest=garment.rest_vertices, material=task.material
-        )
+        self.env.body.add_to(cloth, garment.vertices)
         cloth.build()
         cloth.state.set_particles(self.positions[None], self.velocities[None], self.is_stuck[None])
         cloth.state.set_body_poses(self.poses[None, 0], is_jump=True)
@@ -151,7 +149,7 @@ def _get_friction(body: Any, task: Any) -> float:
     import sapien
 
     is_robot = isinstance(body, sapien.physx.PhysxArticulationLinkComponent)
-    return task.hand_friction if is_robot else task.ground_friction
+    return task.hand_friction.fingers if is_robot else task.ground_friction
 
 
 def _read_poses(state: State) -> np.ndarray:

@@ -78,7 +78,7 @@ class _Course:
             if self._round > 1:
                 stages = tuple(stage for stage in self.stages if stage.again)
                 names = tuple(stage.name for stage in stages)
-                yield from self.hands.mark(BeginsAgain("round", names))
+                yield from self.hands.mark(BeginsAgain(what="round", stages=names))
                 if (
                     stages == self.stages
                 ):  # else how the garment lay at first says where it has to go
@@ -162,7 +162,7 @@ class _Course:
                 )
             except HoldLost:
                 yield from self._give_up(stage)
-                yield from self.hands.mark(BeginsAgain("try", (stage.name,)))
+                yield from self.hands.mark(BeginsAgain(what="try", stages=(stage.name,)))
                 if stage is self.stages[0]:
                     self._look()  # what has been let go lies in another way
             except (UnreachableError, PerceptionError):

@@ -6,15 +6,18 @@ demonstration's to say (`dgl_collect.demonstration`); the same declaration serve
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
-from dgl_physics import ClothMaterial
+from dgl_physics import ClothMaterial, SolidMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
 from dgl_tasks.success import SuccessRule
 
 Range = tuple[float, float]
 Vector3 = tuple[float, float, float]
+SolidTo = Literal["robot", "hands", "garment"]
+"""What collides with an object: the whole robot, its palms and fingers, or the garment alone; the garment always does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +38,8 @@ class SceneObject:
     """Range of what is added to y [m]."""
     friction: float = 0.5
     """A factor on the garment's friction."""
-    is_solid_to_robot: bool = True
-    """Whether the whole robot collides with it; its palms and fingers always do, unless the
-    agent says otherwise."""
+    solid_to: SolidTo = "robot"
+    """What collides with it besides the garment: the whole robot, its palms and fingers alone, or nothing else."""
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
@@ -45,12 +47,33 @@ class SceneObject:
         _check_ranges(self, "x_range", "y_range")
         if not self.friction >= 0.0:
             raise ValueError(f"friction must be >= 0; got {self.friction}")
+        if self.solid_to not in get_args(SolidTo):
+            raise ValueError(f"solid_to must be one of {get_args(SolidTo)}; got {self.solid_to!r}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandFriction:
+    """Friction of the hands' rubber pads, by part: factors on the material's (25 in the original code)."""
+
+    fingers: float = 3.0
+    """Of palm and fingers. Of 1, hems and the corners of heaps slip out; what is flung by its shoulders needs more than
+    what is folded."""
+    thumb: float | None = None
+    """Of the thumb, which lies inside of what hangs over a bar as the hand leaves; as the fingers' when None."""
+
+    def __post_init__(self) -> None:
+        for name in ("fingers", "thumb"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0.0:
+                raise ValueError(f"{name} must be >= 0; got {value}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
     """How the garment is placed: it falls from a height and settles."""
 
+    on: str | None = None
+    """A place of an object that it is put on, such as "stand.top": what follows is relative to it. The ground when None."""
     x_range: Range = (0.0, 0.0)
     """Range of the garment's centre in x [m]."""
     y_range: Range = (0.0, 0.0)
@@ -60,7 +83,7 @@ class Start:
     roll_range: Range = (0.0, 0.0)
     """Range of the garment's rotation about x [rad], before the yaw: how steeply it stands when dropped."""
     height: float = 0.2
-    """Height of its lowest point when it is dropped [m]."""
+    """How high it is dropped from [m]: on the ground its lowest point, on an object its underside there."""
     settle_frames: int = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
     value_below: float | None = None
@@ -93,10 +116,11 @@ class Task:
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     cameras: Mapping[str, CameraPlacement]
     workspace: Workspace = field(default_factory=Workspace)
-    material: ClothMaterial = field(default_factory=ClothMaterial)
-    hand_friction: float = 3.0
-    """Friction of the hands' rubber pads, a factor on the material's (25 in the original code). Of 1, hems and the corners
-    of heaps slip out; what is flung by its shoulders needs more than what is folded."""
+    material: ClothMaterial | SolidMaterial = field(default_factory=ClothMaterial)
+    """Of the garment: of cloth, or of the wall of an elastic shell."""
+    stiffness: Mapping[str, float] = field(default_factory=dict)
+    """Of a shell: factor on the material's Young's modulus by panel of the garment, where it is not 1."""
+    hand_friction: HandFriction = field(default_factory=HandFriction)
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
 

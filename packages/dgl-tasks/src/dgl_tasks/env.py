@@ -35,6 +35,8 @@ from dgl_tasks.scene import (
     sample_floor_look,
     sample_studio_fabric,
 )
+from dgl_tasks.scene_check import check_scene, get_frame
+from dgl_tasks.soft_body import SoftBody
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area
 from dgl_tasks.tasks import get_task
 from dgl_tasks.views import TrueView
@@ -102,6 +104,7 @@ class GarmentEnv(BaseEnv):
         if look not in get_args(LookName):
             raise ValueError(f"look must be one of {list(get_args(LookName))}; got {look!r}")
         self._task: Task = task if isinstance(task, Task) else get_task(task)
+        check_scene(self._task)
         self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._appearance: Appearance
@@ -110,6 +113,7 @@ class GarmentEnv(BaseEnv):
         self._start_value = 0.0
         self.cloth: SapienCloth
         self.garment: Garment
+        self.body: SoftBody
         self.fabric: FabricMaterial
         self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
@@ -240,14 +244,19 @@ class GarmentEnv(BaseEnv):
         self._start_value = self.apply_rule().value
 
     def _load_garment(self, garment: Garment, x: float, y: float, roll: float) -> None:
-        self.garment = garment
+        body = SoftBody(garment, self.task.material, self.task.stiffness)
+        self.garment, self.body = garment, body
         start = self.task.start
         c, s = np.cos(start.yaw), np.sin(start.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         c, s = np.cos(roll), np.sin(roll)
         tilt = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         vertices = self.garment.vertices @ (turn @ tilt).T
-        vertices += [x, y, start.height - vertices[:, 2].min()]
+        if start.on is None:
+            vertices += [x, y, start.height - vertices[:, 2].min()]
+        else:
+            place = get_frame(self.get_frames(), start.on)
+            vertices += np.array([x, y, start.height - body.measure_underside(vertices)]) + place
         scene = self.scene.sub_scenes[0]
         self.cloth = SapienCloth(
             [scene],
@@ -255,12 +264,7 @@ class GarmentEnv(BaseEnv):
             friction=self._get_friction,
             config=SolverConfig(dt=1.0 / CONTROL_FREQUENCY),
         )
-        self.cloth.add_garment(
-            vertices,
-            self.garment.faces,
-            rest=self.garment.rest_vertices,
-            material=self.task.material,
-        )
+        body.add_to(self.cloth, vertices)
         self.cloth.build()
         self._appearance.dress(
             garment.faces,
@@ -271,7 +275,9 @@ class GarmentEnv(BaseEnv):
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
-            return self.task.hand_friction
+            friction, thumb = self.task.hand_friction, self.agent.model.hand.thumb_links
+            is_thumb = component.name.split("_", 1)[-1] in thumb
+            return friction.thumb if is_thumb and friction.thumb is not None else friction.fingers
         for item in self.objects.values():
             if component.entity.name == item.entity_name:
                 return item.declared.friction
@@ -328,7 +334,7 @@ class GarmentEnv(BaseEnv):
 
     def get_particles(self) -> np.ndarray:
         """Positions of the garment's vertices [m], shape (V, 3), world frame."""
-        return self.cloth.state.get_positions()[0]
+        return self.body.get_surface(self.cloth.state.get_positions()[0])
 
     @property
     def view(self) -> TrueView:
@@ -338,8 +344,12 @@ class GarmentEnv(BaseEnv):
             faces=self.garment.faces,
             landmarks=self._landmarks,
             flat_area=self._flat_area,
-            frames={name: item.get_frames() for name, item in self.objects.items()},
+            frames=self.get_frames(),
         )
+
+    def get_frames(self) -> dict[str, dict[str, np.ndarray]]:
+        """Named places of the objects now, by object and name [m], shape (3,), world frame."""
+        return {name: item.get_frames() for name, item in self.objects.items()}
 
     def apply_rule(self) -> Verdict:
         """Apply the task's rule to what is there."""

@@ -7,7 +7,7 @@ import sapien
 
 from dgl_assets.props import Prop, PropPart, PropShape, make_prop
 from dgl_tasks.declaration import SceneObject, Vector3
-from dgl_tasks.robot import let_robot_pass
+from dgl_tasks.robot import let_robot_pass, let_robot_through
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
@@ -35,8 +35,10 @@ class PlacedObject:
         material = sapien.physx.PhysxMaterial(declared.friction, declared.friction, 0.0)
         for shape in self.prop.shapes:
             body.attach(_convert_shape(shape, material))
-        if not declared.is_solid_to_robot:
+        if declared.solid_to == "hands":
             let_robot_pass(self.actor)
+        elif declared.solid_to == "garment":
+            let_robot_through(self.actor)
         if scene.can_render():
             component = sapien.render.RenderBodyComponent()
             for part in self.prop.parts:
@@ -92,7 +94,16 @@ def _convert_shape(
     shape: PropShape, material: sapien.physx.PhysxMaterial
 ) -> sapien.physx.PhysxCollisionShape:
     pose = sapien.Pose(list(shape.xyz), list(shape.wxyz))
-    if shape.kind == "box":
+    if shape.kind == "mesh":
+        assert shape.points is not None
+        assert shape.faces is not None
+        solid = sapien.physx.PhysxCollisionShapeTriangleMesh(
+            vertices=shape.points.astype(np.float32),
+            triangles=shape.faces.astype(np.uint32),
+            scale=[1.0, 1.0, 1.0],
+            material=material,
+        )
+    elif shape.kind == "box":
         solid = sapien.physx.PhysxCollisionShapeBox(list(shape.half_size), material)  # pyright: ignore[reportArgumentType]
     elif shape.kind == "convex":
         assert shape.points is not None

@@ -254,6 +254,12 @@ def make_agent_class(
     )
 
 
+def let_robot_through(actor: Actor) -> None:
+    """Mark an object that no link of the robot touches."""
+    for bit in SIDE_COLLISION_BITS.values():
+        actor.set_collision_group_bit(2, bit, 1)
+
+
 def let_robot_pass(actor: Actor) -> None:
     """Mark a ground, table or prop that the links outside of `ground_contact` pass through."""
     actor.set_collision_group_bit(2, GROUND_COLLISION_BIT, 1)

@@ -60,7 +60,7 @@ class Sensed:
 
     def get_frames(self) -> dict[str, dict[str, np.ndarray]]:
         """Tell where the named places of the objects are, which the robot is told [m], shape (3,), world frame."""
-        return {name: item.get_frames() for name, item in self._env.objects.items()}
+        return self._env.get_frames()
 
     def observe(self) -> Observation:
         """Look with the environment camera and feel the joints."""

@@ -238,6 +238,49 @@ class CoversFlatArea:
         return Verdict(criteria=(flatness,))
 
 
+@dataclass(frozen=True, kw_only=True)
+class HangsOver:
+    """The garment hangs on an object: hardly any of it is near the ground, and it hangs in its middle."""
+
+    place: str
+    """The object's place that it hangs at, such as "hanger.target"."""
+    sideways: float
+    """How far the garment's middle may be from it in x [m]."""
+    height: float = 0.01
+    """What is lower counts as lying on the ground [m] (original code)."""
+    on_ground: float = 15 / 2048
+    """Largest share of the garment that may lie there (original code)."""
+    landmarks: tuple[str, ...] = field(default=(), init=False)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The place alone."""
+        return (self.place,)
+
+    def __call__(self, view: SceneView) -> Verdict:
+        """Measure what lies on the ground, and how far off the middle hangs."""
+        owner, _, name = self.place.partition(".")
+        target, points = view.frames[owner][name], view.surface
+        if len(points) == 0:
+            points = np.full((1, 3), -np.inf)
+        down = Criterion(
+            name="share of the garment on the ground",
+            value=float((points[:, 2] < self.height).mean()),
+            comparison="<=",
+            threshold=self.on_ground,
+            failure="on the ground",
+        )
+        off = Criterion(
+            name="distance of the garment's middle from the bar's, sideways",
+            value=float(min(abs(points[:, 0].mean() - target[0]), 1e3)),
+            comparison="<=",
+            threshold=self.sideways,
+            unit=" m",
+            failure="off the middle",
+        )
+        return Verdict(criteria=(down, off))
+
+
 def _check_points(points: np.ndarray) -> np.ndarray:
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] not in (2, 3):

@@ -6,14 +6,13 @@ A file is a NumPy archive of plain arrays and one JSON text, without pickled obj
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 import zipfile
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
+from dgl_assets._archive import read_archive, write_archive
 from dgl_assets.errors import CacheError
 from dgl_assets.garments.garment import Garment
 
@@ -33,9 +32,8 @@ def find_cached(folder: Path, garment_id: str) -> Garment | None:
     if not path.exists():
         return None
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            text = bytes(archive["text"]).decode()
-            arrays = {name: archive[name] for name in _ARRAYS}
+        arrays = read_archive(path, ("text", *_ARRAYS))
+        text = bytes(arrays.pop("text")).decode()
         entry = json.loads(text)
         if entry["generator_version"] != GENERATOR_VERSION:
             raise CacheError(
@@ -62,15 +60,7 @@ def store_garment(folder: Path, garment: Garment) -> Path:
     content = {f.name: getattr(garment, f.name) for f in fields(garment) if f.name not in _ARRAYS}
     text = json.dumps({"generator_version": GENERATOR_VERSION, "garment": content})
     arrays = {name: getattr(garment, name) for name in _ARRAYS}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, text=np.frombuffer(text.encode(), dtype=np.uint8), **arrays)
-        Path(beside).replace(path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
+    write_archive(path, {"text": np.frombuffer(text.encode(), dtype=np.uint8), **arrays})
     return path
 
 

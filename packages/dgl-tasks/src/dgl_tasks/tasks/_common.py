@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dgl_assets.robots import BasePlacement
 from dgl_tasks.cameras import CameraPlacement, Vector3, look_at
 from dgl_tasks.declaration import Range
 
@@ -34,3 +35,10 @@ FLING_CAMERAS: dict[str, CameraPlacement] = FOLD_CAMERAS | {
     )
 }
 """Cameras of the flinging tasks, which reach higher and farther; as `FOLD_CAMERAS`."""
+
+HANG_LEFT_BASE: BasePlacement = (-0.8, 0.0, 0.6, 0.0)
+HANG_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.6, 0.0)
+"""Where the robots stand to hang something (original code)."""
+
+HANG_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
+"""Cameras of the hanging tasks, which reach as high and as far as flings."""

@@ -1,6 +1,6 @@
 """Fling Tops: fling a crumpled top flat, then pull its sleeves apart."""
 
-from dgl_tasks.declaration import Start, Task
+from dgl_tasks.declaration import HandFriction, Start, Task
 from dgl_tasks.success import CoversFlatArea
 from dgl_tasks.tasks._common import FLING_CAMERAS, STEEP
 
@@ -10,7 +10,7 @@ TASK = Task(
     category="Tops_LongSleeve",
     description="Lift a crumpled top where its sleeves begin, fling it flat, and pull its sleeves apart.",
     success_text="the covered area differs from that of the flat garment by less than 20 %",
-    hand_friction=25.0,
+    hand_friction=HandFriction(fingers=25.0),
     start=Start(
         x_range=(-0.1, 0.1),
         y_range=(0.5, 0.7),

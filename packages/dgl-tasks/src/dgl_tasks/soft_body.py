@@ -1,0 +1,92 @@
+"""A garment as it is simulated: cloth, or an elastic shell, with its surface among the particles."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dgl_assets import Garment
+from dgl_physics import ClothMaterial, SolidMaterial
+from dgl_physics.sapien_bridge import SapienCloth
+
+
+class SoftBody:
+    """A garment and what it is made of."""
+
+    def __init__(
+        self,
+        garment: Garment,
+        material: ClothMaterial | SolidMaterial,
+        stiffness: Mapping[str, float] | None = None,
+    ) -> None:
+        """Check that they belong together.
+
+        Args:
+            garment: A sheet of cloth, or an elastic shell.
+            material: Of a sheet a cloth's, of a shell a solid's.
+            stiffness: Of a shell: factor on Young's modulus by panel, where it is not 1.
+
+        Raises:
+            ValueError: If the material is of the other kind, or there is no such panel.
+        """
+        kind = SolidMaterial if garment.wall_thickness is not None else ClothMaterial
+        if not isinstance(material, kind):
+            raise ValueError(
+                f"the material of {garment.category} must be a {kind.__name__}; "
+                f"got a {type(material).__name__}"
+            )
+        unknown = sorted(set(stiffness or {}) - set(garment.panels))
+        if unknown:
+            raise ValueError(
+                f"stiffness must be of panels {sorted(garment.panels)} of {garment.category}; got {unknown}"
+            )
+        self.garment, self._material, self._stiffness = garment, material, stiffness or {}
+
+    def add_to(self, cloth: SapienCloth, vertices: np.ndarray) -> None:
+        """Add it to a simulation.
+
+        Args:
+            cloth: The simulation.
+            vertices: Where its vertices are at first [m], shape (V, 3): an elastic shell is moved, but not bent.
+        """
+        garment, material = self.garment, self._material
+        if isinstance(material, SolidMaterial):
+            cloth.add_solid(
+                vertices,
+                garment.faces,
+                material=material,
+                thickness=garment.wall_thickness,
+                stiffness=self._spread_stiffness(),
+            )
+        else:
+            cloth.add_garment(
+                vertices, garment.faces, rest=garment.rest_vertices, material=material
+            )
+
+    def get_surface(self, particles: np.ndarray) -> np.ndarray:
+        """Give the vertices of the garment, shape (V, 3), among all particles [m], shape (P, 3).
+
+        The wall of a shell has particles on both sides; the outer ones come first.
+        """
+        return particles[: len(self.garment.vertices)]
+
+    def measure_underside(self, vertices: np.ndarray, radius: float = 0.03) -> float:
+        """Measure how low the garment's underside is at its middle, where it is put on something [m].
+
+        Args:
+            vertices: Of the garment [m], shape (V, 3).
+            radius: How far from its middle counts [m].
+        """
+        middle = (vertices[:, :2].min(axis=0) + vertices[:, :2].max(axis=0)) / 2
+        near = np.linalg.norm(vertices[:, :2] - middle, axis=1) < radius
+        wall = self.garment.wall_thickness or 0.0
+        return float(vertices[near, 2].min() - wall)
+
+    def _spread_stiffness(self) -> np.ndarray | None:
+        """Factor at each vertex, shape (V,): the largest of the panels that meet there."""
+        if not self._stiffness:
+            return None
+        by_panel = np.array([self._stiffness.get(name, 1.0) for name in self.garment.panels])
+        factors = np.zeros(len(self.garment.vertices))
+        for corner in self.garment.faces.T:
+            np.maximum.at(factors, corner, by_panel[self.garment.face_panels])
+        return factors

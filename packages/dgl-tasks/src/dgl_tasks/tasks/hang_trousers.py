@@ -1,0 +1,32 @@
+"""Hang Trousers: over the bar of a hanger, by the waistband."""
+
+from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.success import HangsOver
+from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE
+
+TASK = Task(
+    id="HangTrousers-v1",
+    title="Hang Trousers",
+    category="Trousers",
+    description="Hang trousers that lie flat over the bar of a hanger.",
+    success_text=(
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, and its middle is within 5 cm of the bar's"
+    ),
+    start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
+    objects=(
+        SceneObject(
+            name="hanger",
+            prop="hanger",
+            position=(0.0, 0.85, 0.0),
+            x_range=(-0.15, 0.15),
+            y_range=(-0.05, 0.05),
+            friction=1.0,
+        ),
+    ),
+    left_base=HANG_LEFT_BASE,
+    right_base=HANG_RIGHT_BASE,
+    cameras=HANG_CAMERAS,
+    # the thumb lies inside of the fold as the hands leave: with the fingers' friction it takes the garment off the bar
+    hand_friction=HandFriction(fingers=3.0, thumb=0.6),
+    success=HangsOver(place="hanger.target", sideways=0.05),
+)
