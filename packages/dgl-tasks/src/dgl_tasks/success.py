@@ -281,6 +281,45 @@ class HangsOver:
         return Verdict(criteria=(down, off))
 
 
+@dataclass(frozen=True, kw_only=True)
+class SitsOn:
+    """The garment is worn on a place that goes into it: its middle is near, and no higher."""
+
+    place: str
+    """The object's place, such as "person.head_top"."""
+    within: float
+    """How far the garment's middle may be from it [m]."""
+    landmarks: tuple[str, ...] = field(default=(), init=False)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The place alone."""
+        return (self.place,)
+
+    def __call__(self, view: SceneView) -> Verdict:
+        """Measure how far off the garment's middle is, and how high."""
+        owner, _, name = self.place.partition(".")
+        target, points = view.frames[owner][name], view.surface
+        middle = points.mean(axis=0) if len(points) else np.full(3, 1e3)
+        distance = Criterion(
+            name="distance of the garment's middle from its place",
+            value=float(np.linalg.norm(middle - target)),
+            comparison="<=",
+            threshold=self.within,
+            unit=" m",
+            failure="not in its place",
+        )
+        height = Criterion(
+            name="height of the garment's middle over its place",
+            value=float(middle[2] - target[2]),
+            comparison="<=",
+            threshold=0.0,
+            unit=" m",
+            failure="not put on",
+        )
+        return Verdict(criteria=(distance, height))
+
+
 def _check_points(points: np.ndarray) -> np.ndarray:
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] not in (2, 3):

@@ -42,3 +42,10 @@ HANG_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.6, 0.0)
 
 HANG_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
 """Cameras of the hanging tasks, which reach as high and as far as flings."""
+
+WEAR_LEFT_BASE: BasePlacement = (-0.6, 0.0, 0.5, 0.0)
+WEAR_RIGHT_BASE: BasePlacement = (0.6, 0.0, 0.5, 0.0)
+"""Where the robots stand to put a hat on (original code)."""
+
+WEAR_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
+"""Cameras of the hats' tasks, which reach as high as flings."""

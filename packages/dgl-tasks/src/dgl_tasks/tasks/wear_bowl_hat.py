@@ -1,0 +1,41 @@
+"""Wear Bowl Hat: from a stand onto a child's head, with both hands."""
+
+from dgl_assets.props import HatStandParameters, PersonParameters
+from dgl_physics import SolidMaterial
+from dgl_tasks.declaration import SceneObject, Start, Task
+from dgl_tasks.success import SitsOn
+from dgl_tasks.tasks._common import WEAR_CAMERAS, WEAR_LEFT_BASE, WEAR_RIGHT_BASE
+
+TASK = Task(
+    id="WearBowlHat-v1",
+    title="Wear Bowl Hat",
+    category="Bowl_Hat",
+    description="Take a hat with a brim from its stand with both hands, and put it on the head of a child.",
+    success_text=(
+        "the middle of the hat is no higher than the top of the head and within 10 cm of it"
+    ),
+    start=Start(on="stand.top", height=0.005, settle_frames=90),
+    objects=(
+        SceneObject(
+            name="stand",
+            prop=HatStandParameters(foot_radius=0.08),
+            position=(0.0, 0.79, 0.0),
+            x_range=(-0.1, 0.1),
+            y_range=(-0.09, 0.09),
+            solid_to="garment",
+        ),
+        SceneObject(
+            name="person",
+            prop=PersonParameters(measures="child_8"),
+            position=(0.0, 1.15, 0.0),
+            x_range=(-0.15, 0.15),
+            y_range=(-0.05, 0.05),
+            solid_to="garment",
+        ),
+    ),
+    left_base=WEAR_LEFT_BASE,
+    right_base=WEAR_RIGHT_BASE,
+    cameras=WEAR_CAMERAS,
+    material=SolidMaterial(youngs_modulus=3e5, rest_offset=0.003),
+    success=SitsOn(place="person.head_top", within=0.10),
+)
