@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from dgl_assets._archive import get_cache_folder, read_archive, write_archive
-from dgl_assets.people import PEOPLE, POSES, make_person
+from dgl_assets.people import PEOPLE, POSES, Person, make_person
 from dgl_assets.props.meshes import assemble
 from dgl_assets.props.prop import Finish, Prop, PropPart
 from dgl_assets.props.shapes import PropShape
@@ -20,10 +20,19 @@ from dgl_assets.ranges import check_ranges
 
 logger = logging.getLogger(__name__)
 
-GENERATOR_VERSION = 1
+GENERATOR_VERSION = 2
 """Raised whenever the same parameters give another person than before."""
-SKIN = Finish(name="skin", colour=(0.42, 0.25, 0.18), roughness=0.62, density=985.0)
-"""A matt skin; the density is that of a human body."""
+_DENSITY = 985.0  # of a human body [kg/m^3]
+FINISHES: dict[str, Finish] = {
+    name: Finish(name=name, colour=colour, roughness=roughness, density=_DENSITY)
+    for name, colour, roughness in (
+        ("skin", (0.42, 0.25, 0.18), 0.62),
+        ("shirt", (0.62, 0.60, 0.55), 0.95),
+        ("trousers", (0.045, 0.06, 0.10), 0.95),
+        ("shoes", (0.03, 0.03, 0.03), 0.7),
+    )
+}
+"""What is seen of a person: skin, and clothes that are painted on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,19 +59,24 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
 
     The other landmarks are those of `Person.frames`.
     """
-    vertices, faces, frames = _load_body(parameters)
-    body = PropPart(
-        name="body",
-        vertices=vertices,
-        faces=faces,
-        normals=_compute_normals(vertices, faces),
-        uvs=vertices[:, :2].copy(),
-        finish=SKIN,
-    )
+    vertices, faces, regions, frames = _load_body(parameters)
+    normals = _compute_normals(vertices, faces)
+    parts = []
+    for number, finish in enumerate(FINISHES.values()):
+        used, index = np.unique(faces[regions == number], return_inverse=True)
+        part = PropPart(
+            name=finish.name,
+            vertices=vertices[used],
+            faces=index.reshape(-1, 3).astype(np.int32),
+            normals=normals[used],
+            uvs=vertices[used, :2],
+            finish=finish,
+        )
+        parts.append(part)
     places = {name: tuple(float(v) for v in place) for name, place in frames.items()}
     return assemble(
         "person",
-        [body],
+        parts,
         [PropShape(kind="mesh", points=vertices, faces=faces)],
         {"target": places["head_top"], **places},  # pyright: ignore[reportArgumentType]
         asdict(parameters),
@@ -71,28 +85,49 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
 
 def _load_body(
     parameters: PersonParameters,
-) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Skin [m] and frames [m] of a posed person, the head's top above the origin; kept on disk, as making them takes seconds."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Skin [m] with the finish of each triangle, and frames [m], of a posed person whose head's top is above the origin.
+
+    They are kept on disk, as making them takes seconds.
+    """
     text = json.dumps([GENERATOR_VERSION, asdict(parameters)], sort_keys=True)
     path = get_cache_folder("people") / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
     names = ("head_top", "brow", "neck", "left_hand", "right_hand")
     if path.is_file():
         try:
-            kept = read_archive(path, ("vertices", "faces", *names))
+            kept = read_archive(path, ("vertices", "faces", "regions", *names))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
             logger.warning("%s cannot be read (%s); it is made again", path, err)
         else:
-            return kept["vertices"], kept["faces"], {name: kept[name] for name in names}
+            return kept["vertices"], kept["faces"], kept["regions"], {name: kept[name] for name in names}
     person = make_person(parameters.measures, scale=parameters.scale)
     frames = {name: place for name, (place, _) in person.compute_frames(parameters.pose).items()}
     moved = np.array([*frames["head_top"][:2], 0.0])
     vertices = (person.pose(parameters.pose) - moved).astype(np.float32)
     frames = {name: frames[name] - moved for name in names}
+    regions = _find_regions(person)
     try:
-        write_archive(path, {"vertices": vertices, "faces": person.faces, **frames})
+        arrays = {"vertices": vertices, "faces": person.faces, "regions": regions, **frames}
+        write_archive(path, arrays)
     except OSError as err:
         logger.warning("a person cannot be kept in %s (%s)", path.parent, err)
-    return vertices, person.faces, frames
+    return vertices, person.faces, regions, frames
+
+
+def _find_regions(person: Person) -> np.ndarray:
+    """Number of the finish of each triangle, shape (F,), int8: that of the bone that it follows most."""
+    names = list(FINISHES)
+    of_bone = []
+    for bone in person.skeleton.names:
+        if bone.endswith(("pelvis", "hip", "knee")):
+            finish = "trousers"
+        elif bone.endswith(("spine", "chest", "clavicle", "shoulder")):
+            finish = "shirt"
+        else:
+            finish = "shoes" if bone.endswith(("ankle", "toes")) else "skin"
+        of_bone.append(names.index(finish))
+    followed = person.weights[person.faces].sum(axis=1).argmax(axis=1)
+    return np.array(of_bone, dtype=np.int8)[followed]
 
 
 def _compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Wear Bowl Hat: from a stand onto a child's head, with both hands."""
+"""Wear Bowl Hat: from a stand onto somebody's head, with both hands."""
 
 from dgl_assets.props import HatStandParameters, PersonParameters
 from dgl_physics import SolidMaterial
@@ -10,7 +10,7 @@ TASK = Task(
     id="WearBowlHat-v1",
     title="Wear Bowl Hat",
     category="Bowl_Hat",
-    description="Take a hat with a brim from its stand with both hands, and put it on the head of a child.",
+    description="Take a hat with a brim from its stand with both hands, and put it on the head of a person.",
     success_text=(
         "the middle of the hat is no higher than the top of the head and within 10 cm of it"
     ),
@@ -26,7 +26,7 @@ TASK = Task(
         ),
         SceneObject(
             name="person",
-            prop=PersonParameters(measures="child_8"),
+            prop=PersonParameters(measures="woman", scale=0.75),
             position=(0.0, 1.15, 0.0),
             x_range=(-0.15, 0.15),
             y_range=(-0.05, 0.05),
