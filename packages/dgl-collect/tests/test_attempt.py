@@ -4,12 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from dgl_collect.execution import TRIES
 
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
 from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.stage_runner import TRIES
+from dgl_collect.steps import Approach
 from dgl_tasks import get_task
+from dgl_tasks.policy import Nothing
 
 TASK_ID = "FoldTops-v1"
 
@@ -26,11 +29,17 @@ def run(runner, folder, *, seed=0):
     return runner.run(attempt_index=0, seed=seed, out_dir=folder, episode_id="episode")
 
 
-def set_material(runner, **changes):
-    """Change the fabric of the following attempts; the environment reads it at each reset."""
-    task = get_task(TASK_ID)
-    material = dataclasses.replace(task.material, **changes)
-    runner.env.task = dataclasses.replace(task, material=material)
+def reach_high(monkeypatch, runner, **changes):
+    """Let the following attempts look for the garment 3 m above the ground: short, since nothing is ever grasped."""
+    demonstration = load_demonstration(TASK_ID)
+    first = demonstration.stages[0]
+    steps = (Approach(height=3.0), *first.steps[1:])
+    demonstration = dataclasses.replace(
+        demonstration, stages=(dataclasses.replace(first, steps=steps),)
+    )
+    setup = dataclasses.replace(runner._setup, demonstration=demonstration, **changes)
+    monkeypatch.setattr(runner, "_setup", setup)
+    return setup
 
 
 def test_unknown_options_are_refused():
@@ -38,16 +47,19 @@ def test_unknown_options_are_refused():
         make_attempt_runner(TASK_ID, {"speed": 2})
     with pytest.raises(ValueError, match="option garment must be a string; got 7"):
         make_attempt_runner(TASK_ID, {"garment": 7})
+    with pytest.raises(ValueError, match="option rounds must be an integer; got '2'"):
+        make_attempt_runner(TASK_ID, {"rounds": "2"})
+    with pytest.raises(
+        ValueError, match="option recorded must be 'stages' or 'approaches'; got 'all'"
+    ):
+        make_attempt_runner(TASK_ID, {"recorded": "all"})
 
 
 @pytest.mark.render
 def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
     runner, tmp_path, monkeypatch
 ):
-    """The garment is looked for 3 m above the ground; short, since nothing is ever grasped."""
-    stage = dataclasses.replace(get_task(TASK_ID).stages[0], grasp_height=3.0)
-    task = dataclasses.replace(get_task(TASK_ID), stages=(stage,))
-    monkeypatch.setattr(runner.env, "task", task)
+    reach_high(monkeypatch, runner)
     result = run(runner, tmp_path / "far")
     assert not result.success
     assert result.value is None
@@ -78,15 +90,38 @@ def test_a_matcher_is_asked_for_the_demonstrations_points(runner, tmp_path, monk
             indices = np.linspace(0, len(target_cloud) - 1, count).astype(np.int64)
             return indices, np.zeros((count, len(target_cloud)), np.float32)
 
-    setup = dataclasses.replace(runner._setup, find_matcher=lambda env: Recorder())
-    monkeypatch.setattr(runner, "_setup", setup)
-    stage = dataclasses.replace(get_task(TASK_ID).stages[0], grasp_height=3.0)  # ends at once
-    task = dataclasses.replace(get_task(TASK_ID), stages=(stage,))
-    monkeypatch.setattr(runner.env, "task", task)
+    setup = reach_high(monkeypatch, runner, find_matcher=lambda env: Recorder())
     assert run(runner, tmp_path / "asked").reason == "unreachable"
     cloud, points = asked[0]
     np.testing.assert_array_equal(cloud, setup.demo_cloud)
     np.testing.assert_array_equal(points, list(setup.demonstration.points.values()))
+
+
+@pytest.mark.render
+def test_the_rounds_can_be_chosen(runner, tmp_path, monkeypatch):
+    asked = []
+
+    def make_runner(setup, actor, *, rounds=None):
+        asked.append(rounds)
+        return Nothing()
+
+    monkeypatch.setattr(type(runner._setup), "make_runner", make_runner)
+    monkeypatch.setattr(runner, "_rounds", 2)
+    result = run(runner, tmp_path / "rounds")
+    assert asked == [2]
+    # nothing was done: the garment is judged as it fell, by what is true
+    assert not result.success
+    assert not result.first_try
+    assert 0 <= result.value < 0.85
+    assert result.reason == "below the threshold"
+    assert result.beliefs == {}
+    assert result.measurements["steps"] > 0
+    assert set(result.files) == {"video", "picture"}
+
+
+def test_what_an_environment_is_the_environment_of_cannot_be_changed(runner):
+    with pytest.raises(AttributeError):
+        runner.env.task = get_task("FoldDress-v1")
 
 
 @pytest.mark.slow
@@ -104,12 +139,12 @@ def test_equal_seeds_give_equal_files(runner, tmp_path):
 
 def check_episode(episode, result):
     """What a policy learns from: whole stages in order, each from open hand to open hand."""
-    task = get_task(TASK_ID)
-    assert [stage.name for stage in episode.stages] == [stage.name for stage in task.stages]
+    stages = load_demonstration(TASK_ID).stages
+    assert [stage.name for stage in episode.stages] == [stage.name for stage in stages]
     assert episode.success
     assert episode.success_value == result.value
     assert sum(stage.frame_count for stage in episode.stages) == result.frames
-    for declared, stage in zip(task.stages, episode.stages, strict=True):
+    for declared, stage in zip(stages, episode.stages, strict=True):
         assert stage.frame_count >= 15
         # commanded and measured joints agree but for the lag of the drives
         arms = np.r_[tuple(joint_slice(side, "arm") for side in SIDES)]
@@ -118,7 +153,7 @@ def check_episode(episode, result):
         for column, side in enumerate(SIDES):
             if side in declared.grasp:
                 best = stage.points_affordance_feature[:, column].argmax()
-                points = [stage.points[n]["xyz"] for n in declared.get_grasp_names(side)]
+                points = [stage.points[n]["xyz"] for n in declared.grasp[side].points]
                 gap = stage.garment_point_cloud[best][:2] - np.mean(points, axis=0)[:2]
                 assert np.linalg.norm(gap) < 0.15
 
@@ -126,12 +161,12 @@ def check_episode(episode, result):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path):
-    set_material(runner, friction=0.0, adhesion=0.0)
-    try:
-        result = run(runner, tmp_path / "slippery")
-    finally:
-        runner.env.task = get_task(TASK_ID)
+def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path, monkeypatch):
+    task = get_task(TASK_ID)
+    material = dataclasses.replace(task.material, friction=0.0, adhesion=0.0)
+    # the environment reads it at each reset
+    monkeypatch.setattr(runner.env, "_task", dataclasses.replace(task, material=material))
+    result = run(runner, tmp_path / "slippery")
     assert not result.success
     # fingers may shovel cloth up by a few centimetres, or in several tries away from where it lay, but not carry it
     assert result.reason in ("missed grasp", "slipped", "perception"), result.detail

@@ -1,6 +1,7 @@
-"""The demonstrations that come with the package, faults in them, and retargeting."""
+"""The demonstrations that come with the package, where their hands go, and faults in them."""
 
 import copy
+import dataclasses
 import json
 from importlib import resources
 
@@ -8,15 +9,16 @@ import numpy as np
 import pytest
 
 from dgl_assets import correspond, load_garment
-from dgl_collect.demonstration import (
-    load_demonstration,
-    parse_demonstration,
-    retarget_waypoints,
-)
+from dgl_collect.demonstration import check_demonstration, load_demonstration, parse_demonstration
 from dgl_collect.errors import DemonstrationError
+from dgl_collect.stage_work import StageWork
+from dgl_collect.steps import Approach, Demonstration, HandPose, Move, Release, Retreat, Stretch
 from dgl_tasks import get_task, task_ids
+from dgl_tasks.declaration import SceneObject
+from dgl_tasks.handling import WayOut
 
 FILE = resources.files("dgl_collect") / "demonstrations" / "FoldTops.json"
+TASK = get_task("FoldTops-v1")
 
 # Where a garment might lie: the points of the paper's formulas, with heights that must not matter.
 P = {
@@ -41,6 +43,31 @@ def demonstration():
     return load_demonstration("FoldTops-v1")
 
 
+def get_stage(demonstration, name):
+    (stage,) = (stage for stage in demonstration.stages if stage.name == name)
+    return stage
+
+
+def compute_targets(stage, points, *, seen=None):
+    """Where the hands of a stage go on a garment with these points, move after move."""
+    work = StageWork(
+        stage=stage,
+        hands=None,
+        names=points,
+        cloud=np.zeros((1, 3)),
+        places={},
+        begins=None,
+        reaction="ignore",
+        draw=(1,),
+        seen=dict(seen or {}),
+    )
+    return [
+        {side: work._compute(formulas) for side, formulas in step.targets.items()}
+        for step in stage.steps
+        if isinstance(step, Move)
+    ]
+
+
 def horizontal(a, b):
     return float(np.hypot(*(a - b)[:2]))
 
@@ -49,16 +76,67 @@ def horizontal(a, b):
 def test_every_task_has_a_demonstration_that_fits_it(task_id):
     task, demonstration = get_task(task_id), load_demonstration(task_id)
     assert demonstration.task == task.id
-    assert [stage.name for stage in demonstration.stages] == [s.name for s in task.stages]
-    named = {
-        n for stage in task.stages for side in stage.grasp for n in stage.get_grasp_names(side)
-    }
-    assert named | set(task.success.points) <= set(demonstration.points)
-    for stage in task.stages:
-        demonstrated = demonstration.get_stage(stage.name)
-        for waypoint in demonstrated.waypoints:
-            assert set(waypoint.targets) == set(stage.grasp)
-        assert retarget_waypoints(demonstrated, demonstration.points)
+    assert load_garment(demonstration.garment).category == task.category
+    assert set(task.success.landmarks) <= set(demonstration.points)
+    for stage in demonstration.stages:
+        for step in stage.steps:
+            if isinstance(step, Move):
+                assert set(step.targets) <= set(stage.grasp)
+        if not task.objects and all(grasp.points for grasp in stage.grasp.values()):
+            assert compute_targets(stage, demonstration.points)
+
+
+@pytest.mark.parametrize("task_id", task_ids())
+def test_the_pose_that_takes_hold_is_the_last_one_before_the_hands_move(task_id):
+    for stage in load_demonstration(task_id).stages:
+        first = next(k for k, step in enumerate(stage.steps) if isinstance(step, Move))
+        poses = [step.pose for step in stage.steps[:first] if isinstance(step, HandPose)]
+        assert stage.grasp_pose == poses[-1]
+
+
+def test_a_file_says_all_that_is_done(demonstration):
+    """One of each kind of fact, with what is taken where the file says nothing."""
+    assert isinstance(demonstration, Demonstration)
+    first, _, last = demonstration.stages
+    assert (demonstration.rounds, demonstration.turns_over, demonstration.flat_area) == (
+        1, False, None,
+    )  # fmt: skip
+    assert (first.hands, last.hands) == (("left",), ("left", "right"))
+    assert last.grasp["right"].points == ("right_hem",)
+    assert (first.on_loss, first.again, first.when, first.moved_at_most) == (
+        "again", True, None, 0.15,
+    )  # fmt: skip
+    assert isinstance(last.steps[0], Approach)
+    assert last.approach == Approach(orientation="heap", height=0.0)
+    assert last.grasp_pose == "close"
+    assert [type(step) for step in last.steps[1:]] == [HandPose, Move, Move, Move, Release, Retreat]
+    assert [step.recorded for step in last.steps] == [False, *[True] * 5, False]
+    assert [step.checked for step in last.steps[2:5]] == [True, False, False]
+    assert last.retreat.way_out == WayOut()
+    assert demonstration.learned_stages == demonstration.stages
+
+
+def test_hands_leave_trousers_in_the_way_that_is_said():
+    first, second = load_demonstration("FoldTrousers-v1").stages
+    out = first.retreat.way_out
+    assert (out.rise, out.wait, out.back) == (0.04, 15, (0.04, 0.02, 0.0))
+    assert out.roll == pytest.approx(np.radians(60))
+    assert second.retreat.way_out == WayOut()
+    assert (first.again, second.again) == (False, True)
+    assert (first.moved_at_most, second.moved_at_most) == (0.15, None)
+    assert second.grasp["right"].points == ("left_hem_middle", "right_hem_middle")
+
+
+@pytest.mark.parametrize("task_id", ["FlingTops-v1", "FlingDress-v1", "FlingTrousers-v1"])
+def test_a_fling_is_stretched_laid_down_when_lost_and_begun_again(task_id):
+    demonstration = load_demonstration(task_id)
+    fling = demonstration.stages[0]
+    assert sum(isinstance(step, Stretch) for step in fling.steps) == 1
+    assert fling.on_loss == "lay down"
+    assert demonstration.turns_over
+    assert demonstration.rounds > 1
+    assert {"half_span", "hanging"} <= set(fling.definitions)
+    assert all(stage.when is not None for stage in demonstration.stages[1:])
 
 
 def test_the_marked_points_lie_on_the_garment(demonstration):
@@ -81,9 +159,9 @@ def test_sleeves_are_carried_over_their_joint_without_pulling(
     demonstration, stage, side, cuff, joint, own, other
 ):
     """The paper's height over the joint, its goal at the far chest, and never a taut sleeve."""
-    waypoints = retarget_waypoints(demonstration.get_stage(stage), P)
-    assert all(set(waypoint.targets) == {side} for waypoint in waypoints)
-    _, over, _, end = path = [waypoint.targets[side] for waypoint in waypoints]
+    targets = compute_targets(get_stage(demonstration, stage), P)
+    assert all(set(target) == {side} for target in targets)
+    _, over, _, end = path = [target[side] for target in targets]
     h = min(horizontal(P[cuff], P[own]), 0.3)
     np.testing.assert_allclose(over, (*P[joint][:2], h))
     sleeve = horizontal(P[cuff], P[joint])
@@ -102,8 +180,8 @@ def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(
     demonstration, length, height
 ):
     points = P | {"left_cuff": P["left_chest"] - (length, 0, 0)}
-    waypoints = retarget_waypoints(demonstration.get_stage("left_sleeve"), points)
-    assert max(w.targets["left"][2] for w in waypoints) == pytest.approx(height)
+    targets = compute_targets(get_stage(demonstration, "left_sleeve"), points)
+    assert max(target["left"][2] for target in targets) == pytest.approx(height)
 
 
 def test_the_bottom_follows_the_papers_heights(demonstration):
@@ -112,8 +190,7 @@ def test_the_bottom_follows_the_papers_heights(demonstration):
     The hem goes 3 cm beyond the chest; with the 10 cm of the original, hems of short tops lie beyond the box.
     """
     length = P["left_chest"][1] - P["left_hem"][1]
-    waypoints = retarget_waypoints(demonstration.get_stage("bottom_up"), P)
-    lift, carry, lower = (waypoint.targets for waypoint in waypoints)
+    lift, carry, lower = compute_targets(get_stage(demonstration, "bottom_up"), P)
     for side in ("left", "right"):
         hem, chest = P[f"{side}_hem"], P[f"{side}_chest"]
         np.testing.assert_allclose(lift[side], (hem[0], hem[1] + length / 4, length / 2))
@@ -123,28 +200,23 @@ def test_the_bottom_follows_the_papers_heights(demonstration):
         assert 0 < lower[side][2] < carry[side][2]
 
 
-def test_waypoints_move_with_the_garment(demonstration):
+def test_targets_move_with_the_garment(demonstration):
     shift = np.array([0.07, -0.05, 0.0])
     moved = {name: xyz + shift for name, xyz in P.items()}
     for stage in demonstration.stages:
         for before, after in zip(
-            retarget_waypoints(stage, P), retarget_waypoints(stage, moved), strict=True
+            compute_targets(stage, P), compute_targets(stage, moved), strict=True
         ):
-            for side, goal in before.targets.items():
-                np.testing.assert_allclose(after.targets[side], goal + shift, atol=1e-12)
+            for side, goal in before.items():
+                np.testing.assert_allclose(after[side], goal + shift, atol=1e-12)
 
 
-def test_a_point_that_was_not_found_is_named(demonstration):
-    points = {k: v for k, v in P.items() if k != "right_chest"}
-    with pytest.raises(DemonstrationError, match=r"'left_sleeve': .*unknown name 'right_chest'"):
-        retarget_waypoints(demonstration.get_stage("left_sleeve"), points)
+def test_what_is_not_there_is_said():
+    with pytest.raises(DemonstrationError, match=r"no demonstration of 'FoldSocks-v1'.*FoldSocks"):
+        load_demonstration("FoldSocks-v1")
 
 
-def test_what_is_not_there_is_said(demonstration):
-    with pytest.raises(DemonstrationError, match=r"no demonstration of 'HangCoat-v1'.*HangCoat"):
-        load_demonstration("HangCoat-v1")
-    with pytest.raises(DemonstrationError, match="no stage 'collar'; it has left_sleeve, right_"):
-        demonstration.get_stage("collar")
+# Faults ----------------------------------------------------------------------------------------
 
 
 def _set(path, value):
@@ -167,73 +239,291 @@ def _drop(*path):
     return change
 
 
-STAGE, WAYPOINT = ("stages", 0), ("stages", 0, "waypoints", 0)
-STRETCH = {"sag": 0.03, "step": 0.01, "at_most": 0.1, "spacing": 0.005}
-FAULTS = [
-    (_drop("format"), "missing 'format'"),
-    (_set(["format"], 2), "format must be 1; got 2"),
-    (_drop("task"), "missing 'task'"),
-    (_drop("garment"), "missing 'garment'"),
-    (_drop("points"), "missing 'points'"),
-    (_drop("stages"), "missing 'stages'"),
-    (_set(["points", "collar"], [0.0, 0.1]), "point 'collar' must be three numbers"),
-    (_set(["points", "collar"], [0.0, 0.1, float("nan")]), "point 'collar' must be three numbers"),
-    (_set(["points", "collar"], "top"), "could not convert string"),
-    (_set(["points"], [[0, 0, 0]]), "items"),
-    (_drop(*STAGE, "name"), "missing 'name'"),
-    (_drop(*STAGE, "waypoints"), "missing 'waypoints'"),
-    (_drop(*STAGE, "grasp_pose"), "missing 'grasp_pose'"),
-    (_set([*STAGE, "grasp_pose"], "fist"), "grasp_pose must be one of .*; got 'fist'"),
-    (_set([*STAGE, "release_pose"], "drop"), "release_pose must be one of .*; got 'drop'"),
-    (_set(WAYPOINT, {"spacing": 0.01}), "a waypoint has hands"),
-    (_set(WAYPOINT, {"left": ["0"] * 3, "middle": ["0"] * 3}), "got .*'middle'"),
-    (_set([*WAYPOINT, "left"], ["0", "0"]), "left must have formulas for x, y, z"),
-    (_set([*WAYPOINT, "spacing"], 0), "spacing must be positive; got 0"),
-    (_set([*WAYPOINT, "spacing"], -0.01), "spacing must be positive"),
-    (_set([*WAYPOINT, "spacing"], "fast"), "could not convert string"),
-    (
-        _set([*WAYPOINT, "stretch"], STRETCH),
-        "a stretch needs both hands and definitions of half_span",
-    ),
-    (
-        _set([*WAYPOINT, "stretch"], STRETCH | {"sag": 0}),
-        "sag of a stretch must be positive; got 0",
-    ),
-    (_set([*WAYPOINT, "stretch"], {"sag": 0.03}), "missing .* 'step'"),
-]
+def _step(number, step):
+    return _set((*STAGE, "steps", number), step)
 
 
-@pytest.mark.parametrize(("change", "message"), FAULTS, ids=[message for _, message in FAULTS])
-def test_every_fault_names_the_file_and_the_place(content, change, message):
+STAGE, STEPS = ("stages", 0), ("stages", 0, "steps")
+MOVE = (*STEPS, 2)
+IN_STAGE = "stage 'left_sleeve': "
+STRETCH = {"step": "stretch", "sag": 0.03, "by": 0.01, "at_most": 0.1, "spacing": 0.005}
+FAULTS = {
+    "no format": (_drop("format"), "missing 'format'"),
+    "another format": (_set(["format"], 1), "format must be 2"),
+    "no task": (_drop("task"), "'task'"),
+    "no garment": (_drop("garment"), "'garment'"),
+    "no points": (_drop("points"), "missing 'points'"),
+    "no stages": (_drop("stages"), "missing 'stages'"),
+    "empty stages": (_set(["stages"], []), "at least one stage"),
+    "a stage twice": (
+        _set(["stages", 1, "name"], "left_sleeve"),
+        "stages must have different names",
+    ),
+    "no rounds": (_set(["rounds"], 0), "rounds must be at least 1; got 0"),
+    "an unknown key": (_set(["speed"], 2), r"a demonstration has .*; got \['speed'\]"),
+    "a flat point": (
+        _set(["points", "collar"], [0.0, 0.1]),
+        "point 'collar' must be three numbers",
+    ),
+    "a point nowhere": (
+        _set(["points", "collar"], [0.0, 0.1, float("nan")]),
+        "point 'collar' must be three numbers",
+    ),
+    "a point in words": (_set(["points", "collar"], "top"), "could not convert string"),
+    "points without names": (_set(["points"], [[0, 0, 0]]), "'items'"),
+    "an unknown key of a stage": (
+        _set([*STAGE, "agian"], True),
+        IN_STAGE + r"a stage has .*again.*; got \['agian'\]",
+    ),
+    "no approach": (_drop(*STEPS, 0), IN_STAGE + "steps must have an approach"),
+    "no hands": (_set([*STAGE, "grasp"], {}), IN_STAGE + "grasp must be of some of"),
+    "a third hand": (
+        _set([*STAGE, "grasp"], {"middle": "left_cuff"}),
+        IN_STAGE + r"grasp must be of some of .*; got \['middle'\]",
+    ),
+    "recorded steps apart": (
+        _set([*STEPS, 3, "recorded"], False),
+        IN_STAGE + "recorded steps must follow each other; got rr-rrr",
+    ),
+    "no name of a stage": (_drop(*STAGE, "name"), "'name'"),
+    "no grasp": (_drop(*STAGE, "grasp"), "missing 'grasp'"),
+    "no steps": (_drop(*STEPS), "missing 'steps'"),
+    "a step without a kind": (_drop(*MOVE, "step"), "missing 'step'"),
+    "a stretch without steps": (_step(3, {"step": "stretch", "sag": 0.03}), "'by'"),
+    "a spacing in words": (_set([*MOVE, "spacing"], "fast"), "not supported between"),
+}
+FAULTS_OF_STEPS = {
+    "an unknown step": (
+        _step(1, {"step": "jump"}),
+        r"a step is one of \['approach', .*; got 'jump'",
+    ),
+    "an unknown key": (
+        _step(1, {"step": "hand_pose", "pose": "close", "speed": 2}),
+        r"a handpose has pose, recorded; got \['speed'\]",
+    ),
+    "an unknown hand pose": (
+        _step(1, {"step": "hand_pose", "pose": "fist"}),
+        r"pose must be one of \[.*'close'.*\]; got 'fist'",
+    ),
+    "an unknown release": (
+        _step(6, {"step": "release", "pose": "drop"}),
+        r"pose must be one of \[.*'open'.*\]; got 'drop'",
+    ),
+    "an unknown orientation": (
+        _step(0, {"step": "approach", "orientation": "sideways"}),
+        r"orientation must be one of \[.*'heap'.*\]; got 'sideways'",
+    ),
+    "an unknown orientation of a move": (
+        _set([*MOVE, "orientation"], "sideways"),
+        r"orientation must be one of \[.*'heap'.*\]; got 'sideways'",
+    ),
+    "a move of no hand": (_drop(*MOVE, "left"), "a move has targets for some of"),
+    "a third hand moves": (_set([*MOVE, "middle"], ["0"] * 3), r"a move has .*; got \['middle'\]"),
+    "two coordinates": (_set([*MOVE, "left"], ["0", "0"]), "left must have formulas for x, y, z"),
+    "no spacing": (_set([*MOVE, "spacing"], 0), "spacing must be positive; got 0"),
+    "a negative spacing": (_set([*MOVE, "spacing"], -0.01), "spacing must be positive"),
+    "a stretch to nothing": (_step(3, STRETCH | {"sag": 0}), "sag must be positive; got 0"),
+    "a wait of no time": (
+        _step(3, {"step": "wait", "frames": 0}),
+        "frames must be positive; got 0",
+    ),
+    "an unknown key of a place": (
+        _set([*STAGE, "grasp", "left"], {"at": ["0", "0.8", "0.1"], "near": 0.1}),
+        r"got \['near'\]",
+    ),
+    "a place of two coordinates": (
+        _set([*STAGE, "grasp", "left"], {"at": ["0", "0.8"]}),
+        "x, y, z",
+    ),
+    "a grasp of nothing": (
+        _set([*STAGE, "grasp", "left"], []),
+        "a grasp must have points or a place",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_names_the_file_and_the_place(content, fault):
+    change, message = FAULTS[fault]
+    check_refusal(content, change, f".*{message}")
+
+
+@pytest.mark.parametrize("fault", FAULTS_OF_STEPS)
+def test_every_fault_in_a_stage_names_the_stage(content, fault):
+    change, message = FAULTS_OF_STEPS[fault]
+    check_refusal(content, change, IN_STAGE + f".*{message}")
+
+
+def check_refusal(content, change, message):
     faulty = copy.deepcopy(content)
     change(faulty)
-    with pytest.raises(DemonstrationError, match=rf"^top\.json: .*{message}"):
+    with pytest.raises(DemonstrationError, match=rf"^top\.json: {message}"):
         parse_demonstration(faulty, source="top.json")
     parse_demonstration(content, source="top.json")
 
 
+UNFIT = {
+    "an unknown name": (_set([*MOVE, "left", 0], "left_cuf.x"), "unknown name 'left_cuf'; known: .*centre"),
+    "a name of nothing": (_set([*MOVE, "left", 0], "left_cuff.w"), "'left_cuff.w' is neither"),
+    "a point for a number": (_set([*MOVE, "left", 0], "left_cuff"), "'left_cuff' gives a point"),
+    "no arithmetic": (_set([*MOVE, "left", 0], "__import__('os')"), "unknown function '__import__'"),
+    "an object that is not there": (
+        _set([*MOVE, "left", 0], "hanger.target.x"),
+        "unknown name 'hanger'",
+    ),
+    "an unknown point": (
+        _set([*STAGE, "grasp", "left"], "left_cuf"),
+        r"unknown points \['left_cuf'\]; known: \['centre'",
+    ),
+    "a point of several": (
+        _set([*STAGE, "grasp", "left"], ["left_cuff", "left_cuf"]),
+        r"unknown points \['left_cuf'\]",
+    ),
+    "an unknown name of a place": (
+        _set([*STAGE, "grasp", "left"], {"at": ["garment.min.x", "garment.middle.y", "0"]}),
+        "unknown name 'middle'; known: centre, max, min",
+    ),
+    "a definition before what it names": (
+        _set([*STAGE, "definitions"], {"b": "a * 2", "a": "left_cuff.x"}),
+        "unknown name 'a'",
+    ),
+    "what is seen before a stretch": (_set([*MOVE, "left", 0], "half_span"), "unknown name 'half_span'"),
+    "a stretch with one hand": (_step(2, STRETCH), r"a stretch needs both hands; got \['left'\]"),
+    "a condition over a point": (_set([*STAGE, "when"], "left_cuff.x > 0"), "unknown name 'left_cuff'"),
+    "a condition that is none": (_set([*STAGE, "when"], "held and"), "arithmetic expression"),
+    "a move of a hand that rests": (
+        _set([*MOVE, "right"], ["0", "0.8", "0.3"]),
+        "right",
+    ),
+    "an orientation that the hand has not": (
+        _step(0, {"step": "approach", "orientation": "hems"}),
+        "hems.*left|left.*hems",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", UNFIT)
+def test_what_does_not_fit_the_task_names_file_stage_and_name(content, fault):
+    change, message = UNFIT[fault]
+    change(content)
+    demonstration = parse_demonstration(content, source="top.json")
+    with pytest.raises(DemonstrationError, match=rf"^top\.json: {IN_STAGE}.*({message})"):
+        check_demonstration(demonstration, TASK, source="top.json")
+
+
+def test_the_points_must_have_what_the_rule_judges_by(content):
+    _drop("points", "collar")(content)
+    demonstration = parse_demonstration(content, source="top.json")
+    with pytest.raises(DemonstrationError, match=r"^top\.json: .*'collar', which the rule judges"):
+        check_demonstration(demonstration, TASK, source="top.json")
+
+
+def test_a_demonstration_is_of_one_task(content):
+    demonstration = parse_demonstration(content, source="top.json")
+    check_demonstration(demonstration, TASK, source="top.json")
+    with pytest.raises(DemonstrationError, match=r"^top\.json: task must be 'FoldDress-v1'"):
+        check_demonstration(demonstration, get_task("FoldDress-v1"), source="top.json")
+
+
+@pytest.mark.parametrize("formula", ["left_cuf.x", "garment.max.x", "round"])
+def test_the_flat_area_is_of_points_and_of_what_was_seen(content, formula):
+    content["flat_area"] = "2 * half_span * hanging + hanging_area + left_cuff.x"
+    check_demonstration(parse_demonstration(content, source="t"), TASK, source="t")
+    content["flat_area"] = formula
+    demonstration = parse_demonstration(content, source="top.json")
+    with pytest.raises(DemonstrationError, match=r"^top\.json: .*unknown name"):
+        check_demonstration(demonstration, TASK, source="top.json")
+
+
+def test_what_a_stretch_sees_is_known_after_it(content):
+    content["stages"][0]["grasp"] = {"left": "left_cuff", "right": "right_cuff"}
+    content["stages"][0]["steps"][2] = STRETCH
+    content["stages"][0]["steps"][3]["left"][0] = "half_span + hanging + hanging_area"
+    check_demonstration(parse_demonstration(content, source="t"), TASK, source="t")
+
+
+@pytest.fixture
+def with_hanger():
+    """The task with a hanger in its scene."""
+    hanger = SceneObject(name="hanger", prop="hanger", position=(0.0, 0.8, 0.0))
+    return dataclasses.replace(TASK, objects=(hanger,))
+
+
+@pytest.mark.parametrize("place", ["target"])
+def test_formulas_may_name_places_of_the_objects(content, with_hanger, place):
+    content["stages"][0]["steps"][2]["left"][0] = f"hanger.{place}.x"
+    content["stages"][0]["definitions"]["above"] = f"hanger.{place}.z + 0.1"
+    demonstration = parse_demonstration(content, source="top.json")
+    check_demonstration(demonstration, with_hanger, source="top.json")
+
+
 @pytest.mark.parametrize(
     ("formula", "message"),
-    [("left_cuf.x", "unknown name 'left_cuf'"), ("__import__('os')", "unknown function")],
+    [
+        ("hanger.nowhere.x", "unknown name 'nowhere'; known: .*target"),
+        ("hanger.target", "'hanger.target' gives a point"),
+        ("hanger.x", "unknown name 'x'"),
+        ("stand.target.x", "unknown name 'stand'; known: .*hanger"),
+    ],
 )
-def test_a_faulty_formula_names_its_stage(content, formula, message):
-    content["stages"][0]["waypoints"][0]["left"][0] = formula
+@pytest.mark.parametrize("where", ["move", "definition", "place"])
+def test_an_unknown_place_of_an_object_is_refused(content, with_hanger, where, formula, message):
+    stage = content["stages"][0]
+    if where == "move":
+        stage["steps"][2]["left"][0] = formula
+    elif where == "definition":
+        stage["definitions"]["above"] = formula
+    else:
+        stage["grasp"]["left"] = {"at": [formula, "0.8", "0.1"]}
     demonstration = parse_demonstration(content, source="top.json")
-    with pytest.raises(DemonstrationError, match=f"stage 'left_sleeve': .*{message}"):
-        retarget_waypoints(demonstration.stages[0], demonstration.points)
+    with pytest.raises(DemonstrationError, match=rf"^top\.json: {IN_STAGE}.*{message}"):
+        check_demonstration(demonstration, with_hanger, source="top.json")
 
 
-def test_definitions_see_those_before_them(content):
+def test_a_garment_that_may_turn_over_is_first_taken_by_both_hands(content):
+    content["turns_over"] = True  # but its first stage is the left hand's
+    with pytest.raises(DemonstrationError, match=r"^top\.json: .*turns_over"):
+        check_demonstration(
+            parse_demonstration(content, source="top.json"), TASK, source="top.json"
+        )
+
+
+def test_an_unknown_point_on_the_garment_at_hand_names_its_stage(demonstration):
+    points = {k: v for k, v in P.items() if k != "right_chest"}
+    stage = get_stage(demonstration, "left_sleeve")
+    with pytest.raises(DemonstrationError, match=r"'left_sleeve': .*unknown name 'right_chest'"):
+        compute_targets(stage, points)
+
+
+@pytest.mark.parametrize("where", ["target", "definition"])
+def test_what_cannot_be_computed_on_the_garment_at_hand_names_its_stage(content, where):
+    """Two points that are found at one place, and a formula that divides by their distance."""
+    formula = "1 / distance_xy(left_cuff, left_chest)"
+    stage = content["stages"][0]
+    stage["definitions"] = {}
+    stage["steps"] = [stage["steps"][0], {"step": "move", "left": ["0", "0.8", "0.1"]}]
+    if where == "target":
+        stage["steps"][1]["left"][0] = formula
+    else:
+        stage["definitions"] = {"share": formula}
+        stage["steps"][1]["left"][0] = "share"
+    first = parse_demonstration(content, source="top.json").stages[0]
+    assert compute_targets(first, P)
+    with pytest.raises(DemonstrationError, match=r"'left_sleeve': .*division by zero"):
+        compute_targets(first, P | {"left_chest": P["left_cuff"]})
+
+
+def test_definitions_are_worked_out_in_their_order(content):
     stage = content["stages"][0]
     stage["definitions"] = {"a": "left_cuff.x", "b": "a * 2"}
-    stage["waypoints"] = [{"left": ["a", "b", 0.1], "spacing": 0.005}]
+    stage["steps"] = [
+        stage["steps"][0],
+        {"step": "move", "left": ["a", "b", 0.1], "spacing": 0.005},
+    ]
     demonstration = parse_demonstration(content, source="top.json")
-    (waypoint,) = retarget_waypoints(demonstration.stages[0], P)
-    np.testing.assert_allclose(waypoint.targets["left"], (-0.5, -1.0, 0.1))
-    assert waypoint.spacing == 0.005
-    stage["definitions"] = {"b": "a * 2", "a": "left_cuff.x"}
-    with pytest.raises(DemonstrationError, match="unknown name 'a'"):
-        retarget_waypoints(parse_demonstration(content, source="t").stages[0], P)
+    (targets,) = compute_targets(demonstration.stages[0], P)
+    np.testing.assert_allclose(targets["left"], (-0.5, -1.0, 0.1))
+    assert demonstration.stages[0].steps[1].spacing == 0.005
 
 
 def test_what_is_seen_takes_the_place_of_what_was_expected():
@@ -242,30 +532,29 @@ def test_what_is_seen_takes_the_place_of_what_was_expected():
         "left_waistband": np.array([-0.2, 0.8, 0]),
         "right_waistband": np.array([0.2, 0.8, 0]),
     }
-    expected = retarget_waypoints(stage, points)
-    seen = retarget_waypoints(stage, points, seen={"half_span": 0.25, "hanging": 0.6})
-    assert expected[0].stretch is not None
-    np.testing.assert_array_equal(seen[0].targets["left"], expected[0].targets["left"])
-    np.testing.assert_allclose(seen[1].targets["right"], (0.25, 1.1 - 1.2 * 0.6, 0.85 * 0.6))
-    np.testing.assert_allclose(expected[1].targets["right"], (0.18, 0.3, 0.85 * 0.8))
+    expected = compute_targets(stage, points)
+    seen = compute_targets(stage, points, seen={"half_span": 0.25, "hanging": 0.6})
+    np.testing.assert_array_equal(seen[0]["left"], expected[0]["left"])
+    np.testing.assert_allclose(seen[1]["right"], (0.25, 1.1 - 1.2 * 0.6, 0.85 * 0.6))
+    np.testing.assert_allclose(expected[1]["right"], (0.18, 0.3, 0.85 * 0.8))
     # what is long is laid farther away, as far as the arms reach: what is seen counts there too
-    assert [way[2].targets["left"][1] for way in (seen, expected)] == pytest.approx([1.12, 1.18])
+    assert [way[2]["left"][1] for way in (seen, expected)] == pytest.approx([1.12, 1.18])
 
 
 @pytest.mark.parametrize(("length", "pulled"), [(0.8, 0.09), (0.3, 0.036)])
 def test_legs_are_pulled_away_from_the_waist_and_apart(length, pulled):
-    stage = load_demonstration("FlingTrousers-v1").get_stage("pull_legs")
+    stage = get_stage(load_demonstration("FlingTrousers-v1"), "pull_legs")
     hems = {"left": np.array([-0.2, 0.35, 0]), "right": np.array([0.1, 0.4, 0])}
     points = {f"{side}_hem_middle": point for side, point in hems.items()}
     up = np.array([0, length, 0])
     points |= {f"{side}_waistband": point + up for side, point in hems.items()}
     before = hems
-    for waypoint in retarget_waypoints(stage, points):
+    for targets in compute_targets(stage, points):
         for side, outwards in (("left", -1), ("right", 1)):
-            way = waypoint.targets[side] - before[side]
+            way = targets[side] - before[side]
             assert way[1] < -pulled / 6
             assert outwards * way[0] > 0.005
-        before = waypoint.targets
+        before = targets
     drawn = {side: before[side][1] - hems[side][1] for side in hems}
     assert drawn == pytest.approx({"left": -pulled, "right": -pulled})
 
@@ -273,14 +562,14 @@ def test_legs_are_pulled_away_from_the_waist_and_apart(length, pulled):
 @pytest.mark.parametrize("task", ["FlingTops-v1", "FlingDress-v1"])
 def test_sleeves_turn_outwards_about_their_shoulders(task):
     """By 25 degrees, whichever way they lie, and as long as they are seen to be."""
-    stage = load_demonstration(task).get_stage("spread_sleeves")
+    stage = get_stage(load_demonstration(task), "spread_sleeves")
     points = {
         "left_shoulder": np.array([-0.15, 1.1, 0]),
         "right_shoulder": np.array([0.2, 1.15, 0]),
         "left_cuff": np.array([-0.2, 0.7, 0]),
         "right_cuff": np.array([0.2, 0.75, 0]),
     }
-    last = retarget_waypoints(stage, points)[-1].targets
+    last = compute_targets(stage, points)[-1]
     for side, outwards in (("left", -1), ("right", 1)):
         before = (points[f"{side}_cuff"] - points[f"{side}_shoulder"])[:2]
         # the hand holds the sleeve 3 cm outside and towards the robots of what it was shown

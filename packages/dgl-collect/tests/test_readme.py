@@ -20,7 +20,7 @@ def find_block(title):
 def test_a_demonstration_is_carried_over(capsys):
     names: dict = {}
     exec(compile(find_block("One demonstration, any garment"), "README.md", "exec"), names)
-    goals = names["waypoint"].targets  # of the last waypoint
+    goals = names["goals"]  # of the last move of the first stage: [m] for each hand
     assert set(goals) == {"left"}
     chest = names["target"].vertices[names["target"].landmarks["right_upper_chest"]]
     assert np.linalg.norm(goals["left"][:2] - chest[:2]) < 0.1  # as far as the sleeve reaches

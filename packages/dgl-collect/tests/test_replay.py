@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dgl_collect import NotReplayableError, StageRecorder, StageStart, read_episode, write_episode
+from dgl_collect import EpisodeRecorder, NotReplayableError, read_episode, write_episode
 from dgl_collect.attempt import DemonstrationAttempts
 from dgl_collect.episodes import FINAL_PARTICLES
 from dgl_collect.replay import Difference, Replay, replay_episode, replay_in
+from dgl_tasks.course import StageBegins, StageEnds
 from dgl_tasks.driver import Driver
+from dgl_tasks.handling import Handling
 
 COMPARED = {
     "garment_point_cloud", "joint_state", "ee_pose", "image", "env_point_cloud", "action",
@@ -19,34 +21,39 @@ COMPARED = {
 }  # fmt: skip
 
 
-def perform(attempts, fakes, *, seed):
-    """A short attempt: the left hand closes where it is, and opens again."""
-    env, motion = attempts.env, attempts._setup.motion
-    driver = Driver(env, motion, seed=seed)
-    driver.start()
-    cloud_step, cloud = driver.step_count, driver.see_garment()
-    driver.send(motion.hold(3))
-    points = {n: {"xyz": p.tolist()} for n, p in env.before.points.items()}
-    start = StageStart(
+def close_and_open(hands):
+    """The course of a short attempt: the left hand closes where it is, and opens again."""
+    yield from hands.park()
+    begins = StageBegins(
         name="left_sleeve",
-        garment_point_cloud=cloud,
+        garment_point_cloud=hands.sensed.see_garment(),
         points_affordance_feature=np.zeros((2048, 2), np.float32),
-        points=points,
-        cloud_step=cloud_step,
+        points={"left_cuff": np.array([-0.4, 0.7, 0.01])},
+        seen_at=hands.sensed.step,
     )
-    recorder = StageRecorder(start)
-    driver.send(motion.hold(10), recorder)
-    recorder.begin(driver.step_count)
-    driver.send(motion.set_hands({"left": "close"})[:17], recorder)
-    stage = recorder.finish()
-    driver.send(motion.hold(2))
-    judgement = driver.judge({name: np.array(p["xyz"]) for name, p in points.items()})
+    yield from hands.send(hands.motion.hold(3))
+    yield from hands.mark(begins)
+    yield from hands.send(hands.motion.hold(10), recorded="approach")
+    yield from hands.send(hands.motion.set_hands({"left": "close"})[:17], recorded="stage")
+    yield from hands.mark(StageEnds(name="left_sleeve", counts=True))
+    yield from hands.send(hands.motion.hold(2))
+
+
+def perform(attempts, fakes, *, seed):
+    """A short attempt, recorded."""
+    env = attempts.env
+    recorder = EpisodeRecorder(env, with_approach=True)
+    driver = Driver(env, seed=seed, listener=recorder)
+    driver.drive(close_and_open(Handling(attempts._setup.motion, driver.reset())))
+    (stage,) = recorder.records.values()
+    assert (stage.frame_count, stage.approach_frames) == (6, 2)
+    verdict = env.judge()
     return fakes.make_episode(
         seed=seed,
         garment_id=env.garment.name,
         stages=(stage,),
-        success=judgement.reason is None,
-        success_value=judgement.verdict.value,
+        success=verdict.success,
+        success_value=verdict.value,
         randomisation=dict(env.draws),
         commands=np.stack(driver.commands),
         extra={FINAL_PARTICLES: env.get_particles().astype(np.float32)},

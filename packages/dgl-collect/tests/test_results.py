@@ -1,4 +1,3 @@
-import dataclasses
 import json
 
 import pytest
@@ -39,9 +38,22 @@ def test_a_criterion_on_both_sides_of_its_threshold(comparison, met):
         assert criterion.is_met == bool(expected)
 
 
+def test_a_line_of_before_beliefs_were_kept_is_still_read():
+    line = '{"index": 3, "seed": 7, "success": false, "reason": "slipped"}'
+    result = AttemptResult.from_line(line)
+    assert (result.first_try, result.beliefs) == (False, {})
+
+
 def test_a_line_gives_the_result_back():
     criterion = Criterion(name="inside", value=0.5, comparison=">=", threshold=0.8)
-    result = make_result(3, success=False, criteria=(criterion,), files={"video": "a.mp4"})
+    result = make_result(
+        3,
+        success=False,
+        first_try=True,
+        criteria=(criterion,),
+        files={"video": "a.mp4"},
+        beliefs={"value": 0.9},
+    )
     assert "\n" not in result.to_line()
     assert AttemptResult.from_line(result.to_line()) == result
 
@@ -52,6 +64,7 @@ def test_a_line_gives_the_result_back():
         ({"success": True, "reason": "x"}, "reason must be None"),
         ({"success": False, "reason": None}, "reason must be given"),
         ({"value": float("nan")}, "finite"),
+        ({"beliefs": {"flat_area": float("inf")}}, "finite"),
         ({"randomisation": {"x": object()}}, "JSON-ready"),
     ],
 )
@@ -84,7 +97,7 @@ def test_broken_and_repeated_lines_are_refused(tmp_path):
 
 def test_the_summary_counts():
     results = [
-        make_result(0, seconds=1.0, garment_id="b"),
+        make_result(0, seconds=1.0, garment_id="b", first_try=True),
         make_result(1, seconds=3.0, garment_id="a", success=False),
         make_result(2, seconds=8.0, garment_id="b", success=False),
     ]
@@ -99,13 +112,19 @@ def test_the_summary_counts():
     assert summary.reasons == {"slipped": 2}
 
 
-@pytest.mark.parametrize("retry", ["further_rounds", "further_tries"])
-def test_a_retry_is_no_first_try(retry):
-    again = dataclasses.replace(make_result(1), measurements={retry: 1.0})
-    summary = summarize(
-        [make_result(0), again], task="x", seed=0, requested=2, status="complete", versions={}
-    )
-    assert (summary.succeeded, summary.succeeded_first) == (2, 1)
+def test_a_first_try_counts_by_what_was_true_then():
+    """Whatever became of it, and however often something was done again."""
+    again = {"further_rounds": 1.0, "further_tries": 2.0}
+    results = [
+        make_result(0, first_try=True),
+        make_result(1, first_try=False, measurements=again),
+        make_result(2, first_try=True, measurements=again),  # done again for nothing
+        make_result(3, success=False, first_try=True, measurements=again),  # undone
+        make_result(4, success=False, first_try=False),
+    ]
+    summary = summarize(results, task="x", seed=0, requested=5, status="complete", versions={})
+    assert (summary.succeeded, summary.succeeded_first) == (3, 3)
+    assert not make_result(5).first_try  # what is not said is not claimed
 
 
 def test_the_summary_of_nothing_is_valid_json():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dgl_tasks.cameras import (
-    FOLD_CAMERAS,
     CameraPlacement,
     Workspace,
     depth_to_points,
@@ -13,6 +12,7 @@ from dgl_tasks.cameras import (
     look_at,
 )
 from dgl_tasks.rotations import matrix_from_quaternion
+from dgl_tasks.tasks._common import FLING_CAMERAS, FOLD_CAMERAS
 
 
 def _ground_point(camera, u, v):
@@ -31,6 +31,15 @@ def test_fold_cameras_match_the_specification():
     # At 6.75 m the picture is 2.83 x 2.12 m.
     size = _ground_point(garment, 640, 0) - _ground_point(garment, 0, 480)
     np.testing.assert_allclose(size, (2.83, 2.12, 0), atol=0.01)
+
+
+def test_flings_are_seen_by_the_same_cameras_but_from_farther_away():
+    assert set(FLING_CAMERAS) == set(FOLD_CAMERAS)
+    same = {name for name in FOLD_CAMERAS if FLING_CAMERAS[name] == FOLD_CAMERAS[name]}
+    assert same == {"garment_camera", "video_camera"}
+    near, far = (cameras["environment_camera"] for cameras in (FOLD_CAMERAS, FLING_CAMERAS))
+    np.testing.assert_array_equal(far.quaternion, near.quaternion)
+    assert np.linalg.norm(far.position) > np.linalg.norm(near.position) + 1
 
 
 def test_garment_camera_has_world_y_up_in_the_picture():

@@ -1,352 +1,363 @@
-"""What is scripted around every method: coming, leaving, actions of a policy. No pictures needed."""
+"""One episode: a course is stepped, filmed and told, and what is true is kept beside what it believes."""
 
 import dataclasses
 from functools import partial
-from types import SimpleNamespace
+from itertools import zip_longest
 
 import gymnasium
 import numpy as np
 import pytest
-from dgl_tasks.approach import (
-    CLEARANCE,
-    FREE_DRAW_BACKS,
-    REACHABLE_SPACING,
-    REACHABLE_WITHIN,
-    find_reachable,
-    plan_approach,
-    plan_free,
-    plan_leave,
-)
-from dgl_tasks.leaving import LEAVES
 
 import dgl_tasks
 from dgl_assets import load_garment
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
-from dgl_tasks.driver import CAUGHT_DISTANCE, FINAL_FRAMES, FINAL_WAITS, FREE_ROLLS, Driver
-from dgl_tasks.errors import PerceptionError, UnreachableError
-from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
-from dgl_tasks.motion import PARKED, BimanualMotion
-from dgl_tasks.observation import STEPS_PER_FRAME
-from dgl_tasks.perception import Picture
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+from dgl_tasks.course import BeginsAgain, Believes, Carrying, Command, StageEnds
+from dgl_tasks.driver import PASSAGE_FILM_STEPS, Driver
+from dgl_tasks.grasps import GRASP_ORIENTATIONS
+from dgl_tasks.handling import Handling, plan_approach
+from dgl_tasks.motion import PARKED
+from dgl_tasks.observation import STEPS_PER_ACTION
+from dgl_tasks.policy import FromStart
+from dgl_tasks.sensing import Sensed
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
+GARMENT = "Tops_LongSleeve/000000"
 POINT = {"left": np.array([-0.4, 0.7, 0.1])}
 STANDARD = {"left": GRASP_ORIENTATIONS["standard"]["left"]}
 
 
+# Courses ------------------------------------------------------------------------------------------
+
+
+def wander(sensed, number, steps, *, marks=True):
+    """A course whose commands depend on what is sensed before each of them."""
+    for _ in range(steps):
+        target = sensed.joint_state + 0.1 * number + 0.01 * sensed.step
+        sensed = yield Command(target)
+        if marks and sensed.step % 3 == 0:
+            sensed = yield Believes(values={"step": float(sensed.step)})
+
+
+def test_a_course_is_sent_what_is_sensed_after_each_step(make_env):
+    env = make_env()
+    driver = Driver(env, seed=4)
+    steps = []
+
+    def course(sensed):
+        for _ in range(3):
+            steps.append((sensed.step, sensed.seed, float(sensed.joint_state[0])))
+            sensed = yield Command(np.full(60, 0.5))
+        steps.append((sensed.step, sensed.seed, float(sensed.joint_state[0])))
+
+    driver.drive(course(driver.reset("tops/1")))
+    assert env.resets == [(4, {"garment": "tops/1"})]
+    # the arms come half way to the target in each step
+    assert steps == [(0, 4, 0.0), (1, 4, 0.25), (2, 4, 0.375), (3, 4, 0.4375)]
+    assert [command.dtype for command in driver.commands] == [np.float32] * 3
+    np.testing.assert_array_equal(driver.commands, env.sent)
+
+
+def test_each_command_is_given_once_its_step_is_made(make_env):
+    env = make_env()
+    driver = Driver(env, seed=0)
+    course = driver.follow(wander(driver.reset(), 1, 4))
+    assert env.resets == [(0, {})]
+    assert env.sent == []  # nothing is done before it is asked for
+    for number, command in enumerate(course, start=1):
+        assert isinstance(command, Command)  # and no mark
+        assert len(env.sent) == len(driver.commands) == number
+        np.testing.assert_array_equal(env.sent[-1], command.target.astype(np.float32))
+    assert number == 4
+
+
+def test_courses_in_one_loop_go_on_as_each_does_alone(make_env):
+    """Two environments, one after the other and in turns, for courses of different lengths."""
+    numbers, lengths = (1, 2), (12, 7)
+
+    def begin(number, steps):
+        driver = Driver(make_env(), seed=number)
+        return driver, driver.follow(wander(driver.reset(), number, steps))
+
+    alone = []
+    for number, steps in zip(numbers, lengths, strict=True):
+        driver, course = begin(number, steps)
+        assert len(list(course)) == steps
+        alone.append(driver)
+    together = [begin(number, steps) for number, steps in zip(numbers, lengths, strict=True)]
+    order = []
+    for driver, _ in together:
+        advance = driver.env.advance
+
+        def note(target, number=driver.seed, advance=advance):
+            order.append(number)
+            advance(target)
+
+        driver.env.advance = note
+    for _ in zip_longest(*(course for _, course in together)):
+        pass
+    for one, (other, _) in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(other.commands, one.commands)
+        np.testing.assert_array_equal(other.env.sent, one.env.sent)
+        assert other.beliefs == one.beliefs
+    assert order == [1, 2] * 7 + [1] * 5  # each step is made when it is asked for
+    assert not np.array_equal(alone[0].commands[:7], alone[1].commands)
+
+
+def test_an_error_of_a_course_is_nobody_elses(make_env):
+    def course():
+        yield Command(np.zeros(60))
+        raise ValueError("no such stage")
+
+    driver = Driver(make_env(), seed=0)
+    with pytest.raises(ValueError, match="no such stage"):
+        driver.drive(course())
+    assert len(driver.commands) == 1
+
+
+# Marks --------------------------------------------------------------------------------------------
+
+
+class Notes:
+    """Notes all it is told, and the control step."""
+
+    def __init__(self):
+        self.told = []
+
+    def before_step(self, command, sensed):
+        self.told.append((command, sensed.step))
+
+    def note(self, mark, sensed):
+        self.told.append((mark, sensed.step))
+
+
+def test_a_listener_is_told_all_in_order_and_commands_before_their_step(make_env):
+    items = [
+        Believes(values={"value": 0.1}),
+        Command(np.zeros(60), "approach", is_passage=True),
+        StageEnds(name="fold", counts=True),
+        Command(np.ones(60), "stage"),
+    ]
+    notes, env = Notes(), make_env()
+    before = []
+    notes.before_step = lambda command, sensed: (
+        notes.told.append((command, sensed.step)),
+        before.append(len(env.sent)),
+    )
+    driver = Driver(env, seed=0, listener=notes)
+    driver.drive(item for item in items)
+    assert [item for item, _ in notes.told] == items
+    assert [step for _, step in notes.told] == [0, 0, 1, 1]
+    assert before == [0, 1]
+
+
+def carry(stage, hands=("left",), *, is_first=True):
+    return Carrying(stage=stage, hands=hands, is_first=is_first, where="lift")
+
+
+def drive(env, *marks):
+    driver = Driver(env, seed=0)
+    driver.drive(mark for mark in marks)
+    return driver
+
+
+def test_a_hand_that_holds_nothing_is_a_mishap(make_env):
+    driver = drive(make_env(), carry("fold"))
+    (mishap,) = driver.mishaps
+    assert mishap == (
+        "missed grasp",
+        "fold, lift, left hand: nearest raised cloth nothing raised",
+    )
+    driver = drive(make_env(), carry("fold", SIDES, is_first=False))
+    assert [reason for reason, _ in driver.mishaps] == ["slipped", "slipped"]
+    assert [where.split(":")[0] for _, where in driver.mishaps] == [
+        "fold, lift, left hand",
+        "fold, lift, right hand",
+    ]
+
+
+def test_what_is_carried_is_told_from_the_particles(make_env):
+    """The hands are 0.4 m above the ground; what is not raised or near is not held."""
+    env = make_env()
+    env.particles = np.array([[-0.4, 0.7, 0.3], [0.4, 0.7, 0.2]])
+    driver = drive(env, carry("fold", SIDES))
+    assert driver.mishaps == [
+        ("missed grasp", "fold, lift, right hand: nearest raised cloth 0.20 m")
+    ]
+    env.particles = np.array([[-0.4, 0.7, 0.3], [0.4, 0.7, 0.3]])
+    assert drive(env, carry("fold", SIDES)).mishaps == []
+    # low hands need not have raised anything
+    assert drive(make_env(grasp_points=((-0.4, 0.7, 0.1),) * 2), carry("fold")).mishaps == []
+
+
+def test_what_is_done_again_drops_its_mishaps_and_keeps_those_of_other_stages(make_env):
+    marks = (carry("left"), carry("right"), carry("up"), carry("right", is_first=False))
+    assert len(drive(make_env(), *marks).mishaps) == 4
+    driver = drive(make_env(), *marks, BeginsAgain(what="try", stages=("right",)))
+    assert [where.split(",")[0] for _, where in driver.mishaps] == ["left", "up"]
+    driver = drive(
+        make_env(), *marks, BeginsAgain(what="round", stages=("left", "up")), carry("left")
+    )
+    assert [where.split(",")[0] for _, where in driver.mishaps] == ["right", "right", "left"]
+    # each mishap is still told from the others after some are gone
+    driver = drive(
+        make_env(),
+        *marks,
+        BeginsAgain(what="try", stages=("left",)),
+        carry("left"),
+        BeginsAgain(what="round", stages=("right", "up")),
+    )
+    assert [where.split(",")[0] for _, where in driver.mishaps] == ["left"]
+
+
+def test_the_first_try_is_judged_once(make_env):
+    env = make_env(value=0.3)
+    driver = Driver(env, seed=0)
+
+    def course():
+        yield Command(np.zeros(60))
+        assert driver.first_try is None
+        yield BeginsAgain(what="try", stages=("left",))
+        env.value = 0.5
+        yield BeginsAgain(what="round", stages=("left", "right"))
+        env.value = 0.9
+        yield BeginsAgain(what="try", stages=("left",))
+
+    driver.drive(course())
+    assert driver.first_try.value == 0.3
+    assert driver.measurements["further_tries"] == 2
+    assert driver.measurements["further_rounds"] == 1
+
+
+def test_the_last_belief_of_each_name_is_kept(make_env):
+    marks = ({"share": 0.2, "speed": 1.0}, {"share": 0.7}, {"area": 0.4})
+    driver = drive(make_env(), *(Believes(values=values) for values in marks))
+    assert driver.beliefs == {"share": 0.7, "speed": 1.0, "area": 0.4}
+    assert driver.first_try is None
+    assert driver.mishaps == []
+    assert driver.commands == []
+
+
+# Films and measurements ---------------------------------------------------------------------------
+
+
+def test_films_run_three_times_as_fast_while_the_arms_come_and_go(make_env, monkeypatch):
+    pictures = []
+    driver = Driver(make_env(), seed=0, film=pictures.append)
+    monkeypatch.setattr("dgl_tasks.driver.see.film", lambda _: len(driver.commands))
+    acts = [Command(np.zeros(60))] * 30 + [Command(np.zeros(60), is_passage=True)] * 50
+    driver.drive(command for command in acts)
+    assert pictures == [*range(0, 30, STEPS_PER_ACTION), *range(30, 80, PASSAGE_FILM_STEPS)]
+
+
+def test_the_largest_strain_of_each_fifth_step_is_kept(make_env):
+    env = make_env()
+    driver = Driver(env, seed=0)
+
+    def course():
+        for step, strain in enumerate([0.1, 9.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.2]):
+            env.strain = strain
+            yield Command(np.full(60, float(step)))
+
+    driver.drive(course())
+    assert driver.measurements == pytest.approx(
+        {"max_strain_mean": 0.15, "max_strain_p999": 0.2997, "max_penetration_m": 0.001}
+    )
+
+
+# The simulation -----------------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="module")
-def env():
-    """Of a coarse garment: what the hands do does not depend on it."""
+def made():
+    """Of a coarse garment that is still falling after a reset: what is compared depends on every step."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dgl_tasks.env.load_garment", partial(load_garment, spacing=0.025))
         made = gymnasium.make(
-            "FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
+            "FoldTops-v1",
+            task=dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2)),
+            obs_mode="none",
+            reward_mode="none",
+            sim_backend="physx_cpu",
+            render_backend="none",
         )
-        made.reset(seed=0)
-        yield made.unwrapped
+        yield made
         made.close()
 
 
-@pytest.fixture(scope="module")
-def planner():
-    return BimanualMotion(TASK, DEFAULT_ROBOT_DIRECTORY)
+class Replay:
+    """A policy that gives actions made before, some at a time."""
+
+    def __init__(self, actions, chunk=2):
+        self.chunks = [actions[k : k + chunk] for k in range(0, len(actions), chunk)]
+
+    def reset(self, observation):
+        pass
+
+    def act(self, observation):
+        return self.chunks.pop(0)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_policys_actions_do_the_same_as_steps_and_in_an_episode(
+    made, motion, observe_without_cameras, dtype
+):
+    env = made.unwrapped
+    rng = np.random.default_rng(0)
+    start = motion.robot.compute_start("open")
+    actions = (start + 0.05 * rng.uniform(-1, 1, (5, len(start)))).astype(dtype)
+
+    def read():
+        return env.get_particles().copy(), env.agent.get_joint_state()[0].numpy().copy()
+
+    made.reset(seed=3, options={"garment": GARMENT})
+    before = read()
+    for action in actions:
+        made.step(action)
+    stepped = read()
+    driver = Driver(env, seed=3)
+    hands = Handling(motion, driver.reset(GARMENT))
+    for old, new in zip(before, read(), strict=True):
+        np.testing.assert_array_equal(new, old)
+    driver.drive(FromStart(policy=Replay(actions), actions=len(actions)).run(hands))
+    assert len(driver.commands) == STEPS_PER_ACTION * len(actions)
+    for old, new, first in zip(stepped, read(), before, strict=True):
+        np.testing.assert_array_equal(new, old)
+        assert np.abs(old - first).max() > 0.01  # something has moved
 
 
 @pytest.fixture
-def motion(planner):
-    planner.reset(planner.robot.compute_start("open"))
-    return planner
-
-
-@pytest.fixture
-def driver(env, motion, monkeypatch):
-    """An episode in its midst, without cameras: the arms are where the last test has left them."""
-    made = Driver(env, motion, seed=0)
-    monkeypatch.setattr(made, "see_points", env.get_particles)
-    motion.reset(made.get_joint_state())
+def driver(made, monkeypatch):
+    """An episode in the simulation, without cameras."""
+    made = Driver(made.unwrapped, seed=0)
+    monkeypatch.setattr(Sensed, "see_points", lambda self: made.env.get_particles())
     return made
 
 
-def test_a_hand_comes_down_from_above_and_waits_at_the_grasp_point(motion):
-    rows = plan_approach(motion, POINT, STANDARD)
-    part = joint_slice("left", "arm")
-    path = np.array([grasp_point(motion, row) for row in rows])
-    np.testing.assert_allclose(path[-1], POINT["left"], atol=1e-3)
-    np.testing.assert_array_equal(rows[-10:, part], np.tile(rows[-1, part], (10, 1)))
-    low = path[:, 2] < POINT["left"][2] + 0.14  # whatever is near the cloth is right above the goal
-    assert np.abs(path[low, :2] - POINT["left"][:2]).max() < 5e-3
-
-
-def test_what_is_out_of_reach_is_taken_as_near_to_it_as_can_be(motion):
-    stage, nothing = TASK.stages[0], np.zeros((0, 3))
-    y = np.arange(0.7, 1.7, 0.005)
-    strip = np.column_stack([np.full(len(y), -0.4), y, np.full(len(y), 0.01)])
-
-    def can_reach(point):
-        try:
-            np.testing.assert_array_equal(
-                find_reachable(motion, stage, "left", point, nothing), point
-            )
-        except UnreachableError:
-            return False
-        return True
-
-    farthest = max((place for place in strip if can_reach(place)), key=lambda place: place[1])
-    inside, outside = (farthest + np.array([0, y, 0]) for y in (-0.3, 0.05))
-    np.testing.assert_array_equal(find_reachable(motion, stage, "left", inside, strip), inside)
-    place = find_reachable(motion, stage, "left", outside, strip)
-    assert place.tolist() in strip.tolist()
-    assert farthest[1] - 2 * REACHABLE_SPACING < place[1] <= farthest[1]
-    # what lies too far from the point is another place of the garment
-    with pytest.raises(UnreachableError) as of_the_point:
-        find_reachable(motion, stage, "left", outside, nothing)
-    far = strip[strip[:, 1] < outside[1] - REACHABLE_WITHIN]
-    with pytest.raises(UnreachableError) as error:
-        find_reachable(motion, stage, "left", outside, far)
-    assert str(error.value) == str(of_the_point.value)
-
-
-def grasp_point(motion, row):
-    motion.reset(row)
-    pose = motion.compute_poses()["left"]
-    return wrist_to_grasp(pose[:3], pose[3:], "left")
-
-
-@pytest.mark.parametrize("name", sorted(LEAVES))
-def test_a_hand_rolls_draws_back_and_rises(motion, name):
-    leave = LEAVES[name]
-    plan_approach(motion, POINT, STANDARD)
-    *parts, up = plan_leave(motion, POINT, STANDARD, name)
-    rolled = motion.compute_poses()["left"][3:]
-    last, low = grasp_point(motion, up[-1]), grasp_point(motion, parts[-1][-1])
-    assert last[2] - POINT["left"][2] == pytest.approx(leave.rise + CLEARANCE, abs=2e-3)
-    assert low[2] - POINT["left"][2] == pytest.approx(leave.rise, abs=2e-3)
-    back = np.linalg.norm(last[:2] - POINT["left"][:2])
-    assert back == pytest.approx(leave.draw_backs[0], abs=2e-3)
-    angle = 2 * np.arccos(min(1.0, abs(float(np.dot(rolled, STANDARD["left"])))))
-    assert angle == pytest.approx(leave.roll, abs=1e-2)
-
-
-def test_a_hand_with_cloth_on_it_goes_down_again_back_and_up(motion):
-    plan_approach(motion, POINT, STANDARD)
-    down, wait, back, up = plan_free(motion, POINT, STANDARD)
-    ends = [grasp_point(motion, rows[-1]) - POINT["left"] for rows in (down, wait, back, up)]
-    np.testing.assert_allclose([end[2] for end in ends], [-CLEARANCE] * 3 + [0.0], atol=2e-3)
-    level = [float(np.linalg.norm(end[:2])) for end in ends]
-    np.testing.assert_allclose(level, [0.0, 0.0, FREE_DRAW_BACKS[0], FREE_DRAW_BACKS[0]], atol=2e-3)
-
-
-def leave_and_count(driver, monkeypatch, distances):
-    """Let the left hand leave where cloth is seen so far below it, look after look [m]; the steps taken."""
-    looks = iter(distances)
-
-    def see():
-        distance = next(looks)
-        if distance is None:
-            raise PerceptionError("no pixel of the garment")
-        return driver.get_grasp_point("left")[None] - [0, 0, distance]
-
-    monkeypatch.setattr(driver, "see_points", see)
-    plan_approach(driver.motion, POINT, STANDARD)
-    before = driver.step_count
-    driver.leave(POINT, STANDARD)
-    check_parked(driver)
-    assert next(looks, "all") == "all"
-    return driver.step_count - before
-
-
-def test_hands_leave_flat_and_are_open_again_once_parked(driver, monkeypatch):
-    leave_and_count(driver, monkeypatch, [1.0])
-    part = joint_slice("left", "hand")
-    hands = np.array(driver.commands)[:, part]
-    heights = np.array([grasp_point(driver.motion, row)[2] for row in driver.commands])
-    rising = (heights > POINT["left"][2] + 0.02) & (heights < POINT["left"][2] + CLEARANCE - 0.01)
-    assert rising.any()
-    np.testing.assert_allclose(
-        hands[rising], HAND_POSES["flat"] * np.ones((rising.sum(), 1)), atol=1e-5
-    )
-    np.testing.assert_allclose(hands[-1], HAND_POSES["open"], atol=1e-5)
-
-
-def test_what_hangs_on_a_risen_hand_is_put_down_again(driver, monkeypatch):
-    near, far = CAUGHT_DISTANCE - 0.01, CAUGHT_DISTANCE + 0.01
-    plain = leave_and_count(driver, monkeypatch, [far])
-    assert leave_and_count(driver, monkeypatch, [None]) == plain  # nothing is seen of the garment
-    assert "freed_hands" not in driver.measurements
-    once = leave_and_count(driver, monkeypatch, [near, far])
-    assert driver.measurements["freed_hands"] == 1
-    assert once > plain + 60  # down, a wait, back and up again
-    leave_and_count(driver, monkeypatch, [near] * len(FREE_ROLLS))
-    assert driver.measurements["freed_hands"] == 1 + len(FREE_ROLLS)
-
-
-def test_a_hand_that_does_not_get_free_rolls_on(driver, monkeypatch):
-    planned = []
-    plan = plan_free
-
-    def note(motion, points, orientations):
-        planned.append(orientations["left"])
-        return plan(motion, points, orientations)
-
-    monkeypatch.setattr("dgl_tasks.driver.plan_free", note)
-    leave_and_count(driver, monkeypatch, [0.0] * len(FREE_ROLLS))
-    turns = [2 * np.arccos(min(1.0, abs(float(np.dot(planned[0], q))))) for q in planned]
-    np.testing.assert_allclose(turns, np.cumsum(FREE_ROLLS), atol=2e-3)
-    assert FREE_ROLLS[0] == 0.0 < turns[-1]
-
-
-def test_a_hand_that_cannot_go_down_again_parks_with_what_it_has(driver, monkeypatch):
-    def refuse(*_):
-        raise UnreachableError("no way down", distance=0.1)
-
-    monkeypatch.setattr("dgl_tasks.driver.plan_free", refuse)
-    leave_and_count(driver, monkeypatch, [0.0])
-    assert "freed_hands" not in driver.measurements
-
-
-def test_an_action_is_reached_within_five_steps_and_planning_goes_on_from_the_last(driver):
-    start = driver.get_joint_state().astype(np.float64)
-    driver.motion.reset(start)
-    actions = np.stack([start, start + 0.01])
-    told = []
-
-    class Listener:
-        def before_step(self, target, observe):
-            told.append(target.copy())
-
-    driver.execute(actions, Listener())
-    assert driver.step_count == len(told) == 2 * STEPS_PER_FRAME
-    expected = start + 0.01 * np.array([0, 0, 0, 0, 0, 0.2, 0.4, 0.6, 0.8, 1])[:, None]
-    np.testing.assert_allclose(told, expected, atol=1e-6)
-    np.testing.assert_array_equal(driver.commands, told)
-    np.testing.assert_array_equal(driver.motion.target, actions[-1])
-    assert driver.measurements["max_penetration_m"] < 0.02
-    driver.execute(np.zeros((0, 60)))
-    assert driver.step_count == 2 * STEPS_PER_FRAME
-
-
-@pytest.mark.parametrize(
-    ("actions", "message"),
-    [
-        (np.zeros(60), r"actions must have shape \(N, 60\); got \(60,\)"),
-        (np.zeros((4, 59)), r"actions must have shape \(N, 60\); got \(4, 59\)"),
-        (np.full((1, 60), np.nan), "actions must be finite"),
-    ],
-)
-def test_actions_that_no_robot_can_take_are_refused(driver, actions, message):
-    with pytest.raises(ValueError, match=message):
-        driver.execute(actions)
-    assert driver.step_count == 0
-
-
-def test_films_run_three_times_as_fast_while_the_arms_come_and_go(env, motion, monkeypatch):
-    pictures = []
-    monkeypatch.setattr("dgl_tasks.perception.film", lambda _: driver.step_count)
-    driver = Driver(env, motion, seed=0, film=pictures.append)
-    motion.reset(driver.get_joint_state())
-    driver.execute(motion.hold(6))  # 30 steps
-    driver.settle()
-    assert pictures == [*range(0, 30, 5), *range(30, driver.step_count, 15)]
-
-
-@pytest.mark.parametrize(("moves", "waits"), [(0, 1), (2, 3), (9, FINAL_WAITS)])
-def test_what_still_moves_is_waited_for(driver, monkeypatch, moves, waits):
-    still = iter([False] * moves + [True])
-    monkeypatch.setattr(driver.env, "is_still", lambda: next(still))
-    monkeypatch.setattr(driver.env, "advance", lambda target: None)
-    driver.settle()
-    driver.settle()  # has been waited for
-    assert driver.step_count == waits * FINAL_FRAMES
-
-
-def test_what_has_been_touched_since_is_waited_for_again(driver, monkeypatch):
-    monkeypatch.setattr(driver.env, "is_still", lambda: True)
-    monkeypatch.setattr(driver.env, "advance", lambda target: None)
-    driver.settle()
-    driver.send(driver.motion.hold(1))
-    driver.settle()
-    assert driver.step_count == 2 * FINAL_FRAMES + 1
-
-
-@pytest.mark.parametrize(
-    ("least", "expected"), [(0.65, True), (0.66, True), (0.67, False), (None, False)]
-)
-def test_what_is_nearly_done_is_seen_once_it_lies_still(driver, monkeypatch, least, expected):
-    task = dataclasses.replace(TASK, nearly_done=least)
-    monkeypatch.setattr(driver.env, "task", task)
-    seen = []
-    monkeypatch.setattr(driver, "settle", lambda: seen.append("settle"))
-
-    def judge(points):
-        seen.append(points)
-        return SimpleNamespace(verdict=SimpleNamespace(value=0.66))
-
-    monkeypatch.setattr(driver, "judge", judge)
-    assert driver.is_nearly_done({"hem": POINT["left"]}) is expected
-    assert seen == ([] if least is None else ["settle", {"hem": POINT["left"]}])
-
-
-@pytest.mark.parametrize(
-    ("segment", "inside", "reason"),
-    [(7, True, None), (7, False, "below the threshold"), (8, True, "out of sight")],
-)
-def test_a_garment_that_is_carried_out_of_sight_is_judged_too(
-    driver, monkeypatch, segment, inside, reason
-):
-    place = np.mean(list(driver.env.before.points.values()), axis=0)
-    picture = Picture(
-        rgb=np.zeros((2, 2, 3), np.uint8),
-        points=np.tile(place + np.array([0 if inside else 5, 0, 0]), (2, 2, 1)),
-        segments=np.full((2, 2), segment),
-    )
-    monkeypatch.setattr("dgl_tasks.perception.take_picture", lambda *_: picture)
-    monkeypatch.setattr(type(driver.env), "garment_segment", 7)
-    monkeypatch.setattr(
-        driver.env, "evaluate", lambda: dict.fromkeys(("is_released", "is_still"), np.True_)
-    )
-    judgement = driver.judge()
-    assert judgement.reason == reason
-    assert judgement.verdict.value == (1.0 if reason is None else 0.0)
-
-
-def check_parked(driver):
-    for side in SIDES:
-        np.testing.assert_allclose(driver.motion.target[joint_slice(side, "arm")], PARKED[side])
-
-
-def test_wherever_a_policy_ends_the_hands_open_and_park(driver):
-    plan_approach(driver.motion, POINT, STANDARD)
-    action = driver.motion.target.copy()
-    action[joint_slice("left", "hand")] = HAND_POSES["close"]
-    driver.motion.reset(action)
-    driver.retreat(("left",))
-    check_parked(driver)
-    hand = driver.get_joint_state()[joint_slice("left", "hand")]
-    np.testing.assert_allclose(hand, HAND_POSES["open"], atol=0.1)
-    assert driver.step_count > 100  # rolled, drawn back and risen, not torn away
-
-
 def test_parked_hands_do_not_tell_how_long_ago_the_arms_swung(driver, motion):
-    motion.reset(motion.robot.compute_start("open"))
-    driver.start("Tops_LongSleeve/000000")
-    started = driver.get_joint_state()
+    hands = Handling(motion, driver.reset(GARMENT))
+    driver.drive(hands.park())
+    started = hands.sensed.joint_state
     np.testing.assert_allclose(started, motion.target, atol=1e-3)
     above = {"left": POINT["left"] + (0, 0, 0.3)}  # no cloth comes along from there
     plan_approach(motion, above, STANDARD)
-    driver.execute(motion.target[None])
-    driver.retreat()
-    np.testing.assert_allclose(driver.get_joint_state(), started, atol=1e-3)
+    driver.drive(hands.execute(motion.target[None]))
+    driver.drive(hands.retreat())
+    np.testing.assert_allclose(hands.sensed.joint_state, started, atol=1e-3)
     # without the wait they would: the swing itself leaves them elsewhere
-    driver.send(motion.reach(above, STANDARD))
-    driver.send(motion.park())
-    assert np.abs(driver.get_joint_state() - started).max() > 0.02
+    driver.drive(hands.send(motion.reach(above, STANDARD)))
+    driver.drive(hands.send(motion.park()))
+    assert np.abs(hands.sensed.joint_state - started).max() > 0.02
 
 
-def test_where_there_is_no_way_straight_up_the_arms_park_at_once(driver, motion, monkeypatch):
-    def refuse(*_):
-        raise ValueError("fingers must not point straight up or down")
-
-    monkeypatch.setattr("dgl_tasks.driver.plan_leave", refuse)
-    driver.retreat()
-    check_parked(driver)
+def test_wherever_a_policy_ends_the_hands_open_and_park(driver, motion):
+    hands = Handling(motion, driver.reset(GARMENT))
+    plan_approach(motion, POINT, STANDARD)
+    action = motion.target.copy()
+    action[joint_slice("left", "hand")] = HAND_POSES["close"]
+    driver.drive(hands.execute(action[None]))
+    driver.drive(hands.retreat(("left",)))
+    joints = hands.sensed.joint_state
+    for side in SIDES:
+        np.testing.assert_allclose(joints[joint_slice(side, "arm")], PARKED[side], atol=0.01)
+    np.testing.assert_allclose(joints[joint_slice("left", "hand")], HAND_POSES["open"], atol=0.1)
+    assert len(driver.commands) > 100  # rolled, drawn back and risen, not torn away

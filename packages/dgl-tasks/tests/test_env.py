@@ -14,11 +14,15 @@ from mani_skill.utils.geometry.rotation_conversions import (
 
 import dgl_tasks
 from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
+from dgl_tasks.control import interpolate_action
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.perception import take_picture
+from dgl_tasks.success import CoversFlatArea
+from dgl_tasks.views import TrueView
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
-HARDLY_SETTLED = dataclasses.replace(TASK, settle_frames=2)
+HARDLY_SETTLED = dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2))
 """For what does not depend on where the garment comes to rest."""
 GARMENT = "Tops_LongSleeve/001294"
 
@@ -58,9 +62,15 @@ def get_action(env):
     return action
 
 
-def run(env, frames):
-    action = get_action(env)
-    for _ in range(frames):
+def resting(env):
+    """Joint targets of the start."""
+    return env.agent.model.compute_start("open").astype(np.float32)
+
+
+def run(env, actions, action=None):
+    """Step with one action again and again; the particles and the joint positions at the end."""
+    action = get_action(env) if action is None else action
+    for _ in range(actions):
         env.step(action)
     return env.get_particles().copy(), env.agent.get_joint_state()[0].numpy().copy()
 
@@ -74,7 +84,7 @@ def put_particles(env, positions, velocities=None):
 
 def press_into_box(env, *, share=1.0):
     """Scale the garment horizontally about the box's centre until it fits; leave a part outside."""
-    x0, y0, x1, y1 = env.judge_visible_surface().box
+    x0, y0, x1, y1 = env.apply_rule().box
     positions = env.get_particles().astype(np.float64)
     low, high = positions[:, :2].min(axis=0), positions[:, :2].max(axis=0)
     size = 0.98 * np.array([x1 - x0, y1 - y0])
@@ -113,38 +123,106 @@ def test_the_garment_lies_where_it_was_drawn(settled):
     assert particles[:, 2].max() < 0.06
 
 
+def test_an_action_is_five_control_steps_on_a_straight_line(settled, monkeypatch):
+    start, action, targets = resting(settled), get_action(settled), []
+    settled.advance(start)
+    before = int(settled.elapsed_steps[0])
+    with monkeypatch.context() as patch:
+        patch.setattr(settled, "advance", lambda target: targets.append(np.array(target)))
+        settled.step(action)
+    share = np.array([0.2, 0.4, 0.6, 0.8, 1.0])[:, None]
+    np.testing.assert_allclose(targets, start + share * (action - start), atol=1e-6)
+    np.testing.assert_array_equal(targets[-1], action)
+    assert int(settled.elapsed_steps[0]) == before + 1
+    # the next line begins where this one has ended
+    settled.step(action)
+    with monkeypatch.context() as patch:
+        targets.clear()
+        patch.setattr(settled, "advance", lambda target: targets.append(np.array(target)))
+        settled.step(start)
+    np.testing.assert_allclose(targets, action + share * (start - action), atol=1e-6)
+
+
 def test_advancing_moves_like_stepping(settled):
-    state, before = settled.get_state_dict(), int(settled.elapsed_steps[0])
+    """A step goes on from the targets that `advance` has given."""
+    start, action = resting(settled), get_action(settled)
+    state = settled.get_state_dict()
+    run(settled, 1, action)  # PhysX keeps more of the joints than it tells, so both come from here
     settled.set_state_dict(state)
-    stepped = run(settled, 10)
-    assert int(settled.elapsed_steps[0]) == before + 10
+    settled.advance(start)
+    stepped = run(settled, 2, action)
     settled.set_state_dict(state)
-    action = get_action(settled)
-    for _ in range(10):
+    settled.advance(start)
+    before = int(settled.elapsed_steps[0])
+    for row in interpolate_action(start, action):
+        settled.advance(row.astype(np.float32))
+    for _ in range(STEPS_PER_ACTION):
         settled.advance(action)
     np.testing.assert_array_equal(settled.get_particles(), stepped[0])
     np.testing.assert_array_equal(settled.agent.get_joint_state()[0].numpy(), stepped[1])
-    assert int(settled.elapsed_steps[0]) == before + 20
+    assert int(settled.elapsed_steps[0]) == before
+
+
+def test_without_an_action_the_targets_stay(settled):
+    start, action = resting(settled), get_action(settled)
+    state = settled.get_state_dict()
+    runs = []
+    for again in (None, action):
+        settled.set_state_dict(state)
+        settled.advance(start)
+        settled.step(action)
+        settled.step(again)
+        settled.advance(again)
+        runs.append((settled.get_particles().copy(), settled.agent.get_joint_state()[0].numpy()))
+    for a, b in zip(*runs, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("shape", [(59,), (2, 60), (1, 59)])
+def test_an_action_of_another_shape_is_refused(settled, shape):
+    with pytest.raises(ValueError, match=r"action must have shape \(60,\) or \(1, \*\); got"):
+        settled.step(np.zeros(shape, np.float32))
+    settled.step(get_action(settled)[None])
+
+
+def test_another_task_needs_another_environment(settled):
+    with pytest.raises(AttributeError, match="task"):
+        settled.task = HARDLY_SETTLED
+    assert settled.task == TASK
 
 
 @pytest.mark.parametrize("is_flat", [False, True])
 def test_a_restored_state_goes_on_to_the_last_bit(settled, is_flat):
     """The joints of the first run differ by rounding: PhysX keeps more of them than it tells."""
-    run(settled, 5)
+    run(settled, 1)
     state = settled.get_state().clone() if is_flat else settled.get_state_dict()
     restore = settled.set_state if is_flat else settled.set_state_dict
-    first = run(settled, 10)
+    first = run(settled, 2)
     restored = []
     for _ in range(2):
         restore(state)
         now = settled.get_state() if is_flat else settled.get_state_dict()["garment"]["positions"]
         before = state if is_flat else state["garment"]["positions"]
         torch.testing.assert_close(now, before, rtol=0, atol=0)
-        restored.append(run(settled, 10))
+        restored.append(run(settled, 2))
     for a, b in zip(*restored, strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(restored[0][0], first[0])
     np.testing.assert_allclose(restored[0][1], first[1], rtol=0, atol=1e-6)
+
+
+def test_what_was_commanded_before_a_state_is_restored_leaves_no_trace(settled):
+    start, action = resting(settled), get_action(settled)
+    settled.step(start)
+    state = settled.get_state_dict()
+    settled.step(start)
+    undisturbed = settled.agent.get_joint_state()[0].numpy().copy()
+    settled.set_state_dict(state)
+    run(settled, 3, action)
+    settled.set_state_dict(state)
+    settled.step(start)
+    joints = settled.agent.get_joint_state()[0].numpy()
+    np.testing.assert_allclose(joints, undisturbed, rtol=0, atol=1e-5)
 
 
 def test_a_state_does_not_change_after_it_was_taken(settled):
@@ -152,15 +230,16 @@ def test_a_state_does_not_change_after_it_was_taken(settled):
     copy = {
         (part, key): value.clone() for part, node in state.items() for key, value in node.items()
     }
-    run(settled, 5)
+    run(settled, 1)
     for (part, key), value in copy.items():
         torch.testing.assert_close(state[part][key], value, rtol=0, atol=0)
 
 
 def test_a_garment_that_lies_flat_is_no_success(settled):
     outcome = settled.evaluate()
+    criteria = outcome.pop("criteria")
     assert set(outcome) == {"success", "success_value", "is_still", "is_released"}
-    assert all(value.shape == (1,) for value in outcome.values())
+    assert all(value.shape == (1,) for value in (*outcome.values(), *criteria.values()))
     assert not outcome["success"]
     assert 0.3 < float(outcome["success_value"]) < 0.85
     assert outcome["is_still"]
@@ -179,6 +258,64 @@ def test_a_garment_inside_the_box_is_a_success(settled):
     outcome = settled.evaluate()
     assert float(outcome["success_value"]) < 0.85
     assert not outcome["success"]
+
+
+@pytest.mark.parametrize(
+    ("share", "speed", "reason"),
+    [
+        (1.0, 0.0, None),
+        (0.6, 0.0, "below the threshold"),
+        (0.6, 0.1, "below the threshold"),
+        (1.0, 0.1, "still moving"),
+    ],
+)
+def test_what_is_evaluated_is_what_is_judged(settled, share, speed, reason):
+    positions = press_into_box(settled, share=share)
+    put_particles(settled, positions, np.full_like(positions, speed / np.sqrt(3)))
+    check_evaluation(settled, reason)
+
+
+def check_evaluation(env, reason):
+    """Tensors say what the verdict says, which is the rule's with two criteria more."""
+    told, verdict, rule = env.evaluate(), env.judge(), env.apply_rule()
+    assert verdict.reason == reason
+    assert bool(told["success"]) is verdict.success is (reason is None)
+    assert float(told["success_value"]) == pytest.approx(verdict.value) == rule.value
+    assert verdict.criteria[: len(rule.criteria)] == rule.criteria
+    assert verdict.box == rule.box
+    released, still = verdict.criteria[len(rule.criteria) :]
+    assert released.value == env.count_touching()
+    assert still.value == env.measure_speed()
+    assert bool(told["is_released"]) is released.is_met
+    assert bool(told["is_still"]) is still.is_met is env.is_still()
+    measured = {name: float(value) for name, value in told["criteria"].items()}
+    assert measured == pytest.approx({c.name: c.value for c in verdict.criteria})
+
+
+def test_the_view_is_the_truth(settled):
+    view, garment = settled.view, settled.garment
+    np.testing.assert_array_equal(view.surface, settled.get_particles())
+    assert set(view.landmarks) == set(TASK.success.landmarks)
+    before = {name: place.copy() for name, place in view.landmarks.items()}
+    for name, place in before.items():
+        np.testing.assert_array_equal(place, view.surface[garment.landmarks[name]])
+    # they stay where they lay at the start, whatever becomes of the garment
+    put_particles(settled, settled.get_particles() + np.float32([0.1, 0.0, 0.0]))
+    moved = settled.view
+    for name, place in before.items():
+        np.testing.assert_array_equal(moved.landmarks[name], place)
+    np.testing.assert_allclose(
+        moved.top.mean(axis=0) - view.top.mean(axis=0), [0.1, 0, 0], atol=1e-3
+    )
+    lying_flat = TrueView(
+        particles=garment.vertices,
+        faces=garment.faces,
+        landmarks={},
+        flat_area=view.flat_area,
+        frames={},
+    )
+    assert CoversFlatArea()(lying_flat).value == 1.0
+    assert view.frames == {}
 
 
 def test_the_dense_reward_grows_with_what_is_done(settled):
@@ -219,9 +356,14 @@ def test_rewards_of_each_mode_are_given_by_step():
 
 
 # Of Pinocchio and of NumPy, by SAPIEN's wrapper.
-@pytest.mark.filterwarnings("ignore:Deprecated member:UserWarning")
-@pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
-def test_end_effectors_go_where_they_are_told():
+of_pinocchio = pytest.mark.filterwarnings(
+    "ignore:Deprecated member:UserWarning",
+    "ignore:__array__ implementation:DeprecationWarning",
+)
+
+
+@pytest.fixture
+def by_pose():
     made = gymnasium.make(
         "FoldTops-v1",
         task=HARDLY_SETTLED,
@@ -231,16 +373,26 @@ def test_end_effectors_go_where_they_are_told():
         render_backend="none",
     )
     made.reset(seed=7, options={"garment": GARMENT})
-    agent = made.unwrapped.agent
+    yield made
+    made.close()
+
+
+def make_pose_action(positions, angles):
+    """Both ends at these places with these angles, and closed hands."""
+    hand = torch.tensor(HAND_POSES["close"].tolist())
+    parts = [torch.cat([positions[i], angles[i], hand]) for i in range(2)]
+    return torch.cat(parts).numpy()
+
+
+@of_pinocchio
+def test_end_effectors_go_where_they_are_told(by_pose):
+    agent = by_pose.unwrapped.agent
     start = agent.get_ee_poses()[0]
     way = torch.tensor([[0.05, 0.15, -0.05], [-0.1, 0.1, 0.05]])
     angles = matrix_to_euler_angles(quaternion_to_matrix(start[:, 3:]), "XYZ")
     angles[0, 0] += 0.2
-    hand = torch.tensor(HAND_POSES["close"].tolist())
-    for k in range(1, 61):
-        position = start[:, :3] + way * min(k / 30, 1)
-        parts = [torch.cat([position[i], angles[i], hand]) for i in range(2)]
-        made.step(torch.cat(parts).numpy())
+    for k in range(1, 17):
+        by_pose.step(make_pose_action(start[:, :3] + way * min(k / 8, 1), angles))
     reached = agent.get_ee_poses()[0]
     np.testing.assert_allclose(reached[:, :3].numpy(), (start[:, :3] + way).numpy(), atol=2e-3)
     wanted = euler_angles_to_matrix(angles, "XYZ").numpy()
@@ -249,12 +401,25 @@ def test_end_effectors_go_where_they_are_told():
         fingers = agent.get_joint_state()[0, joint_slice(side, "hand")]
         np.testing.assert_allclose(fingers.numpy(), HAND_POSES["close"], atol=0.05)
     # out of reach: the arm stays
-    parts = [torch.cat([start[i, :3] + 5.0, angles[i], hand]) for i in range(2)]
-    for _ in range(10):
-        made.step(torch.cat(parts).numpy())
+    for _ in range(2):
+        by_pose.step(make_pose_action(start[:, :3] + 5.0, angles))
     stayed = agent.get_ee_poses()[0, :, :3]
     np.testing.assert_allclose(stayed.numpy(), reached[:, :3].numpy(), atol=5e-3)
-    made.close()
+
+
+@of_pinocchio
+def test_joint_targets_go_on_from_where_poses_have_brought_the_arms(by_pose):
+    agent = by_pose.unwrapped.agent
+    start = agent.get_ee_poses()[0]
+    angles = matrix_to_euler_angles(quaternion_to_matrix(start[:, 3:]), "XYZ")
+    for k in range(1, 13):
+        by_pose.step(
+            make_pose_action(start[:, :3] + torch.tensor([0, 0.015, 0]) * min(k, 8), angles)
+        )
+    joints = agent.get_joint_state()[0].numpy().copy()
+    by_pose.step({"control_mode": "pd_joint_pos", "action": joints})
+    assert agent.control_mode == "pd_joint_pos"
+    np.testing.assert_allclose(agent.get_joint_state()[0].numpy(), joints, atol=0.02)
 
 
 def test_a_garment_that_moves_is_no_success(settled):
@@ -269,7 +434,7 @@ def test_a_garment_that_moves_is_no_success(settled):
 
 
 def test_a_garment_that_a_hand_touches_is_not_released(settled):
-    assert not settled.is_touching()
+    assert settled.count_touching() == 0
     lying = settled.get_particles().astype(np.float64)
     # the middle of the cloth goes right through the palm
     pose = settled.agent.get_ee_poses()[0, 0].numpy()
@@ -279,11 +444,14 @@ def test_a_garment_that_a_hand_touches_is_not_released(settled):
     touched[nearest] += palm - lying[nearest].mean(axis=0)
     put_particles(settled, touched)
     settled.cloth.step()
-    assert settled.is_touching()
+    assert settled.count_touching() > 0
     assert not settled.evaluate()["is_released"]
+    check_evaluation(settled, "below the threshold")
+    (released,) = (c for c in settled.judge().criteria if c.failure == "not released")
+    assert not released.is_met
     put_particles(settled, lying)
     settled.cloth.step()
-    assert not settled.is_touching()
+    assert settled.count_touching() == 0
 
 
 def test_equal_seeds_give_equal_particles_to_the_last_bit(env):
@@ -291,7 +459,7 @@ def test_equal_seeds_give_equal_particles_to_the_last_bit(env):
     for _ in range(2):
         env.reset(seed=8)  # what was there before leaves no trace
         env.reset(seed=7, options={"garment": GARMENT})
-        runs.append(run(env, 20))
+        runs.append(run(env, 4))
     for a, b in zip(*runs, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -329,8 +497,8 @@ def test_draws_follow_from_the_seed_alone_and_lie_in_their_ranges(env):
         draws.append(dict(env.draws))
     assert draws[0] == draws[2] != draws[1]
     for draw in draws:
-        assert TASK.x_range[0] <= draw["x"] <= TASK.x_range[1]
-        assert TASK.y_range[0] <= draw["y"] <= TASK.y_range[1]
+        assert TASK.start.x_range[0] <= draw["x"] <= TASK.start.x_range[1]
+        assert TASK.start.y_range[0] <= draw["y"] <= TASK.start.y_range[1]
         assert draw["garment"].startswith("Tops_LongSleeve/")
 
 

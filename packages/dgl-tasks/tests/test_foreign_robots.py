@@ -17,7 +17,7 @@ from dgl_assets.robots.importing import ImportOptions, import_robot, load_robot
 from dgl_assets.robots.importing.home import compute_reach
 from dgl_tasks import get_task
 from dgl_tasks.control import ArmKinematics
-from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.grasps import orient, wrist_to_grasp
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.robot import make_agent_class
 
@@ -135,11 +135,13 @@ def test_hands_reach_points_by_the_tasks_kinematics(bench, tmp_path):
     goals = {"left": np.array([-x, y, 0.35]), "right": np.array([x, y, 0.35])}
     lower = {side: goal - (0, 0, 0.08) for side, goal in goals.items()}
 
-    def rehearse(side, quaternion):
+    def rehearse(side, turn):
+        quaternion = orient("standard", side, turn)
         motion.reach({side: goals[side]}, {side: quaternion})
         motion.move({side: lower[side]}, {side: quaternion})
 
-    orientations = motion.choose_turns("standard", SIDES, rehearse)
+    turns = motion.choose_turns(SIDES, rehearse)
+    orientations = {side: orient("standard", side, turn) for side, turn in turns.items()}
     _go(env, motion.reach(goals, orientations))
     rows = motion.move(lower, orientations)
     assert rows.shape[1] == robot.dof
@@ -210,7 +212,7 @@ def test_an_environment_takes_a_robot_by_name(library):
     for _ in range(3):
         env.advance(q)
     assert env.agent.get_joint_velocity().abs().max() < 0.05
-    assert not env.is_touching()
+    assert env.count_touching() == 0
     env.close()
     with pytest.raises(AssetNotFoundError, match="no robot 'nobody'"):
         gym.make("FoldTops-v1", robot="nobody", robots=library)

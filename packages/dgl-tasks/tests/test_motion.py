@@ -7,7 +7,7 @@ from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
 from dgl_tasks import get_task
 from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import GRASP_ORIENTATIONS, turn_inward, wrist_to_grasp
+from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, turn_inward, wrist_to_grasp
 from dgl_tasks.motion import HAND_FRAMES, PARKED, RAMP_FRAMES, TURNS, BimanualMotion
 from dgl_tasks.rotations import compute_rotation_angle, matrix_from_quaternion
 
@@ -172,14 +172,12 @@ def test_a_hand_that_can_is_not_turned(motion):
     before = motion.target.copy()
     asked = []
 
-    def rehearse(side, orientation):
+    def rehearse(side, turn):
         asked.append(side)
-        motion.reach({side: goals(0.1)[side]}, {side: orientation})
+        motion.reach({side: goals(0.1)[side]}, {side: orient("standard", side, turn)})
 
-    chosen = motion.choose_turns("standard", SIDES, rehearse)
+    assert motion.choose_turns(SIDES, rehearse) == {"left": 0.0, "right": 0.0}
     assert asked == ["left", "right"]
-    for side in SIDES:
-        np.testing.assert_allclose(chosen[side], STANDARD[side], atol=1e-12)
     np.testing.assert_array_equal(motion.target, before)
 
 
@@ -187,60 +185,66 @@ def test_a_hand_that_cannot_is_turned_as_little_as_needed(motion):
     """Near the base the straight hand would have to bend back too far."""
     point = {"left": np.array([-0.6, 0.5, 0.05])}
 
-    def rehearse(side, orientation):
+    def rehearse(side, turn):
+        orientation = orient("standard", side, turn)
         motion.reach({side: point[side] + (0, 0, 0.2)}, {side: orientation})
         motion.move(point, {side: orientation})
 
     with pytest.raises(UnreachableError):
-        rehearse("left", STANDARD["left"])
+        rehearse("left", 0.0)
     motion.reset(HOME_CONFIGURATION)
-    chosen = motion.choose_turns("standard", ("left",), rehearse)["left"]
+    chosen = motion.choose_turns(("left",), rehearse)["left"]
     np.testing.assert_array_equal(motion.target, HOME_CONFIGURATION)
-    turned = compute_rotation_angle(chosen, STANDARD["left"])
-    assert turned > 0.2
-    smaller = [turn for turn in TURNS if abs(turn) < turned - 1e-6]
+    assert abs(chosen) > 0.2
+    smaller = [turn for turn in TURNS if abs(turn) < abs(chosen) - 1e-6]
     assert smaller
     for turn in smaller:
         motion.reset(HOME_CONFIGURATION)
         with pytest.raises(UnreachableError):
-            rehearse("left", turn_inward(STANDARD["left"], turn, "left"))
+            rehearse("left", turn)
 
 
-def test_when_no_turn_helps_the_message_is_that_of_the_wanted_orientation(motion):
+def test_when_no_turn_helps_the_message_is_that_of_no_turn(motion):
     before = motion.target.copy()
     tried = []
 
-    def rehearse(side, orientation):
-        tried.append(orientation)
+    def rehearse(side, turn):
+        tried.append(turn)
         motion.set_hands({side: "close"})
         raise UnreachableError(f"attempt {len(tried)}", distance=0.1)
 
     with pytest.raises(UnreachableError, match=r"attempt 1$"):
-        motion.choose_turns("standard", ("right",), rehearse)
-    assert len(tried) == len(TURNS)
+        motion.choose_turns(("right",), rehearse)
+    assert tried == list(TURNS)
     np.testing.assert_array_equal(motion.target, before)
 
 
 def test_where_no_turn_can_do_what_is_wanted_what_has_to_do_decides(motion):
     tried = []
 
-    def wanted(side, orientation):
+    def wanted(side, turn):
         raise UnreachableError("wanted", distance=0.1)
 
-    def least(side, orientation):
-        tried.append(orientation)
+    def least(side, turn):
+        tried.append(turn)
         if len(tried) < 3:
             raise UnreachableError(f"least {len(tried)}", distance=0.1)
 
-    chosen = motion.choose_turns("standard", ("right",), wanted, least)
-    expected = turn_inward(STANDARD["right"], TURNS[2], "right")
-    np.testing.assert_array_equal(chosen["right"], expected)
+    assert motion.choose_turns(("right",), wanted, least) == {"right": TURNS[2]}
 
-    def nothing(side, orientation):
+    def nothing(side, turn):
         raise UnreachableError("least", distance=0.1)
 
     with pytest.raises(UnreachableError, match="least"):
-        motion.choose_turns("standard", ("right",), wanted, nothing)
+        motion.choose_turns(("right",), wanted, nothing)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_an_orientation_is_named_and_turned_inward(side):
+    np.testing.assert_allclose(orient("heap", side), GRASP_ORIENTATIONS["heap"][side], atol=1e-12)
+    turned = orient("standard", side, 0.4)
+    np.testing.assert_array_equal(turned, turn_inward(STANDARD[side], 0.4, side))
+    assert compute_rotation_angle(turned, STANDARD[side]) == pytest.approx(0.4, abs=1e-6)
 
 
 @pytest.mark.parametrize(("name", "ahead"), [("sides", "standard"), ("heap_sides", "heap")])

@@ -1,41 +1,44 @@
-"""Props in scenes: where they are drawn, what cloth feels of them, what the cameras see of them."""
+"""Objects in scenes: where they are drawn, what cloth feels of them, what the cameras see of them."""
 
 import dataclasses
 
 import gymnasium
 import numpy as np
 import pytest
+from sapien.physx import PhysxArticulationLinkComponent
 
 import dgl_tasks
 from dgl_assets.materials import sample_floor_material
 from dgl_assets.props import PROP_KINDS, PlatformParameters
+from dgl_assets.robots import SIDES
 from dgl_physics.sapien_bridge import convert_shape
-from dgl_tasks.declaration import PropPlacement
+from dgl_tasks.declaration import HandFriction, SceneObject, Start
 from dgl_tasks.perception import CLOUD_SIZE, get_object_cloud, take_picture
 from dgl_tasks.scene import MAT, FloorLook, paint_floor, sample_floor_look
+from dgl_tasks.scene_check import check_scene
 
 GARMENT = "Tops_LongSleeve/001294"
 FOLD = dgl_tasks.get_task("FoldTops-v1")
+HARDLY_SETTLED = dataclasses.replace(FOLD.start, settle_frames=2)
 HEIGHT = 0.15
 WITH_TABLE = dataclasses.replace(
     FOLD,
-    x_range=(0.0, 0.0),
-    y_range=(0.8, 0.8),
-    settle_frames=25,
-    props=(
+    start=Start(y_range=(0.8, 0.8), settle_frames=25),
+    hand_friction=HandFriction(fingers=2.0, thumb=0.6),
+    objects=(
         # the garment's middle comes to lie on it
-        PropPlacement(
+        SceneObject(
             name="block",
             prop=PlatformParameters(height=HEIGHT),
             position=(0.0, 0.8, 0.0),
             x_range=(-0.02, 0.02),
             friction=0.8,
-            is_solid_to_robot=False,
+            solid_to="hands",
         ),
-        PropPlacement(name="bar", prop="hanger", position=(0.0, 1.5, 0.0), y_range=(-0.05, 0.05)),
-        # all kinds of shapes, out of reach
-        PropPlacement(name="stand", prop="hat_stand", position=(3.0, 3.0, 0.0)),
-        PropPlacement(name="coat_hanger", prop="coat_hanger", position=(3.0, 4.0, 0.0)),
+        SceneObject(name="bar", prop="hanger", position=(0.0, 1.3, 0.0), y_range=(-0.05, 0.04)),
+        # all kinds of shapes, behind the robots
+        SceneObject(name="stand", prop="hat_stand", position=(1.9, -0.6, 0.0)),
+        SceneObject(name="coat_hanger", prop="coat_hanger", position=(-1.9, -0.6, 0.0)),
     ),
 )
 
@@ -54,16 +57,16 @@ def env():
     made.close()
 
 
-def test_props_stand_where_they_were_drawn(env):
-    block, bar = env.props["block"], env.props["bar"]
+def test_objects_stand_where_they_were_drawn(env):
+    block, bar = env.objects["block"], env.objects["bar"]
     assert block.pose[:3] == pytest.approx([env.draws["block_x"], 0.8, 0.0], abs=1e-6)
     assert -0.02 <= env.draws["block_x"] <= 0.02
     assert env.draws["block_x"] != 0.0
     assert env.draws["block_y"] == 0.8
-    assert bar.get_landmarks()["target"] == pytest.approx([0.0, env.draws["bar_y"], 0.8], abs=1e-6)
+    assert bar.get_frames()["target"] == pytest.approx([0.0, env.draws["bar_y"], 0.8], abs=1e-6)
 
 
-def test_cloth_lies_on_a_prop_and_hangs_over_its_edges(env):
+def test_cloth_lies_on_an_object_and_hangs_over_its_edges(env):
     for _ in range(20):
         env.cloth.step()
     particles = env.get_particles()
@@ -73,14 +76,14 @@ def test_cloth_lies_on_a_prop_and_hangs_over_its_edges(env):
     assert particles[inside, 2].min() > HEIGHT - 0.002
     outside = (np.abs(x) > 0.3) | (np.abs(y) > 0.3)
     assert np.quantile(particles[outside, 2], 0.2) < HEIGHT - 0.03
-    assert env.props["block"].prop.compute_distance(
-        particles - env.props["block"].pose[:3]
+    assert env.objects["block"].prop.compute_distance(
+        particles - env.objects["block"].pose[:3]
     ).min() > -0.004  # fmt: skip
 
 
-def test_each_prop_has_its_friction(env):
+def test_each_object_has_its_friction(env):
     factors = {b.entity.name: env._get_friction(b) for b in env.cloth.bodies[0]}
-    by_name = {env.props[name].entity_name: name for name in env.props}
+    by_name = {env.objects[name].entity_name: name for name in env.objects}
     assert {by_name[n]: f for n, f in factors.items() if n in by_name} == {
         "block": 0.8,
         "bar": 0.5,
@@ -91,20 +94,38 @@ def test_each_prop_has_its_friction(env):
     assert ground == FOLD.ground_friction
 
 
-def test_states_hold_where_props_are(env):
-    before = env.props["bar"].pose
+def test_each_part_of_the_hands_has_its_friction(env):
+    links = [b for b in env.cloth.bodies[0] if isinstance(b, PhysxArticulationLinkComponent)]
+    names = {link._objs[0].name: name for name, link in env.agent.robot.links_map.items()}
+    factors = {names[link.name]: env._get_friction(link) for link in links}
+    thumbs = {f"{side}_{name}" for side in SIDES for name in env.agent.model.hand.thumb_links}
+    assert thumbs & set(factors)
+    assert {factors[name] for name in thumbs & set(factors)} == {0.6}
+    assert {factors[name] for name in set(factors) - thumbs} == {2.0}
+
+
+@pytest.mark.parametrize("change", [{"fingers": -1.0}, {"thumb": -0.1}, {"thumb": np.nan}])
+def test_hands_of_negative_friction_are_refused(change):
+    with pytest.raises(ValueError, match=f"{next(iter(change))} must be >= 0; got"):
+        HandFriction(**change)
+    assert HandFriction().thumb is None
+
+
+def test_states_hold_where_objects_are(env):
+    before = env.objects["bar"].pose
     state = env.get_state_dict()
-    env.props["bar"].place((0.4, 1.7, 0.1), yaw=0.5)
-    assert env.props["bar"].get_landmarks()["target"] == pytest.approx([0.4, 1.7, 0.9], abs=1e-6)
+    env.objects["bar"].place((0.4, 1.7, 0.1), yaw=0.5)
+    assert env.objects["bar"].get_frames()["target"] == pytest.approx([0.4, 1.7, 0.9], abs=1e-6)
     env.set_state_dict(state)
-    np.testing.assert_allclose(env.props["bar"].pose, before, atol=1e-6)
+    np.testing.assert_allclose(env.objects["bar"].pose, before, atol=1e-6)
 
 
-def test_placing_a_prop_moves_no_draw_of_the_garment(env):
-    """The garment and its place are those of the task without props."""
+def test_placing_an_object_moves_no_draw_of_the_garment(env):
+    """The garment and its place are those of the task without objects."""
+    start = dataclasses.replace(WITH_TABLE.start, settle_frames=2)
     plain = gymnasium.make(
         "FoldTops-v1",
-        task=dataclasses.replace(WITH_TABLE, props=(), settle_frames=2),
+        task=dataclasses.replace(WITH_TABLE, objects=(), start=start),
         obs_mode="none",
         render_backend="none",
     ).unwrapped
@@ -112,7 +133,7 @@ def test_placing_a_prop_moves_no_draw_of_the_garment(env):
     env.reset(seed=9)
     assert {key: env.draws[key] for key in plain.draws} == plain.draws
     assert set(env.draws) - set(plain.draws) == {
-        f"{name}_{axis}" for name in env.props for axis in "xy"
+        f"{name}_{axis}" for name in env.objects for axis in "xy"
     }
     plain.close()
 
@@ -121,18 +142,66 @@ def test_placing_a_prop_moves_no_draw_of_the_garment(env):
     ("change", "message"),
     [
         ({"x_range": (0.1, -0.1)}, r"x_range must be \(low, high\)"),
+        ({"y_range": (np.nan, 0.0)}, r"y_range must be \(low, high\)"),
         ({"friction": -1.0}, "friction must be >= 0; got -1.0"),
+        ({"friction": np.nan}, "friction must be >= 0; got nan"),
+        ({"name": "clothes rack"}, "name of an object must be an identifier; got 'clothes rack'"),
+        ({"name": "rack.left"}, "must be an identifier; got 'rack.left'"),
+        ({"name": ""}, "must be an identifier; got ''"),
+        (
+            {"solid_to": "arms"},
+            r"solid_to must be one of \('robot', 'hands', 'garment'\); got 'arms'",
+        ),
     ],
 )
-def test_placements_that_make_no_sense_are_refused(change, message):
+def test_objects_that_make_no_sense_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        PropPlacement(name="a", prop="hanger", position=(0, 0, 0), **change)
+        SceneObject(**{"name": "a", "prop": "hanger", "position": (0, 0, 0)} | change)
 
 
-def test_two_props_of_one_name_are_refused():
-    one = PropPlacement(name="a", prop="hanger", position=(0, 0, 0))
-    with pytest.raises(ValueError, match="props must have different names"):
-        dataclasses.replace(FOLD, props=(one, one))
+def test_two_objects_of_one_name_are_refused():
+    one, other = (SceneObject(name=n, prop="hanger", position=(0, 0, 0)) for n in "ab")
+    assert dataclasses.replace(FOLD, objects=(one, other)).objects == (one, other)
+    with pytest.raises(ValueError, match=r"different names; got \['a', 'b', 'a'\]"):
+        dataclasses.replace(FOLD, objects=(one, other, one))
+
+
+def place_bars(*places, start=FOLD.start, **changes):
+    bars = (
+        SceneObject(**{"name": f"bar{k}", "prop": "hanger", "position": (*place, 0.0)} | changes)
+        for k, place in enumerate(places)
+    )
+    return dataclasses.replace(FOLD, objects=tuple(bars), start=start)
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (place_bars((0, 0.9), (0.3, 0.9)), "objects 'bar0' and 'bar1' overlap, or may"),
+        (place_bars((0, 0.9), (0, 0.99), y_range=(0.0, 0.1)), "'bar0' and 'bar1' overlap"),
+        (place_bars((0, 0.9), (0.03, 1.2), yaw=1.5), "'bar0' and 'bar1' overlap"),
+        (place_bars((0, 1.6)), r"the target of object 'bar0' must be within 1.6 m .*1.81 m away"),
+        (place_bars((0, 1.3), y_range=(0.0, 0.3)), "'bar0' must be within 1.6 m"),
+        (
+            place_bars((0, 0.9), start=dataclasses.replace(FOLD.start, on="stand.top")),
+            r"'stand.top': there is no object 'stand'; there are \['bar0'\]",
+        ),
+        (
+            place_bars((0, 0.9), start=dataclasses.replace(FOLD.start, on="bar0.seat")),
+            r"'bar0.seat': bar0 has no place 'seat'; it has \['left_end', 'right_end', ",
+        ),
+    ],
+)
+def test_scenes_that_cannot_be_worked_in_are_refused(task, message):
+    with pytest.raises(ValueError, match=f"task FoldTops-v1: .*{message}"):
+        check_scene(task)
+
+
+def test_scenes_that_can_be_worked_in_are_accepted():
+    check_scene(WITH_TABLE)
+    check_scene(place_bars((0, 0.9), (0, 1.1), y_range=(-0.05, 0.05)))
+    check_scene(place_bars((0, 0.9), (0.03, 1.2)))
+    check_scene(place_bars((0, 0.9), start=dataclasses.replace(FOLD.start, on="bar0.top")))
 
 
 def test_an_unknown_look_is_refused():
@@ -164,14 +233,14 @@ def test_floor_looks_follow_from_their_seed():
     assert 5 < sum(look.mat is None for look in looks) < 25
 
 
-def test_bodies_have_the_shapes_of_the_props(env):
-    """Distances to SAPIEN's shapes, as cloth is given them, are those to the prop's own."""
+def test_bodies_have_the_shapes_of_the_objects(env):
+    """Distances to SAPIEN's shapes, as cloth is given them, are those to the object's own."""
     bodies = {b.entity.name: b for b in env.cloth.bodies[0]}
     for name in ("stand", "coat_hanger", "block"):
-        prop = env.props[name]
-        shapes = [convert_shape(s) for s in bodies[prop.entity_name].collision_shapes]
-        assert len(shapes) == len(prop.prop.shapes)
-        for shape, own in zip(shapes, prop.prop.shapes, strict=True):
+        item = env.objects[name]
+        shapes = [convert_shape(s) for s in bodies[item.entity_name].collision_shapes]
+        assert len(shapes) == len(item.prop.shapes)
+        for shape, own in zip(shapes, item.prop.shapes, strict=True):
             assert shape.kind == own.kind
             if shape.kind == "convex":
                 assert shape.mesh is not None
@@ -192,16 +261,24 @@ def turn_z(q):
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_cameras_see_props_and_random_looks_judge_alike():
-    """All kinds of props, their clouds, and a look that changes pictures and nothing else."""
-    spots = ((0.0, 1.55), (-1.1, 1.0), (-0.75, 1.35), (0.7, 1.5), (1.15, 1.0), (-0.75, 1.8))
+def test_cameras_see_objects_and_random_looks_judge_alike():
+    """All kinds of objects, their clouds, and a look that changes pictures and nothing else."""
+    spots = {
+        "hanger": (0.0, 1.3),
+        "coat_hanger": (-1.1, 1.0),
+        "pothook": (-0.75, 1.35),
+        "platform": (0.7, 1.5),
+        "hat_stand": (1.15, 1.0),
+        "table": (-0.75, 1.5),
+        "person": (1.6, 0.7),
+    }
+    assert set(spots) == set(PROP_KINDS)
     placed = tuple(
-        PropPlacement(name=kind, prop=kind, position=(x, y, 0.0))
-        for kind, (x, y) in zip(PROP_KINDS, spots, strict=True)
+        SceneObject(name=kind, prop=kind, position=(x, y, 0.0)) for kind, (x, y) in spots.items()
     )
     env = gymnasium.make(
         "FoldTops-v1",
-        task=dataclasses.replace(FOLD, settle_frames=2, props=placed),
+        task=dataclasses.replace(FOLD, start=HARDLY_SETTLED, objects=placed),
         look="random",
         obs_mode="none",
         sim_backend="physx_cpu",
@@ -212,9 +289,9 @@ def test_cameras_see_props_and_random_looks_judge_alike():
         env._look = look  # as a second environment would have it, which takes longer to make
         env.reset(seed=seed, options={"garment": GARMENT})
         picture = take_picture(env, "environment_camera")
-        ids = [env.garment_segment, *(prop.segment for prop in env.props.values())]
+        ids = [env.garment_segment, *(item.segment for item in env.objects.values())]
         masks = np.array([picture.segments == k for k in ids])
-        seen[look, seed] = (picture, masks, env.judge_visible_surface(), dict(env.draws))
+        seen[look, seed] = (picture, masks, env.apply_rule(), dict(env.draws))
         if look == "studio":
             check_clouds(env, picture)
     env.close()
@@ -235,13 +312,13 @@ def check_clouds(env, picture):
     for name in ("hanger", "hat_stand", "platform", "coat_hanger", "pothook"):
         cloud = get_object_cloud(env, picture, seed=0, names=[name])
         assert cloud.shape == (CLOUD_SIZE, 3)
-        prop = env.props[name]
-        points = np.concatenate([part.vertices for part in prop.prop.parts]) + prop.pose[:3]
+        item = env.objects[name]
+        points = np.concatenate([part.vertices for part in item.prop.parts]) + item.pose[:3]
         assert (cloud > points.min(axis=0) - 0.01).all()
         assert (cloud < points.max(axis=0) + 0.01).all()
-    assert len(np.unique(picture.segments[np.isin(
-        picture.segments, [p.segment for p in env.props.values()])])) >= 5  # fmt: skip
-    assert env.garment_segment not in {p.segment for p in env.props.values()}
+    segments = [item.segment for item in env.objects.values()]
+    assert len(np.unique(picture.segments[np.isin(picture.segments, segments)])) >= 5
+    assert env.garment_segment not in segments
     cloud = get_object_cloud(env, picture, seed=0, names=["platform"])
     top = cloud[cloud[:, 2] > 0.045]
     assert len(top) > 0.8 * CLOUD_SIZE

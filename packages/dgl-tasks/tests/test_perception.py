@@ -8,7 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 import dgl_tasks
+from dgl_assets.robots import SIDES
 from dgl_tasks.errors import PerceptionError
+from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.perception import (
     CLOUD_SIZE,
     Picture,
@@ -19,6 +21,7 @@ from dgl_tasks.perception import (
     get_garment_points,
     take_picture,
 )
+from dgl_tasks.sensing import Sensed
 
 pytestmark = pytest.mark.render
 
@@ -131,9 +134,21 @@ def test_a_particle_seen_from_above_is_at_its_pixel(env, from_above):
         assert abs(seen[2] - particle[2]) < 0.015
 
 
+class SeenView:
+    """The scene with the garment as the camera shows it."""
+
+    def __init__(self, points, truth):
+        self.top = self.surface = points
+        self.landmarks, self.flat_area, self.frames = (
+            truth.landmarks,
+            truth.flat_area,
+            truth.frames,
+        )
+
+
 def test_camera_and_geometry_judge_alike(env, from_above):
-    seen = env.task.success(get_garment_points(env, from_above), env.before)
-    computed = env.judge_visible_surface()
+    view = SeenView(get_garment_points(env, from_above), env.view)
+    seen, computed = env.task.success(view), env.apply_rule()
     assert seen.box == computed.box
     assert seen.value == pytest.approx(computed.value, abs=0.02)
 
@@ -150,13 +165,12 @@ def test_a_picture_follows_the_garment(env):
     before = env.get_particles().copy()
     moved = before + np.float32([0.05, 0.0, 0.0])
     env.cloth.state.set_particles(moved[None])
-    env.cloth.step()
-    env._after_control_step()
+    env.advance(None)
     points = get_garment_points(env, take_picture(env, "garment_camera"))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     expected = (moved.min(axis=0) + moved.max(axis=0)) / 2
     env.cloth.state.set_particles(before[None])
-    env._after_control_step()
+    env.advance(None)
     np.testing.assert_allclose(middle[:2], expected[:2], atol=0.015)
 
 
@@ -185,9 +199,45 @@ def test_a_picture_of_the_robot_alone_is_an_error(env, from_afar):
         get_environment_cloud(env, hidden, seed=0)
 
 
+def test_what_is_sensed_is_what_the_cameras_see_and_the_joints_feel(env):
+    from_above, from_afar = (
+        take_picture(env, name) for name in ("garment_camera", "environment_camera")
+    )
+    sensed = Sensed(env, seed=3, step=10)
+    seen = sensed.observe()
+    np.testing.assert_array_equal(seen.image, from_afar.rgb)
+    np.testing.assert_array_equal(seen.joint_state, env.agent.get_joint_state()[0].numpy())
+    np.testing.assert_array_equal(seen.ee_pose, env.agent.get_ee_poses()[0].numpy())
+    assert set(seen.as_arrays()) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
+    np.testing.assert_array_equal(sensed.see_mask(), from_above.segments == env.garment_segment)
+    np.testing.assert_array_equal(sensed.see_points(), get_garment_points(env, from_afar))
+    above = sensed.see_points("garment_camera")
+    np.testing.assert_array_equal(above, get_garment_points(env, from_above))
+    for side, pose in zip(SIDES, seen.ee_pose, strict=True):
+        point = wrist_to_grasp(pose[:3], pose[3:], side)
+        np.testing.assert_allclose(sensed.get_grasp_point(side), point, atol=1e-6)
+    assert not sensed.has_objects
+    assert sensed.get_frames() == {}
+
+
+def test_what_is_sensed_depends_on_seed_and_step_alone(env):
+    first, other_step, other_seed = (
+        Sensed(env, seed=seed, step=step) for seed, step in ((3, 10), (3, 11), (4, 10))
+    )
+    cloud = first.see_garment()
+    first.see_mask()
+    again = Sensed(env, seed=3, step=10)
+    again.observe()  # what was looked at before changes nothing
+    np.testing.assert_array_equal(again.see_garment(), cloud)
+    np.testing.assert_array_equal(again.observe().env_point_cloud, first.observe().env_point_cloud)
+    for sensed in (other_step, other_seed):
+        assert not np.array_equal(sensed.see_garment(), cloud)
+
+
 def test_observations_have_pictures_and_clouds():
     """Of ManiSkill's modes; the clouds are those of `get_garment_cloud` and `get_environment_cloud`."""
-    task = replace(dgl_tasks.get_task("FoldTops-v1"), settle_frames=2)
+    task = dgl_tasks.get_task("FoldTops-v1")
+    task = replace(task, start=replace(task.start, settle_frames=2))
     options = {"task": task, "reconfiguration_freq": 0, "render_backend": "cpu"}
     made = gymnasium.make("FoldTops-v1", obs_mode="pointcloud", **options)
     seen, _ = made.reset(seed=0)

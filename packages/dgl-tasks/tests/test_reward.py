@@ -4,17 +4,24 @@ import numpy as np
 import pytest
 
 from dgl_tasks.reward import CALM_SPEED, REACH_SCALE, compute_reward_terms
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import Criterion, Verdict
 
 START, THRESHOLD = 0.4, 0.8
 
 
-def compute(value=START, *, distances=(0.3, 0.5), is_released=True, speed=0.0, start=START):
-    verdict = Verdict(
-        success=value >= THRESHOLD, value=value, threshold=THRESHOLD, quantity="share"
-    )
+def compute(
+    value=START,
+    *,
+    distances=(0.3, 0.5),
+    is_released=True,
+    speed=0.0,
+    start=START,
+    comparison=">=",
+    others=(),
+):
+    share = Criterion(name="share", value=value, comparison=comparison, threshold=THRESHOLD)
     return compute_reward_terms(
-        verdict,
+        Verdict(criteria=(share, *others)),
         start=start,
         distances=np.array(distances),
         is_released=is_released,
@@ -29,9 +36,24 @@ def test_progress_goes_from_the_start_to_the_threshold(value, progress):
     assert compute(value).progress == pytest.approx(progress)
 
 
+@pytest.mark.parametrize(
+    ("value", "progress"),
+    [(1.4, 0.0), (1.2, 0.0), (1.0, 0.5), (0.81, 0.975), (0.8, 1.0), (0.3, 1.0)],
+)
+def test_progress_goes_down_where_less_is_wanted(value, progress):
+    assert compute(value, start=1.2, comparison="<=").progress == pytest.approx(progress)
+
+
 def test_a_start_beyond_the_threshold_leaves_no_way():
     assert compute(0.7, start=0.9).progress == 0.0
     assert compute(0.85, start=0.9).progress == 1.0
+    assert compute(0.9, start=0.7, comparison="<=").progress == 0.0
+    assert compute(0.75, start=0.7, comparison="<=").progress == 1.0
+
+
+@pytest.mark.parametrize(("comparison", "worse"), [(">", 0.7), ("<", 0.9)])
+def test_a_start_at_the_threshold_leaves_no_way(comparison, worse):
+    assert compute(worse, start=THRESHOLD, comparison=comparison).progress == 0.0
 
 
 def test_hands_are_drawn_to_the_garment_until_the_rule_is_met():
@@ -47,6 +69,17 @@ def test_rest_counts_once_the_rule_is_met_and_the_hands_have_let_go():
     assert compute(THRESHOLD, is_released=False).rest == 0.0
     assert compute(THRESHOLD).rest == 1.0
     assert compute(THRESHOLD, speed=CALM_SPEED).rest == pytest.approx(np.exp(-1))
+
+
+def test_a_rule_is_met_once_all_its_criteria_are():
+    high, low = (
+        Criterion(name="height", value=value, comparison="<", threshold=0.3) for value in (0.4, 0.2)
+    )
+    partly, wholly = (compute(THRESHOLD, others=(other,)) for other in (high, low))
+    assert partly.progress == wholly.progress == wholly.rest == wholly.reach == 1.0
+    assert partly.rest == 0.0
+    assert partly.reach < 0.5
+    assert partly.normalized < 0.75 < wholly.normalized
 
 
 def test_the_sum_is_bounded_and_highest_for_what_is_done():

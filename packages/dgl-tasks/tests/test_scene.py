@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_tasks.cameras import FOLD_CAMERAS
 from dgl_tasks.scene import (
     DOME_PATH,
     FLOOR,
@@ -18,6 +17,7 @@ from dgl_tasks.scene import (
     sample_studio_fabric,
 )
 from dgl_tasks.shadows import outline, project
+from dgl_tasks.tasks._common import FOLD_CAMERAS
 
 CENTRE = (0.0, 0.8)
 
@@ -129,9 +129,11 @@ def test_film_shows_the_whole_work(point):
 
 
 def test_scene_without_pictures_has_ground_and_records_its_fabric():
+    task = dgl_tasks.get_task("FoldTops-v1")
+    hardly_settled = dataclasses.replace(task.start, settle_frames=2)
     env = gymnasium.make(
         "FoldTops-v1",
-        task=dataclasses.replace(dgl_tasks.get_task("FoldTops-v1"), settle_frames=2),
+        task=dataclasses.replace(task, start=hardly_settled),
         obs_mode="state",
         render_backend="none",
         sim_backend="physx_cpu",

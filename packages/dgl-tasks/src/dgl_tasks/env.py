@@ -276,7 +276,7 @@ class GarmentEnv(BaseEnv):
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):
             friction, thumb = self.task.hand_friction, self.agent.model.hand.thumb_links
-            is_thumb = component.name.split("_", 1)[-1] in thumb
+            is_thumb = any(component.name.endswith(f"_{side}_{n}") for side in SIDES for n in thumb)
             return friction.thumb if is_thumb and friction.thumb is not None else friction.fingers
         for item in self.objects.values():
             if component.entity.name == item.entity_name:
@@ -295,6 +295,7 @@ class GarmentEnv(BaseEnv):
             if action["control_mode"] != self.agent.control_mode:
                 self.agent.set_control_mode(action["control_mode"])
                 self.agent.controller.reset()
+                self._target = self.agent.get_joint_state()[0].cpu().numpy().astype(np.float64)
             action = action["action"]
         wanted = self.agent.single_action_space.shape
         action = torch.as_tensor(action, device=self.device)
@@ -304,7 +305,8 @@ class GarmentEnv(BaseEnv):
             )
         action = action.reshape(1, *wanted)
         if self.agent.control_mode == "pd_joint_pos":
-            for row in interpolate_action(self._target, action[0].cpu().numpy()):
+            goal = action[0].cpu().numpy().astype(np.float32)
+            for row in interpolate_action(self._target, goal):
                 self.advance(row.astype(np.float32))
         else:
             for _ in range(STEPS_PER_ACTION):
@@ -466,8 +468,9 @@ class GarmentEnv(BaseEnv):
     # State ---------------------------------------------------------------------------------
 
     def get_state_dict(self) -> dict:
-        """Return ManiSkill's state with the garment's particles and contact forces."""
+        """Return ManiSkill's state with the garment's particles, contact forces, and the joint targets that hold."""
         state = super().get_state_dict()
+        state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
         state["garment"] = {
             "positions": torch.from_numpy(self.cloth.state.get_positions()).flatten(1),
             "velocities": torch.from_numpy(self.cloth.state.get_velocities()).flatten(1),
@@ -480,7 +483,7 @@ class GarmentEnv(BaseEnv):
     def set_state_dict(self, state: dict, env_idx: torch.Tensor | None = None) -> None:
         """Restore a state that was taken with the same garment."""
         garment = state["garment"]
-        rigid = {key: value for key, value in state.items() if key != "garment"}
+        rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
         shape = self.cloth.state.get_positions().shape
         if garment["positions"].shape[1] != shape[1] * 3:
@@ -493,6 +496,7 @@ class GarmentEnv(BaseEnv):
             garment["velocities"].cpu().numpy().reshape(shape),
             garment["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
         )
+        self._target = state["targets"]["joints"].cpu().numpy().reshape(-1).astype(np.float64)
         self.cloth.state.set_memory(garment["memory"].cpu().numpy().reshape(-1))
         self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
         self.cloth.sync_bodies(is_jump=True)

@@ -220,7 +220,7 @@ class Handling:
             raise ValueError(f"actions must have shape (N, {wanted}); got {actions.shape}")
         if not np.isfinite(actions).all():
             raise ValueError("actions must be finite; got some that are not")
-        for action in actions:
+        for action in actions.astype(np.float32).astype(float):  # as commands are
             yield from self.send(interpolate_action(self.motion.target, action), recorded=recorded)
             self.motion.reset(action)
 

@@ -63,9 +63,9 @@ def compute_reward_terms(
             "distances and speed must be finite and not negative, values finite; "
             f"got {distances}, {speed}, {main.value}, {start}"
         )
-    way = main.threshold - start  # negative where less is wanted
-    way = np.copysign(max(abs(way), 1e-6), way)
-    progress = 1.0 if main.is_met else float(np.clip((main.value - start) / way, 0, 1))
+    sign = 1.0 if main.comparison in (">", ">=") else -1.0
+    way = max(sign * (main.threshold - start), 1e-6)
+    progress = 1.0 if main.is_met else float(np.clip(sign * (main.value - start) / way, 0, 1))
     near = float(np.mean(1.0 - np.tanh(distances / REACH_SCALE)))
     is_met = verdict.success
     rest = float(np.exp(-speed / CALM_SPEED)) if is_met and is_released else 0.0

@@ -99,7 +99,12 @@ def _load_body(
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
             logger.warning("%s cannot be read (%s); it is made again", path, err)
         else:
-            return kept["vertices"], kept["faces"], kept["regions"], {name: kept[name] for name in names}
+            return (
+                kept["vertices"],
+                kept["faces"],
+                kept["regions"],
+                {name: kept[name] for name in names},
+            )
     person = make_person(parameters.measures, scale=parameters.scale)
     frames = {name: place for name, (place, _) in person.compute_frames(parameters.pose).items()}
     moved = np.array([*frames["head_top"][:2], 0.0])

@@ -1,0 +1,123 @@
+"""What a robot believes of the scene: from what cameras see and what it has found, and from nothing else."""
+
+import numpy as np
+import pytest
+
+from dgl_collect.belief import BelievedView
+from dgl_tasks.errors import PerceptionError
+from dgl_tasks.success import CoversFlatArea, ShareInBox
+
+POINTS = {"left_hem": np.array([-0.2, 0.6, 0.0]), "right_hem": np.array([0.2, 0.6, 0.0])}
+SEEN = {"half_span": 0.3, "hanging": 0.5}
+FLAT_AREA = "1.7 * 2 * half_span * hanging"
+
+
+class Cameras:
+    """Two cameras and nothing else: whoever asks for the truth finds that there is none."""
+
+    def __init__(self, **points):
+        self.points = points
+
+    def see_points(self, camera):
+        if self.points.get(camera) is None:
+            raise PerceptionError("the camera sees nothing of the garment")
+        return self.points[camera]
+
+    def get_frames(self):
+        return {"hanger": {"target": np.array([0.0, 0.8, 1.5])}}
+
+
+def make_view(*, flat_area=FLAT_AREA, seen=SEEN, **points):
+    return BelievedView(Cameras(**points), landmarks=POINTS, flat_area=flat_area, seen=seen)
+
+
+def make_sheet(width, length):
+    """Points all over a rectangle in front of the robots [m]."""
+    x, y = np.meshgrid(np.arange(0.0025, width, 0.005), np.arange(0.0025, length, 0.005))
+    return np.column_stack([x.ravel() - width / 2, y.ravel() + 0.5, np.zeros(x.size)])
+
+
+def test_the_top_is_what_the_upper_camera_sees_and_the_surface_what_both_see():
+    above, ahead = np.zeros((4, 3)), np.ones((3, 3))
+    view = make_view(garment_camera=above, environment_camera=ahead)
+    np.testing.assert_array_equal(view.top, above)
+    np.testing.assert_array_equal(view.surface, [*above, *ahead])
+    assert view.landmarks is POINTS
+    np.testing.assert_array_equal(view.frames["hanger"]["target"], (0.0, 0.8, 1.5))
+
+
+def test_what_is_out_of_sight_is_nowhere():
+    view = make_view(environment_camera=np.ones((3, 3)))
+    assert view.top.shape == (0, 3)
+    assert view.surface.shape == (3, 3)
+    rule = ShareInBox(
+        left=("left_hem",), right=("right_hem",), near="left_hem", far="left_hem",
+        margins=(0.1,) * 4, threshold=0.8,
+    )  # fmt: skip
+    assert rule(view).value == 0.0
+
+
+def test_the_rule_is_applied_to_where_the_points_were_found():
+    """Whether or not they were found where they are."""
+    rule = ShareInBox(
+        left=("left_hem",), right=("right_hem",), near="left_hem", far="left_hem",
+        margins=(0.01,) * 4, threshold=0.8,
+    )  # fmt: skip
+    view = make_view(garment_camera=np.array([[0.0, 0.6, 0.0], [0.0, 0.9, 0.0]]))
+    assert rule(view).value == 0.5
+    assert rule(view).box == pytest.approx((-0.21, 0.59, 0.21, 0.61))
+
+
+def test_the_flat_area_follows_from_what_was_seen_and_found():
+    assert make_view().flat_area == pytest.approx(1.7 * 0.3)
+    width = "distance_xy(left_hem, right_hem)"
+    assert make_view(flat_area=f"{width} * hanging").flat_area == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("flat_area", "seen"),
+    [
+        (None, SEEN),  # the demonstration does not say
+        (FLAT_AREA, {}),  # nothing has been stretched yet
+        (FLAT_AREA, {"half_span": 0.3}),
+        ("1 / (hanging - 0.5)", SEEN),
+    ],
+)
+def test_an_area_that_cannot_be_told_is_infinite_and_nothing_is_believed_to_cover_it(
+    flat_area, seen
+):
+    view = make_view(flat_area=flat_area, seen=seen, garment_camera=make_sheet(2.0, 2.0))
+    assert view.flat_area == np.inf
+    verdict = CoversFlatArea()(view)
+    assert not verdict.success
+    assert verdict.value == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("length", "success"), [(0.78, False), (0.82, True), (1.18, True), (1.22, False)]
+)
+def test_a_garment_is_believed_to_lie_flat_when_it_covers_what_it_is_believed_to_cover(
+    length, success
+):
+    view = make_view(
+        flat_area="2 * half_span * hanging",
+        seen={"half_span": 0.25, "hanging": 1.0},
+        garment_camera=make_sheet(0.5, length),
+    )
+    verdict = CoversFlatArea()(view)
+    assert verdict.value == pytest.approx(1 - abs(1 - length), abs=1e-6)
+    assert verdict.success is success
+
+
+def test_each_camera_looks_once():
+    class Counting(Cameras):
+        looks = 0
+
+        def see_points(self, camera):
+            self.looks += 1
+            return super().see_points(camera)
+
+    cameras = Counting(garment_camera=np.zeros((4, 3)), environment_camera=np.ones((3, 3)))
+    view = BelievedView(cameras, landmarks={}, flat_area=None, seen={})
+    assert (len(view.top), len(view.surface), len(view.top)) == (4, 7, 4)
+    assert cameras.looks == 2

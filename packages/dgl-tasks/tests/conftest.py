@@ -1,0 +1,192 @@
+"""Robots and environments that only look like ones: no simulator, no cameras."""
+
+import functools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+import dgl_tasks
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES
+from dgl_tasks.course import Command
+from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.handling import Handling
+from dgl_tasks.motion import BimanualMotion
+from dgl_tasks.observation import Observation
+from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+from dgl_tasks.success import Criterion, Verdict
+
+
+def make_observation(joint_state):
+    return Observation(
+        joint_state=np.asarray(joint_state, np.float32),
+        ee_pose=np.zeros((2, 7), np.float32),
+        image=np.zeros((480, 640, 3), np.uint8),
+        env_point_cloud=np.zeros((2048, 6), np.float32),
+    )
+
+
+class World:
+    """What is sensed of arms that are where they are told to be, and of a garment that a test makes up."""
+
+    def __init__(self, motion):
+        self.motion = motion
+        self.target = motion.robot.compute_start("open")
+        self.seed = 0
+        self.commands, self.marks, self.masks = [], [], []
+        self.points = np.array([[0.0, 0.8, 0.0]])  # far below whatever hands do
+        self.hands = Handling(motion, self)
+
+    @property
+    def step(self):
+        return len(self.commands)
+
+    @property
+    def joint_state(self):
+        return self.target.astype(np.float32)
+
+    def get_grasp_point(self, side):
+        with self.motion.rehearsal():
+            self.motion.reset(self.target)
+            pose = self.motion.compute_poses()[side]
+        return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.motion.robot)
+
+    def observe(self):
+        return make_observation(self.joint_state)
+
+    def see_garment(self):
+        return np.zeros((2048, 3), np.float32)
+
+    def see_points(self):
+        return self.points
+
+    def see_mask(self):
+        return self.masks.pop(0) if self.masks else np.ones((2, 2), bool)
+
+    def play(self, part):
+        """Follow a part of a course to its end; gives the commands."""
+        before = self.step
+        try:
+            item = next(part)
+            while True:
+                if isinstance(item, Command):
+                    self.target = np.array(item.target)
+                    self.commands.append(item)
+                else:
+                    self.marks.append(item)
+                item = part.send(self)
+        except StopIteration:
+            return self.commands[before:]
+
+
+class JumpingMotion:
+    """Plans jumps, without kinematics."""
+
+    def __init__(self):
+        self.robot = DEFAULT_ROBOT
+        self.target = np.zeros(self.robot.dof)
+
+    def reset(self, joint_state):
+        self.target = np.array(joint_state, dtype=float)
+
+    def hold(self, frames):
+        return np.tile(self.target, (frames, 1))
+
+    def park(self):
+        for side in SIDES:
+            self.target[self.robot.joint_slice(side, "arm")] = self.robot.arm.parked[side]
+        return self.target[None].copy()
+
+
+class FakeEnv:
+    """Arms that come half way to each target, hands and cloth where a test puts them, and a verdict."""
+
+    def __init__(self, *, value=0.9, grasp_points=((-0.4, 0.7, 0.4), (0.4, 0.7, 0.4))):
+        self.agent = SimpleNamespace(
+            model=DEFAULT_ROBOT,
+            get_joint_state=lambda: torch.from_numpy(self.joints)[None],
+            get_ee_poses=lambda: torch.from_numpy(self._compute_poses())[None],
+        )
+        self.cloth = SimpleNamespace(
+            measure_strain=lambda: np.linspace(0.0, self.strain, 1001),
+            solver=SimpleNamespace(measure_penetration=lambda state: [0.001]),
+            state=None,
+        )
+        self.joints = np.zeros(DEFAULT_ROBOT.dof, np.float32)
+        self.grasp_points = dict(zip(SIDES, np.array(grasp_points, float), strict=True))
+        self.particles = np.zeros((1, 3))
+        self.value, self.strain = value, 0.0
+        self.garment, self.objects = SimpleNamespace(name="tops/1"), {}
+        self.garment_segment = 7
+        self.draws = {"x": 0.1}
+        self.resets, self.sent = [], []
+
+    def _compute_poses(self):
+        turn = np.array([1.0, 0.0, 0.0, 0.0])
+        poses = [
+            [*(2 * point - wrist_to_grasp(point, turn, side)), *turn]
+            for side, point in self.grasp_points.items()
+        ]
+        return np.array(poses)
+
+    def reset(self, *, seed, options):
+        self.resets.append((seed, options))
+
+    def advance(self, target):
+        self.sent.append(np.array(target))
+        self.joints = (self.joints + target) / 2
+
+    def get_particles(self):
+        return self.particles
+
+    def judge(self):
+        share = Criterion(name="share", value=self.value, comparison=">=", threshold=0.8)
+        return Verdict(criteria=(share,))
+
+
+@functools.cache
+def _make_planner():
+    return BimanualMotion(dgl_tasks.get_task("FoldTops-v1"), DEFAULT_ROBOT_DIRECTORY)
+
+
+@pytest.fixture
+def motion():
+    """A planner of real arms at their start."""
+    planner = _make_planner()
+    planner.reset(planner.robot.compute_start("open"))
+    return planner
+
+
+@pytest.fixture
+def world(motion):
+    """A world with real kinematics, the arms at their start."""
+    return World(motion)
+
+
+@pytest.fixture
+def jumping_world():
+    """A world whose motions are jumps."""
+    return World(JumpingMotion())
+
+
+@pytest.fixture
+def jumping_motion():
+    return JumpingMotion()
+
+
+@pytest.fixture
+def make_env():
+    """Makes environments that only look like ones."""
+    return FakeEnv
+
+
+@pytest.fixture
+def observe_without_cameras(monkeypatch):
+    """Let what is sensed of an environment that cannot render be its joints alone."""
+    monkeypatch.setattr(
+        "dgl_tasks.sensing.Sensed.observe", lambda self: make_observation(self.joint_state)
+    )
+    monkeypatch.setattr(
+        "dgl_tasks.sensing.Sensed.see_garment", lambda self: np.zeros((2048, 3), np.float32)
+    )
