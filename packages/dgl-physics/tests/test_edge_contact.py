@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dgl_physics import ClothMaterial, Shape
+from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolidMaterial
 from dgl_physics.edge_contact import EdgeContact
 
 EDGE = 0.0125
@@ -79,3 +79,57 @@ def test_what_is_above_the_middle_of_an_edge_is_left_alone(run, sheet, builder, 
     r, total = hang_over_needle(run, sheet, builder, device, depth=-0.0011, frames=5)
     assert np.abs(r.x[:, 2]).max() < 1e-6
     assert np.abs(total).max() == 0.0
+
+
+SOLID_EDGE = 0.0125
+THIN = 0.002
+
+
+def press_on_an_edge(run, *, depth, at):
+    """A ball of 2 mm goes down on a clamped felt of 3 mm at a place [m] of it; the run and the ball's height."""
+    builder = ModelBuilder()
+    x = (np.arange(9) - 4) * SOLID_EDGE
+    vertices = np.array([(a, b, 0.0) for a in x for b in x])
+    faces = []
+    for i in range(8):
+        for j in range(8):
+            a = 9 * i + j
+            faces += [(a, a + 9, a + 1), (a + 1, a + 9, a + 10)]
+    rim = np.flatnonzero(np.abs(vertices[:, :2]).max(axis=1) > x[-1] - 1e-6)
+    builder.add_solid(
+        vertices,
+        np.array(faces),
+        thickness=0.003,
+        material=SolidMaterial(youngs_modulus=2e5, rest_offset=0.003, damping=0.01),
+        pinned=tuple(rim),
+    )
+    body = builder.add_body("ball")
+    builder.add_shape(Shape(kind="sphere", size=(THIN, 0.0, 0.0)), body=body)
+    r = run(builder, gravity=(0.0, 0.0, 0.0))
+    heights = np.linspace(0.01, THIN - depth, 60)
+    for k, height in enumerate([*heights, *[heights[-1]] * 30]):
+        r.move([[*at, height, 1, 0, 0, 0]], is_jump=k == 0)
+        r.step()
+    return r, float(heights[-1])
+
+
+def test_a_thin_thing_does_not_pass_between_the_corners_of_a_solid(run):
+    """At the middle of an edge, where no corner is within its reach."""
+    middle = (SOLID_EDGE / 2, 0.0)
+    reach = THIN + 0.003  # of a corner's contact
+    assert reach < SOLID_EDGE / 2
+    r, height = press_on_an_edge(run, depth=0.006, at=middle)
+    ends = [9 * 4 + 4, 9 * 5 + 4]
+    sunk = r.x[ends].mean(axis=0)
+    assert np.abs(sunk[:2] - middle).max() < 1e-3
+    gap = height - THIN - sunk[2]  # of the ball over the middle of the edge
+    assert gap == pytest.approx(0.25 * 0.003, abs=4e-4)
+    assert sunk[2] < -0.004  # it is the felt that gives way
+    force = r.state.impulse.numpy()[0, 0, 2] * 60
+    assert force > 0.05
+
+
+def test_a_thin_thing_is_stopped_by_a_corner_of_a_solid_as_before(run):
+    r, height = press_on_an_edge(run, depth=0.004, at=(0.0, 0.0))
+    gap = height - THIN - r.x[9 * 4 + 4, 2]
+    assert gap == pytest.approx(0.003, abs=4e-4)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from dgl_physics import factor
+from dgl_physics import factor, topology
 from dgl_physics._kernels.solid import Elements
 from dgl_physics.solid_material import SolidMaterial
-from dgl_physics.tetrahedra import compute_volumes
+from dgl_physics.tetrahedra import compute_surface, compute_volumes
 
 
 class SolidMesh:
@@ -21,6 +21,7 @@ class SolidMesh:
         order: Particle of each row, shape (V,); rows that are joined are near each other.
         tets: Rows of each element, shape (T, 4).
         inverse_shape: Inverse rest edge matrices [1/m], shape (T, 3, 3).
+        edges: Rows of both ends of each edge of the surface, shape (E, 2).
         volume: Rest volumes [m^3], shape (T,).
         mass: Of each row [kg], 0 for pinned ones, shape (V,).
         stiffness: Of each element, relative to the material's, shape (T,).
@@ -43,6 +44,7 @@ class SolidMesh:
         row = np.empty(len(rest), dtype=np.int64)
         row[self.order] = np.arange(len(rest))
         self.tets = row[tets]
+        self.edges = row[topology.compute_edges(compute_surface(tets))]
         self.volume = compute_volumes(rest, tets)
         edges = rest[tets[:, 1:]] - rest[tets[:, :1]]  # (T, 3, 3), edges as rows
         self.inverse_shape = np.linalg.inv(edges.transpose(0, 2, 1))
@@ -85,6 +87,12 @@ class Solids:
     particle: wp.array
     mass: wp.array
     damping: wp.array
+    edges: np.ndarray
+    """Rows of both ends of each edge of the surfaces, shape (E, 2)."""
+    first_edge: np.ndarray
+    """First edge of each solid, shape (S,)."""
+    edge_count: np.ndarray
+    """Shape (S,)."""
     incident_start: wp.array
     incident: wp.array
     elements: Elements
@@ -99,6 +107,7 @@ def build_solids(placed: Sequence[tuple[int, SolidMesh]], device: str) -> Solids
     first_row = np.concatenate([[0], np.cumsum(counts)[:-1]])
     parts = list(zip(first_row.tolist(), placed, strict=True))
     tets = np.concatenate([mesh.tets + row for row, (_, mesh) in parts])
+    edge_count = np.array([len(mesh.edges) for _, mesh in placed])
     moduli = []
     for _, mesh in placed:
         mu, lame = mesh.material.compute_lame()
@@ -126,6 +135,9 @@ def build_solids(placed: Sequence[tuple[int, SolidMesh]], device: str) -> Solids
         particle=to_device(np.concatenate([first + m.order for first, m in placed]), wp.int32),
         mass=to_device(np.concatenate([mesh.mass for _, mesh in placed]), wp.float32),
         damping=to_device(np.concatenate(damping), wp.float32),
+        edges=np.concatenate([mesh.edges + row for row, (_, mesh) in parts]),
+        first_edge=np.concatenate([[0], np.cumsum(edge_count)[:-1]]),
+        edge_count=edge_count,
         incident_start=to_device(start, wp.int32),
         incident=to_device(incident, wp.int32),
         elements=elements,

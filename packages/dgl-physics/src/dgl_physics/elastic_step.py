@@ -58,18 +58,28 @@ class ElasticStep:
         self._trial, self._fall, self._step, self._push, self._shift, self._arm, self._lever = (
             wp.zeros(count, dtype=wp.vec3, device=device) for _ in range(7)
         )
-        self._own = wp.zeros(count, dtype=wp.vec2, device=device)
+        # points of contact: the rows, and the middles of the surface's edges
+        own_rows = np.repeat(np.arange(count)[:, None], 2, axis=1)
+        ends = np.concatenate([own_rows, solids.edges])
+        points = len(ends)
+        self._first_edge = to_device(count + solids.first_edge, wp.int32)
+        self._edge_count = to_device(solids.edge_count, wp.int32)
+        self._point_push, self._point_moved = (
+            wp.zeros(points, dtype=wp.vec3, device=device) for _ in range(2)
+        )
+        self._own = wp.zeros(points, dtype=wp.vec2, device=device)
         self._inverse_inertia = wp.zeros(len(meshes), dtype=wp.mat33, device=device)
         self._turning = wp.zeros(len(meshes), dtype=wp.mat33, device=device)
-        self._listed = wp.zeros(count, dtype=wp.int32, device=device)
+        self._listed = wp.zeros(points, dtype=wp.int32, device=device)
         self._contact_count = wp.zeros(len(meshes), dtype=wp.int32, device=device)
         self._touches = Touches()
-        self._touches.shape = wp.zeros(count, dtype=wp.int32, device=device)
-        self._touches.gap = wp.zeros(count, dtype=wp.float32, device=device)
-        self._touches.friction = wp.zeros(count, dtype=wp.float32, device=device)
-        self._touches.normal = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._touches.slip = wp.zeros(count, dtype=wp.vec3, device=device)
-        self._touches.surface = wp.zeros(count, dtype=wp.vec3, device=device)
+        self._touches.row_count = count
+        self._touches.ends = to_device(ends.astype(np.int32), wp.vec2i)
+        self._touches.shape = wp.zeros(points, dtype=wp.int32, device=device)
+        for name in ("gap", "friction"):
+            setattr(self._touches, name, wp.zeros(points, dtype=wp.float32, device=device))
+        for name in ("normal", "slip", "surface", "arm", "lever"):
+            setattr(self._touches, name, wp.zeros(points, dtype=wp.vec3, device=device))
         self._forces = wp.zeros(solids.elements.rows.size, dtype=wp.mat33, device=device)
 
     def launch(
@@ -140,12 +150,12 @@ class ElasticStep:
         )  # fmt: skip
         wp.launch(
             solid_contact.find_touches,
-            dim=count,
+            dim=len(self._touches.ends),
             inputs=[
                 self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
                 inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                near.near_count, previous, state.positions, s.particle, self._fall,
-                self._step, self._touches,
+                near.near_count, previous, state.positions, near.near_bodies, s.particle,
+                self._fall, self._step, self._touches,
             ],
         )  # fmt: skip
         wp.launch(
@@ -153,8 +163,9 @@ class ElasticStep:
             dim=len(s.first_row),
             inputs=[
                 self._dt, CONTACT_SWEEPS, self._bodies, m.shapes, m.environment, s.particle,
-                self._arm, self._lever, self._inverse_inertia, self._turning, self._touches,
-                self._own, self._listed, self._contact_count, self._push, self._shift,
+                self._first_edge, self._edge_count, self._arm, self._lever,
+                self._inverse_inertia, self._turning, self._touches, self._own, self._listed,
+                self._contact_count, self._point_push, self._point_moved, self._push,
                 state.impulse,
             ],
         )  # fmt: skip
