@@ -3,6 +3,7 @@
 import json
 
 from dexgarmentlab.cli import main
+from dgl_collect.demonstration import load_demonstration
 from dgl_tasks import get_task, task_ids
 
 
@@ -13,7 +14,13 @@ def test_every_task_is_described_as_it_is_declared(capsys):
     for shown in tasks:
         task = get_task(shown["id"])
         assert shown["category"] == task.category
-        assert [stage["name"] for stage in shown["stages"]] == [s.name for s in task.stages]
+        stages = load_demonstration(task.id).stages
+        assert [stage["name"] for stage in shown["stages"]] == [s.name for s in stages]
+        for stage, declared in zip(shown["stages"], stages, strict=True):
+            assert set(stage["grasp"]) == set(declared.grasp)
+            assert stage["orientation"] == declared.approach.orientation
+            assert stage["learned"] == declared.is_learned
+        assert shown["objects"] == [item.name for item in task.objects]
         assert shown["success"] == task.success_text
         assert shown["robot_bases"] == {
             "left": list(task.left_base),

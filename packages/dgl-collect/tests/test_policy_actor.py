@@ -336,20 +336,35 @@ def test_hems_are_taken_midway_between_two_matched_points_whoever_acts(make_worl
 
 
 def test_where_two_hands_find_no_two_places_both_are_sent_alike(make_world):
-    """Nothing near where the points lay is as wide as two hands, and so the finder has to look elsewhere."""
-    cloud = np.array([(0.0, 0.6, 0.0), (0.1, 0.6, 0.0), (0.05, 0.9, 0.0), (0.35, 0.6, 0.0)])
-    points = {"left_cuff": cloud[0], "right_cuff": cloud[1]}
-    stage = make_stage("two", grasp=("left", "right"), moved_at_most=0.12)
-    first = make_stage("one")
-    demonstration = dataclasses.replace(make_demonstration(first, stage), points=points)
-    assert np.linalg.norm(cloud[0] - cloud[1]) < HANDS_APART
-    runner = make_runner(demonstration, {})
+    """What lies near the old places is not as wide as two hands any more, and so the finder looks elsewhere."""
+    before = np.array([(0.0, 0.6, 0.0), (0.2, 0.6, 0.0), (0.1, 0.95, 0.0)])
+    after = np.array([(0.06, 0.6, 0.0), (0.14, 0.6, 0.0), (0.1, 0.95, 0.0)])
+    points = {"left_cuff": before[0], "right_cuff": before[1]}
+    stage = make_stage("two", grasp=("left", "right"), moved_at_most=0.15)
+    demonstration = dataclasses.replace(make_demonstration(make_stage(), stage), points=points)
     finder = PointFinder(demonstration, CLOUD)
-    seen = cloud.astype(np.float32)
-    finder.look(seen, Nearest())
-    wanted, _ = finder.find_grasps(stage, seen, Nearest(), {})
+    finder.look(before.astype(np.float32), Nearest())
+    for name, point in points.items():  # within reach of the search, and too near to each other
+        near = np.linalg.norm((after - finder.points[name])[:, :2], axis=1) <= stage.moved_at_most
+        assert near.tolist() == [True, True, False], name
+    assert np.linalg.norm(after[0] - after[1]) < HANDS_APART
+    wanted, _ = finder.find_grasps(stage, after.astype(np.float32), Nearest(), {})
     assert np.linalg.norm((wanted["left"] - wanted["right"])[:2]) >= HANDS_APART
-    for work in send_both(lambda: make_world(cloud=cloud), runner, number=1):
+
+    def make_changing_world():
+        world, looks = make_world(cloud=before), []
+        see = world.see_garment
+
+        def see_garment():
+            looks.append(world.step)
+            if len(looks) == 3:  # as a whole, then for stage one, then for this one
+                world.cloud = after.astype(np.float32)
+            return see()
+
+        world.see_garment = see_garment
+        return world
+
+    for work in send_both(make_changing_world, make_runner(demonstration, {}), number=1):
         assert work.stage is stage
         for side in SIDES:
             np.testing.assert_array_equal(work.places[side], wanted[side])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dgl_assets.robots import SIDES, UR10E
 from dgl_tasks.control import ARM_SPEED_LIMITS, ArmKinematics, limit_joint_speed, plan_line
@@ -12,16 +13,16 @@ from dgl_tasks.grasps import (
     turn_inward,
     wrist_to_grasp,
 )
-from dgl_tasks.rotations import (
-    compute_rotation_angle,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    slerp,
-)
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 BASES = {"left": (-0.8, 0.0, 0.5, 0.0), "right": (0.8, 0.0, 0.5, 0.0)}
 SIGN = {"left": -1.0, "right": 1.0}
 TURNS = tuple(np.radians((0.0, 15.0, 30.0, 45.0)))
+
+
+def measure_angle(first, second):
+    """Angle [rad] between two orientations wxyz."""
+    return float((to_rotation(first).inv() * to_rotation(second)).magnitude())
 
 
 def follow_line(arm, point, quaternion, q, turn=0.0):
@@ -82,7 +83,7 @@ ROWS = [
 @pytest.mark.parametrize(("name", "side", "fingers", "palm", "offset"), ROWS)
 def test_grasp_orientations_match_the_specification(name, side, fingers, palm, offset):
     q = GRASP_ORIENTATIONS[name][side]
-    R = matrix_from_quaternion(q)
+    R = to_rotation(q).as_matrix()
     np.testing.assert_allclose(R[:, 0], fingers, atol=2e-3)
     np.testing.assert_allclose(R[:, 1], palm, atol=2e-3)
     point = np.array([0.1, 0.7, 0.02])
@@ -94,8 +95,8 @@ def test_grasp_orientations_match_the_specification(name, side, fingers, palm, o
 def test_turn_inward_points_the_hands_at_each_other():
     for side in SIDES:
         q = GRASP_ORIENTATIONS["standard"][side]
-        before = matrix_from_quaternion(q)
-        after = matrix_from_quaternion(turn_inward(q, np.radians(30), side))
+        before = to_rotation(q).as_matrix()
+        after = to_rotation(turn_inward(q, np.radians(30), side)).as_matrix()
         assert np.degrees(np.arccos(before[:, 0] @ after[:, 0])) == pytest.approx(30, abs=1e-6)
         assert SIGN[side] * after[0, 0] < SIGN[side] * before[0, 0]
         np.testing.assert_allclose(after[:, 1], before[:, 1], atol=2e-3)
@@ -125,9 +126,7 @@ def test_line_of_no_length_is_empty_and_pure_rotation_is_not():
     turned = np.array([0.1, 0.2, 0.3, np.cos(0.1), 0, 0, np.sin(0.1)])  # 0.2 rad
     line = plan_line(pose, turned, angular_spacing=0.05)
     assert len(line) == 4
-    angles = [
-        compute_rotation_angle(a, b) for a, b in zip(line[:-1, 3:], line[1:, 3:], strict=True)
-    ]
+    angles = [measure_angle(a, b) for a, b in zip(line[:-1, 3:], line[1:, 3:], strict=True)]
     np.testing.assert_allclose(angles, 0.05, atol=1e-9)
 
 
@@ -139,24 +138,24 @@ def test_line_refuses_bad_arguments():
         plan_line(pose, pose, spacing=0.0)
 
 
-def test_slerp_takes_the_short_way_whatever_the_signs():
-    a = np.array(IDENTITY)
+def test_a_line_turns_the_short_way_whatever_the_signs():
     b = np.array([np.cos(0.5), np.sin(0.5), 0, 0])
     for goal in (b, -b):
-        half = slerp(a, goal, 0.5)
-        assert abs(half @ [np.cos(0.25), np.sin(0.25), 0, 0]) == pytest.approx(1.0)
-    np.testing.assert_allclose(slerp(a, a, 0.3), a)
+        line = plan_line(np.array([0, 0, 0, *IDENTITY]), np.array([0.1, 0, 0, *goal]))
+        middle = line[len(line) // 2 - 1]
+        share = middle[0] / 0.1
+        assert measure_angle(middle[3:], IDENTITY) == pytest.approx(share, abs=1e-9)
 
 
 def test_quaternions_round_trip_through_matrices():
     rng = np.random.default_rng(1)
     cases = [*rng.normal(size=(30, 4)), *np.eye(4)]
     for q in cases:
-        R = matrix_from_quaternion(q)
+        R = to_rotation(q).as_matrix()
         np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
-        assert compute_rotation_angle(q, quaternion_from_matrix(R)) < 1e-7
+        assert measure_angle(q, to_quaternion(Rotation.from_matrix(R))) < 1e-7
     with pytest.raises(ValueError, match="not all zero"):
-        matrix_from_quaternion(np.zeros(4))
+        to_rotation(np.zeros(4)).as_matrix()
 
 
 def test_joint_speed_is_limited_only_where_needed():
@@ -188,7 +187,7 @@ def test_solutions_are_exact_and_within_limits(arms, side):
         q = arm.solve(goal[:3], goal[3:], arm.home)
         again = arm.compute_pose(q)
         assert np.linalg.norm(again[:3] - goal[:3]) < 1e-3
-        assert compute_rotation_angle(again[3:], goal[3:]) < 2e-3
+        assert measure_angle(again[3:], goal[3:]) < 2e-3
         assert (np.abs(q) <= limits).all()
         solved += 1
     assert solved > 20

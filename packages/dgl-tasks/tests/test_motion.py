@@ -9,13 +9,18 @@ from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, turn_inward, wrist_to_grasp
 from dgl_tasks.motion import HAND_FRAMES, PARKED, RAMP_FRAMES, TURNS, BimanualMotion
-from dgl_tasks.rotations import compute_rotation_angle, matrix_from_quaternion
+from dgl_tasks.rotations import to_rotation
 
 TASK = get_task("FoldTops-v1")
 STANDARD = GRASP_ORIENTATIONS["standard"]
 SIGN = {"left": -1.0, "right": 1.0}
 ARM = {side: joint_slice(side, "arm") for side in SIDES}
 HAND = {side: joint_slice(side, "hand") for side in SIDES}
+
+
+def measure_angle(first, second):
+    """Angle [rad] between two orientations wxyz."""
+    return float((to_rotation(first).inv() * to_rotation(second)).magnitude())
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +63,7 @@ def test_lines_end_at_their_goals_and_stay_straight(motion, arms):
     for side in SIDES:
         np.testing.assert_allclose(grasp_point(arms, rows[-1], side), end[side], atol=1e-3)
         orientation = arms[side].compute_pose(rows[-1][ARM[side]])[3:]
-        assert compute_rotation_angle(orientation, STANDARD[side]) < 2e-3
+        assert measure_angle(orientation, STANDARD[side]) < 2e-3
         way = end[side] - begin[side]
         for row in rows[:: len(rows) // 5]:
             offset = grasp_point(arms, row, side) - begin[side]
@@ -244,14 +249,14 @@ def test_an_orientation_is_named_and_turned_inward(side):
     np.testing.assert_allclose(orient("heap", side), GRASP_ORIENTATIONS["heap"][side], atol=1e-12)
     turned = orient("standard", side, 0.4)
     np.testing.assert_array_equal(turned, turn_inward(STANDARD[side], 0.4, side))
-    assert compute_rotation_angle(turned, STANDARD[side]) == pytest.approx(0.4, abs=1e-6)
+    assert measure_angle(turned, STANDARD[side]) == pytest.approx(0.4, abs=1e-6)
 
 
 @pytest.mark.parametrize(("name", "ahead"), [("sides", "standard"), ("heap_sides", "heap")])
 def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name, ahead):
     for side, inwards in (("left", 1), ("right", -1)):
-        x, y, z = matrix_from_quaternion(GRASP_ORIENTATIONS[name][side])[:, 0]
-        before = matrix_from_quaternion(GRASP_ORIENTATIONS[ahead][side])[:, 0]
+        x, y, z = to_rotation(GRASP_ORIENTATIONS[name][side]).as_matrix()[:, 0]
+        before = to_rotation(GRASP_ORIENTATIONS[ahead][side]).as_matrix()[:, 0]
         turn = np.arctan2(inwards * x, y) - np.arctan2(inwards * before[0], before[1])
         assert np.degrees(turn) == pytest.approx(45, abs=1e-3)
         assert z == pytest.approx(before[2], abs=1e-6)
@@ -259,7 +264,7 @@ def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name
 
 def test_the_fingers_of_a_heap_grasp_point_down_by_30_degrees():
     for side in SIDES:
-        along = matrix_from_quaternion(GRASP_ORIENTATIONS["heap"][side])[:, 0]
-        level = matrix_from_quaternion(STANDARD[side])[:, 0]
+        along = to_rotation(GRASP_ORIENTATIONS["heap"][side]).as_matrix()[:, 0]
+        level = to_rotation(STANDARD[side]).as_matrix()[:, 0]
         assert along[2] == pytest.approx(-0.5, abs=1e-3)
         np.testing.assert_allclose(along[:2] / np.cos(np.radians(30)), level[:2], atol=1e-3)

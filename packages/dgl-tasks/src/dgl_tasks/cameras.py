@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import fpsample
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dgl_tasks.rotations import matrix_from_quaternion, quaternion_from_matrix
+from dgl_tasks.rotations import to_quaternion
 
 if TYPE_CHECKING:
     from mani_skill.sensors.camera import CameraConfig
@@ -59,9 +60,13 @@ class CameraPlacement:
         return float(2 * np.arctan(np.tan(self.horizontal_fov / 2) * self.height / self.width))
 
     @property
+    def _rotation(self) -> Rotation:
+        return Rotation.from_euler("xyz", self.euler_deg, degrees=True)
+
+    @property
     def quaternion(self) -> np.ndarray:
         """Orientation wxyz, shape (4,): +X is the optical axis, +Z is up in the picture."""
-        return quaternion_from_matrix(_rotation_from_euler(self.euler_deg))
+        return to_quaternion(self._rotation)
 
     @property
     def intrinsics(self) -> np.ndarray:
@@ -73,7 +78,7 @@ class CameraPlacement:
     def transform_camera_to_world(self) -> np.ndarray:
         """Pose of the OpenCV camera frame (x right, y down, z forward) in the world, shape (4, 4)."""
         T = np.eye(4)
-        T[:3, :3] = matrix_from_quaternion(self.quaternion) @ _OPENCV_TO_SAPIEN
+        T[:3, :3] = self._rotation.as_matrix() @ _OPENCV_TO_SAPIEN
         T[:3, 3] = self.position
         return T
 
@@ -96,17 +101,6 @@ class CameraPlacement:
             far=self.far,
             shader_pack="minimal",  # the fastest
         )
-
-
-def _rotation_from_euler(euler_deg: Vector3) -> np.ndarray:
-    roll, pitch, yaw = np.radians(euler_deg)
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    return (
-        np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-        @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    )
 
 
 def look_at(eye: Vector3, target: Vector3) -> Vector3:

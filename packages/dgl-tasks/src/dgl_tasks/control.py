@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import placo
+from scipy.spatial.transform import Rotation, Slerp
 
 from dgl_assets.robots import (
     DEFAULT_ROBOT,
@@ -17,13 +18,7 @@ from dgl_assets.robots import (
 )
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
-from dgl_tasks.rotations import (
-    compute_rotation_angle,
-    matrix_from_quaternion,
-    normalize_quaternion,
-    quaternion_from_matrix,
-    slerp,
-)
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 CONTROL_DT = 1.0 / CONTROL_FREQUENCY
 """Control step [s]."""
@@ -72,14 +67,15 @@ def plan_line(
             f"spacing and angular_spacing must be positive; got {spacing}, {angular_spacing}"
         )
     distance = float(np.linalg.norm(goal[:3] - start[:3]))
-    angle = compute_rotation_angle(start[3:], goal[3:])
+    ends = Rotation.concatenate([to_rotation(start[3:]), to_rotation(goal[3:])])
+    angle = float((ends[0].inv() * ends[1]).magnitude())
     if distance < 1e-9 and angle < 1e-9:
         return np.zeros((0, 7))
     # The small allowance keeps 0.30 / 0.01 at 30 samples in spite of rounding.
     count = max(1, int(np.ceil(max(distance / spacing, angle / angular_spacing) - 1e-6)))
     fractions = np.arange(1, count + 1) / count
     positions = start[:3] + fractions[:, None] * (goal[:3] - start[:3])
-    rotations = np.array([slerp(start[3:], goal[3:], f) for f in fractions])
+    rotations = to_quaternion(Slerp([0.0, 1.0], ends)(fractions))
     return np.hstack([positions, rotations])
 
 
@@ -114,7 +110,7 @@ def _checked_pose(name: str, pose: np.ndarray) -> np.ndarray:
     pose = np.array(pose, dtype=float)
     if pose.shape != (7,):
         raise ValueError(f"{name} must have shape (7,), xyz and wxyz; got {pose.shape}")
-    pose[3:] = normalize_quaternion(pose[3:])
+    pose[3:] = to_quaternion(to_rotation(pose[3:]))
     return pose
 
 
@@ -174,7 +170,7 @@ class ArmKinematics:
         """Compute the pose of `ee`, shape (7,), at joint positions `q` [rad], shape (n,)."""
         self._set(q)
         T = self._robot.get_T_world_frame(self._frame)
-        return np.concatenate([T[:3, 3], quaternion_from_matrix(T[:3, :3])])
+        return np.concatenate([T[:3, 3], to_quaternion(Rotation.from_matrix(T[:3, :3]))])
 
     def solve(
         self,
@@ -200,7 +196,7 @@ class ArmKinematics:
             UnreachableError: If there is no such configuration on the start's branch.
         """
         T = np.eye(4)
-        T[:3, :3] = matrix_from_quaternion(quaternion)
+        T[:3, :3] = to_rotation(quaternion).as_matrix()
         T[:3, 3] = position
         self._task.T_world_frame = T
         start = np.array(start_q, dtype=float)

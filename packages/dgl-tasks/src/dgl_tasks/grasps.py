@@ -7,13 +7,10 @@ right hand and the little-finger side of the left.
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dgl_assets.robots import DEFAULT_ROBOT, Robot, Side
-from dgl_tasks.rotations import (
-    matrix_from_quaternion,
-    multiply_quaternions,
-    normalize_quaternion,
-)
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 GraspName = Literal[
     "standard",
@@ -62,8 +59,7 @@ def pitch_fingers(quaternion: np.ndarray, angle: float) -> np.ndarray:
     Returns:
         The turned orientation, wxyz, shape (4,).
     """
-    turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
-    return multiply_quaternions(normalize_quaternion(quaternion), turn)
+    return to_quaternion(to_rotation(quaternion) * Rotation.from_rotvec([0.0, 0.0, angle]))
 
 
 def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
@@ -77,14 +73,13 @@ def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
     Returns:
         The turned orientation, wxyz, shape (4,).
     """
-    half = (-angle if side == "left" else angle) / 2
-    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-    return multiply_quaternions(turn, normalize_quaternion(quaternion))
+    turn = Rotation.from_rotvec([0.0, 0.0, -angle if side == "left" else angle])
+    return to_quaternion(turn * to_rotation(quaternion))
 
 
 def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     found: dict[GraspName, dict[Side, np.ndarray]] = {
-        name: {side: normalize_quaternion(np.array(q)) for side, q in row.items()}
+        name: {side: to_quaternion(to_rotation(q)) for side, q in row.items()}
         for name, row in _GRASP_ROWS.items()
     }
     pitched: dict[GraspName, GraspName] = {"heap": "standard", "hems": "trousers_2"}
@@ -119,7 +114,7 @@ def grasp_to_wrist(
     Returns:
         Wrist position [m], shape (3,), world frame.
     """
-    offset = matrix_from_quaternion(quaternion) @ robot.get_grasp_offset(side)
+    offset = to_rotation(quaternion).apply(robot.get_grasp_offset(side))
     return np.asarray(point, dtype=float) - offset
 
 
@@ -127,7 +122,7 @@ def wrist_to_grasp(
     position: np.ndarray, quaternion: np.ndarray, side: Side, *, robot: Robot = DEFAULT_ROBOT
 ) -> np.ndarray:
     """Compute the grasp point [m], shape (3,), of a wrist pose; inverse of `grasp_to_wrist`."""
-    offset = matrix_from_quaternion(quaternion) @ robot.get_grasp_offset(side)
+    offset = to_rotation(quaternion).apply(robot.get_grasp_offset(side))
     return np.asarray(position, dtype=float) + offset
 
 
@@ -142,9 +137,8 @@ def roll_thumb_down(quaternion: np.ndarray, angle: float, side: Side) -> np.ndar
     Returns:
         The turned orientation, wxyz, shape (4,).
     """
-    half = (angle if side == "left" else -angle) / 2
-    turn = np.array([np.cos(half), np.sin(half), 0.0, 0.0])
-    return multiply_quaternions(normalize_quaternion(quaternion), turn)
+    turn = Rotation.from_rotvec([angle if side == "left" else -angle, 0.0, 0.0])
+    return to_quaternion(to_rotation(quaternion) * turn)
 
 
 def point_along_fingers(quaternion: np.ndarray) -> np.ndarray:
@@ -153,7 +147,7 @@ def point_along_fingers(quaternion: np.ndarray) -> np.ndarray:
     Raises:
         ValueError: If they point straight up or down.
     """
-    along = matrix_from_quaternion(quaternion)[:, 0] * [1.0, 1.0, 0.0]
+    along = to_rotation(quaternion).apply([1.0, 0.0, 0.0]) * [1.0, 1.0, 0.0]
     length = float(np.linalg.norm(along))
     if length < 1e-3:
         raise ValueError(f"fingers must not point straight up or down; got quaternion {quaternion}")

@@ -33,7 +33,7 @@ class Finish:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PropPart:
-    """A closed triangle mesh of one finish."""
+    """A triangle mesh of one finish: closed, or closed together with the other parts."""
 
     name: str
     vertices: np.ndarray

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree
+from trimesh.triangles import closest_point
 
 from dgl_assets.robots._frames import rotation_from_quaternion
 
@@ -14,6 +15,7 @@ ShapeKind = Literal["box", "capsule", "cylinder", "convex", "mesh"]
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+_NEAR_FACES = 12  # of a mesh, in which the nearest is looked for
 _S = float(np.sqrt(0.5))
 ALONG: dict[str, Quaternion] = {
     "x": (_S, 0.0, _S, 0.0),
@@ -70,7 +72,7 @@ class PropShape:
 
         Returns:
             Distances [m], shape (N,). Outside of a convex beside its edges and corners they are
-            too small: those to the farthest plane. Those to a mesh are to its vertices.
+            too small: those to the farthest plane.
         """
         R = rotation_from_quaternion(np.array(self.wxyz))
         local = (np.asarray(points, dtype=float) - self.xyz) @ R
@@ -97,17 +99,23 @@ class PropShape:
         return outside + np.minimum(beyond.max(axis=1), 0.0)
 
     def _compute_mesh_distance(self, local: np.ndarray) -> np.ndarray:
-        """Distance to the nearest vertex, signed by the side of its normal."""
+        """Distance to the nearest of the triangles with the nearest middles, signed by the side of it."""
         assert self.points is not None
         assert self.faces is not None
         corners = self.points[self.faces].astype(float)
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals = np.zeros((len(self.points), 3))
-        for k in range(3):
-            np.add.at(normals, self.faces[:, k], across)
-        distance, nearest = KDTree(self.points).query(local)
-        side = np.einsum("nk,nk->n", local - self.points[nearest], normals[nearest])
-        return np.where(side < 0, -distance, distance)
+        near = min(_NEAR_FACES, len(corners))
+        _, found = KDTree(corners.mean(axis=1)).query(local, k=near)
+        found = found.reshape(len(local), near)
+        asked = np.repeat(local, near, axis=0)
+        closest = closest_point(corners[found.ravel()], asked)
+        away = np.linalg.norm(asked - closest, axis=1).reshape(len(local), near)
+        rows = np.arange(len(local))
+        best = away.argmin(axis=1)
+        chosen = corners[found[rows, best]]
+        normals = np.cross(chosen[:, 1] - chosen[:, 0], chosen[:, 2] - chosen[:, 0])
+        offset = local - closest.reshape(len(local), near, 3)[rows, best]
+        side = np.einsum("nk,nk->n", offset, normals)
+        return np.where(side < 0, -1.0, 1.0) * away[rows, best]
 
 
 def make_box(low: Vector3, high: Vector3) -> PropShape:

@@ -1,0 +1,269 @@
+"""Learned methods in the laboratory: which policies they take, how they begin, and that a policy runs in a course."""
+
+import dataclasses
+import functools
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dexgarmentlab.evaluation.attempts import make_evaluation_runner
+from dexgarmentlab.evaluation.learned import METHODS, check_checkpoints, count_chunks, load_actor
+from dexgarmentlab.evaluation.methods import MethodOptions, check_method, make_method
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.policy_actor import Learned, PolicyActor
+from dgl_collect.setup import Setup
+from dgl_collect.stage_runner import StageRunner
+from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
+from dgl_sadp import (
+    CheckpointError,
+    DiffusionPolicy,
+    PolicyRunner,
+    get_policy_config,
+    save_policy,
+)
+from dgl_tasks import get_task
+from dgl_tasks.observation import Observation
+from dgl_tasks.policy import Method
+
+TASK = get_task("FoldTops-v1")
+COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
+
+
+@functools.cache
+def make_policy(method):
+    return DiffusionPolicy.make(get_policy_config(method, "small"), seed=0)
+
+
+def save(folder, *, method="sadp-g", stages=3, **card):
+    """Policies that have learnt nothing."""
+    policy = make_policy(method)
+    for number in range(1, stages + 1):
+        whole = {"stage": number, "tasks": ["FoldTops-v1"], **card}
+        save_policy(folder / f"stage_{number}/policy.safetensors", policy, whole)
+    return folder
+
+
+# Which policies ---------------------------------------------------------------------------------
+
+
+def test_a_stage_gets_enough_chunks_for_the_longest_recording():
+    config = get_policy_config("sadp-g", "small")
+    assert count_chunks(config, {"longest": 26}) == 7  # of 4 actions: 26 frames are 6.5
+    assert count_chunks(config, {"longest": 28}) == 7
+    with pytest.raises(ValueError, match="must tell the longest recording; got None"):
+        count_chunks(config, {})
+
+
+def test_policies_must_be_there_and_of_the_task(tmp_path):
+    check_checkpoints(TASK, save(tmp_path / "good"), use_gam=True)
+    with pytest.raises(ValueError, match=r"policy for stage 3; no .*stage_3/policy.safetensors"):
+        check_checkpoints(TASK, save(tmp_path / "few", stages=2), use_gam=True)
+    with pytest.raises(ValueError, match="must be of stage 1; got 2"):
+        check_checkpoints(TASK, save(tmp_path / "stage", stage=2), use_gam=True)
+    with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
+        check_checkpoints(TASK, save(tmp_path / "task", tasks=["FoldDress-v1"]), use_gam=True)
+    with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
+        check_method("halo", TASK, MethodOptions())
+    with pytest.raises(ValueError, match="chunks must be at least 1; got 0"):
+        MethodOptions(chunks=0)
+
+
+def test_damaged_policies_are_refused_before_they_are_loaded(tmp_path):
+    folder = save(tmp_path)
+    path = folder / "stage_2/policy.safetensors"
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(CheckpointError):
+        check_checkpoints(TASK, folder, use_gam=True)
+
+
+def test_a_policy_begins_where_it_was_trained_to(tmp_path):
+    at_points = save(tmp_path / "a", training={"with_approach": False})
+    parked = save(tmp_path / "b", training={"with_approach": True})
+    check_checkpoints(TASK, at_points, use_gam=True)
+    check_checkpoints(TASK, parked, use_gam=False)
+    with pytest.raises(ValueError, match="must be trained with --gam; got one of --no-gam"):
+        check_checkpoints(TASK, parked, use_gam=True)
+    with pytest.raises(ValueError, match="must be trained with --no-gam; got one of --gam"):
+        check_method("sadp", TASK, MethodOptions(checkpoints=str(at_points)))
+
+
+@pytest.fixture
+def scripted_first(monkeypatch):
+    """A demonstration whose first stage nobody learns."""
+    demonstration = load_demonstration(TASK.id)
+    first, *others = demonstration.stages
+    steps = tuple(dataclasses.replace(step, recorded=False) for step in first.steps)
+    stages = (dataclasses.replace(first, steps=steps), *others)
+    changed = dataclasses.replace(demonstration, stages=stages)
+    monkeypatch.setattr("dexgarmentlab.evaluation.learned.load_demonstration", lambda _: changed)
+    return changed
+
+
+@pytest.mark.usefixtures("scripted_first")
+def test_there_is_a_policy_for_each_stage_that_is_learned_and_for_no_other(tmp_path):
+    folder = save(tmp_path, stages=2)
+    check_checkpoints(TASK, folder, use_gam=True)
+    actor = load_actor("halo", TASK, folder, chunks=2)
+    assert list(actor.policies) == ["right_sleeve", "bottom_up"]
+
+
+# Which method -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "use_gam"),
+    [
+        ("halo", "sadp-g", True),
+        ("sadp", "sadp-g", False),
+        ("gam-dp3", "dp3", True),
+        ("dp3", "dp3", False),
+    ],
+)
+def test_methods_are_halo_with_parts_taken_away(tmp_path, name, method, use_gam):
+    training = {"with_approach": not use_gam}
+    actor = load_actor(name, TASK, save(tmp_path, method=method, training=training), chunks=2)
+    assert isinstance(actor, PolicyActor)
+    assert actor.is_sent is METHODS[name].use_gam is use_gam
+    assert not actor.follows_steps  # a policy goes its own way
+    assert list(actor.policies) == [stage.name for stage in load_demonstration(TASK.id).stages]
+    assert all(isinstance(learned, Learned) for learned in actor.policies.values())
+    assert [learned.chunks for learned in actor.policies.values()] == [2, 2, 2]
+    others = {policy for other in METHODS.values() for policy in other.policies}
+    for wrong in sorted(others - set(METHODS[name].policies) - {"dp", "sadp"}):
+        folder = save(tmp_path / wrong, method=wrong, training=training)
+        with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):
+            load_actor(name, TASK, folder, chunks=2)
+
+
+def test_policies_act_as_long_as_the_longest_recording(tmp_path):
+    actor = load_actor("halo", TASK, save(tmp_path, longest=26))
+    assert [learned.chunks for learned in actor.policies.values()] == [7, 7, 7]
+
+
+def make_setup_of(task_id):
+    return Setup(
+        env=SimpleNamespace(task=get_task(task_id)),
+        demonstration=load_demonstration(task_id),
+        matcher="gam",
+        find_matcher=lambda env: ("matcher of", env),
+        demo_cloud=np.zeros((100, 3), np.float32),
+        motion=None,
+    )
+
+
+def test_rounds_are_those_of_the_demonstration_unless_another_number_is_asked_for(tmp_path):
+    setup = make_setup_of("FoldTrousers-v1")
+    stages = setup.demonstration.stages
+    folder = save(tmp_path, stages=len(stages), tasks=["FoldTrousers-v1"])
+    options = MethodOptions(checkpoints=str(folder), chunks=1)
+    made = make_method("halo", setup, options)
+    assert isinstance(made, StageRunner)
+    assert isinstance(made, Method)
+    assert made.demonstration is setup.demonstration
+    assert (made.rounds, made.demonstration.rounds) == (None, 3)
+    assert [stage.again for stage in stages] == [False, True]
+    assert made.rule is setup.env.task.success
+    assert made.get_matcher() == ("matcher of", setup.env)
+    assert list(made.actor.policies) == [stage.name for stage in stages]
+    assert make_method("halo", setup, dataclasses.replace(options, rounds=1)).rounds == 1
+
+
+# A policy in a course ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def make_world():
+    """Makes the world without a simulator of the collection's tests."""
+    path = COLLECT_TESTS / "dgl_collect_world.py"
+    spec = importlib.util.spec_from_file_location("dgl_collect_world", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.make_world
+
+
+class FirstPoint:
+    """Finds every point at the first place of the cloud."""
+
+    def match(self, source_cloud, source_points, target_cloud):
+        count = len(source_points)
+        return np.zeros(count, int), np.eye(count, len(target_cloud))
+
+
+class Never:
+    landmarks, frames = (), ()
+
+    def __call__(self, view):
+        return SimpleNamespace(value=0.0, success=False)
+
+
+@pytest.mark.parametrize("method", ["sadp-g", "dp3"])
+def test_a_policy_runs_in_a_course_and_repeats_itself(make_world, method):
+    """One that has learnt nothing: where it goes is chance, but of the seed."""
+    cuff = {"left_cuff": np.array([-0.4, 0.7, 0.01])}
+    stage = Stage(
+        name="one",
+        grasp={"left": Grasp(points=("left_cuff",))},
+        steps=(Approach(), HandPose(pose="close")),
+    )
+    demonstration = Demonstration(task=TASK.id, garment="any", points=cuff, stages=(stage,))
+    runs = []
+    for seed in (3, 3, 4):
+        rng = np.random.default_rng(0)
+        cloud = rng.uniform((-0.5, 0.6, 0.0), (0.5, 1.0, 0.02), (2048, 3))
+        cloud[0] = cuff["left_cuff"]
+        world = make_world(cloud=cloud)
+        world.seed = seed
+        seen = np.concatenate([world.cloud, rng.uniform(0, 1, (2048, 3))], axis=1)
+
+        def observe(world=world, seen=seen.astype(np.float32)):
+            return Observation(
+                joint_state=world.joint_state,
+                ee_pose=world.ee_pose.astype(np.float32),
+                image=world.image,
+                env_point_cloud=seen,
+            )
+
+        world.observe = observe
+        actor = PolicyActor(
+            policies={stage.name: Learned(policy=PolicyRunner(make_policy(method)), chunks=2)},
+        )
+        runner = StageRunner(
+            demonstration=demonstration,
+            demo_cloud=world.cloud,
+            rule=Never(),
+            get_matcher=FirstPoint,
+            actor=actor,
+        )
+        world.run(runner)
+        assert world.is_parked
+        runs.append([c.target for c in world.commands if c.recorded == "stage"])
+    one, same, other = map(np.array, runs)
+    assert one.shape == (2 * 4 * 5, 60)
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.render
+def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
+    """A policy that has learnt nothing: what is scripted still runs, and the garment is not folded."""
+    (tmp_path / "out").mkdir()
+    options = {
+        "policy": "halo",
+        "method": {"checkpoints": str(save(tmp_path / "policies")), "chunks": 1},
+        "garments": "train",
+    }
+    runner = make_evaluation_runner("FoldTops-v1", options)
+    try:
+        result = runner.run(attempt_index=0, seed=5, out_dir=tmp_path / "out", episode_id="e")
+    finally:
+        runner.close()
+    assert not result.success
+    # What it does to the garment is chance: where it drags it away from where a later stage looks for it, it ends there.
+    assert result.reason is not None
+    if result.value is not None:
+        assert result.measurements["steps"] > 500
