@@ -188,9 +188,8 @@ def _lines(summary: "Summary") -> list[str]:
     low, high = summary.success_interval
     median = summary.seconds_per_attempt["median"] or 0.0
     lines = [
-        f"{summary.task}: {summary.succeeded} of {summary.attempted} attempts succeeded, "
-        f"{summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
-        f"{summary.succeeded_first} at the first try, "
+        f"{summary.task}: {summary.succeeded_first} of {summary.attempted} attempts succeeded at the first try, "
+        f"{summary.succeeded} with retries, {summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
         f"{format_duration(median)} per attempt"
     ]
     lines += [f"  failed, {reason}: {count}" for reason, count in summary.reasons.items()]

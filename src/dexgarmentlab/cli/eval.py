@@ -224,14 +224,15 @@ def _show(options: Options, results: "Results") -> None:
         "" if results.std is None else f" ± {results.std:.3f} over {len(results.by_seed)} seeds"
     )
     console.out(
-        f"{options.task}, {options.policy}: {total.succeeded} of {total.episodes} episodes succeeded, "
+        f"{options.task}, {options.policy}: {total.first} of {total.episodes} episodes succeeded at the first try, "
+        f"{total.succeeded} with retries, "
         f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to {total.interval[1]:.1%}"
     )
     rows: list[Sequence[object]] = [
         _row(f"seed {seed}", item) for seed, item in results.by_seed.items()
     ]
     rows += [_row(f"{split} garments", item) for split, item in results.by_split.items()]
-    console.out_table(("", "episodes", "succeeded", "rate", "95 % interval"), rows)
+    console.out_table(("", "episodes", "first try", "with retries", "rate", "95 % interval"), rows)
     if results.value_median is not None:
         console.out(
             f"value: median {results.value_median:.3f}, largest {results.value_largest:.3f}"
@@ -245,4 +246,4 @@ def _show(options: Options, results: "Results") -> None:
 def _row(name: str, item: "Count") -> tuple[object, ...]:
     low, high = item.interval
     rate = "-" if item.rate is None else f"{item.rate:.3f}"
-    return (name, item.episodes, item.succeeded, rate, f"{low:.1%} to {high:.1%}")
+    return (name, item.episodes, item.first, item.succeeded, rate, f"{low:.1%} to {high:.1%}")

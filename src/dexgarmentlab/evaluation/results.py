@@ -44,8 +44,10 @@ class Count:
 
     episodes: int
     """Episodes run."""
+    first: int
+    """Those that met the task's rule at the first try, before anything was done again: the paper's protocol."""
     succeeded: int
-    """Those that met the task's rule."""
+    """Those that met it at the end, with retries."""
     rate: float | None
     """Succeeded over episodes; None without episodes."""
     interval: tuple[float, float]
@@ -81,6 +83,7 @@ def count(results: Sequence[AttemptResult]) -> Count:
     succeeded = sum(result.success for result in results)
     return Count(
         episodes=len(results),
+        first=sum(result.first_try for result in results),
         succeeded=succeeded,
         rate=succeeded / len(results) if results else None,
         interval=wilson_interval(succeeded, len(results)),
@@ -121,6 +124,7 @@ def to_json(
     def plain(item: Count) -> dict[str, object]:
         return {
             "episodes": item.episodes,
+            "first_try": item.first,
             "succeeded": item.succeeded,
             "rate": item.rate,
             "interval": list(item.interval),
@@ -148,7 +152,9 @@ def _record(run: Run, result: AttemptResult) -> dict[str, object]:
         "episode_seed": result.seed,
         "garment": result.garment_id,
         "split": _split(result),
+        "first_try": result.first_try,
         "success": result.success,
+        "beliefs": dict(result.beliefs),
         "value": result.value,
         "reason": result.reason,
         "detail": result.detail,

@@ -117,7 +117,8 @@ def _header(run: _Run) -> str:
         headline = rate_headline(succeeded / attempted, summary["success_interval"])
     facts = []
     if attempted != 1:
-        facts.append((f"{succeeded} of {attempted}", "attempts succeeded"))
+        facts.append((f"{summary['succeeded_first']} of {attempted}", "succeeded at the first try"))
+        facts.append((f"{succeeded} of {attempted}", "succeeded with retries"))
     median = summary["seconds_per_attempt"]["median"]
     if median is not None:
         what = "an attempt" if attempted == 1 else "median per attempt"

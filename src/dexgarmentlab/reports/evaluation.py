@@ -95,7 +95,10 @@ def _header(results: Results, asked: Mapping[str, object]) -> str:
         headline = '<p class="headline">No episodes yet</p>'
     else:
         headline = rate_headline(total.rate, total.interval)
-    facts = [(f"{total.succeeded} of {total.episodes}", "episodes succeeded")]
+    facts = [
+        (f"{total.first} of {total.episodes}", "succeeded at the first try"),
+        (f"{total.succeeded} of {total.episodes}", "succeeded with retries"),
+    ]
     if results.std is not None:
         seeds = f"over {len(results.by_seed)} seeds"
         facts.append((f"{results.mean:.3f} ± {results.std:.3f}", f"mean and deviation {seeds}"))
@@ -111,7 +114,8 @@ def _counts(results: Results) -> str:
     """Lay out the successes by seed and by split."""
     parts = {f"seed {seed}": item for seed, item in results.by_seed.items()}
     parts |= {f"{split} garments": item for split, item in results.by_split.items()}
-    columns = {"": "", "episodes": "number", "succeeded": "number", "rate": "number"}
+    columns = {"": "", "episodes": "number", "first try": "number", "with retries": "number"}
+    columns["rate"] = "number"
     rows = [_count_row(name, item) for name, item in parts.items()]
     return f"<section><h2>Successes</h2>{table({**columns, '95 % interval': ''}, rows)}</section>"
 
@@ -122,6 +126,7 @@ def _count_row(name: str, item: Count) -> list[str]:
     return [
         html.escape(name),
         str(item.episodes),
+        str(item.first),
         str(item.succeeded),
         rate,
         f"{low:.1%} to {high:.1%}",

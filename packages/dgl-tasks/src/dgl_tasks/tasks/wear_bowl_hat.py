@@ -21,7 +21,7 @@ TASK = Task(
             prop=HatStandParameters(foot_radius=0.08),
             position=(0.0, 0.79, 0.0),
             x_range=(-0.1, 0.1),
-            y_range=(-0.09, 0.09),
+            y_range=(-0.085, 0.085),
             solid_to="garment",
         ),
         SceneObject(
