@@ -72,19 +72,6 @@ def test_the_surface_of_a_shell_is_its_outer_side(hat):
     np.testing.assert_array_equal(body.get_surface(np.concatenate([outer, inner])), outer)
 
 
-def test_the_underside_is_that_of_the_middle(hat, top):
-    """A hat that is put on something stands on it with the inside of its crown, not with its brim."""
-    body = SoftBody(hat, SolidMaterial())
-    crown = hat.vertices[hat.landmarks["crown_top"], 2]
-    assert crown > 0.1
-    raised = hat.vertices + np.array([0.3, 0.4, 0.5])
-    expected = crown + 0.5 - hat.wall_thickness
-    assert body.measure_underside(raised) == pytest.approx(expected, abs=5e-3)
-    assert SoftBody(top, ClothMaterial()).measure_underside(top.vertices) == pytest.approx(
-        top.vertices[:, 2].min(), abs=1e-3
-    )
-
-
 def test_what_does_not_belong_together_is_refused(hat, top):
     with pytest.raises(ValueError, match="of Bowl_Hat must be a SolidMaterial; got a ClothMat"):
         SoftBody(hat, ClothMaterial())

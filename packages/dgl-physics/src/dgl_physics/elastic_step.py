@@ -148,16 +148,18 @@ class ElasticStep:
                 self._turning, self._step,
             ],
         )  # fmt: skip
-        wp.launch(
-            solid_contact.find_touches,
-            dim=len(self._touches.ends),
-            inputs=[
-                self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                near.near_count, previous, state.positions, near.near_bodies, s.particle,
-                self._fall, self._step, self._touches,
-            ],
-        )  # fmt: skip
+        edges = len(self._touches.ends) - count
+        for first, points in ((0, count), (count, edges)):
+            wp.launch(
+                solid_contact.find_touches,
+                dim=points,
+                inputs=[
+                    first, self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
+                    inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
+                    near.near_count, previous, state.positions, near.near_bodies, s.particle,
+                    self._fall, self._step, self._touches,
+                ],
+            )  # fmt: skip
         wp.launch(
             solid_contact.solve_touches,
             dim=len(s.first_row),

@@ -83,7 +83,7 @@ class Start:
     roll_range: Range = (0.0, 0.0)
     """Range of the garment's rotation about x [rad], before the yaw: how steeply it stands when dropped."""
     height: float = 0.2
-    """How high it is dropped from [m]: on the ground its lowest point, on an object its underside there."""
+    """Height of its lowest point when it is dropped [m]."""
     settle_frames: int = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
     value_below: float | None = None

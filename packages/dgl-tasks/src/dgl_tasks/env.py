@@ -252,11 +252,9 @@ class GarmentEnv(BaseEnv):
         c, s = np.cos(roll), np.sin(roll)
         tilt = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         vertices = self.garment.vertices @ (turn @ tilt).T
-        if start.on is None:
-            vertices += [x, y, start.height - vertices[:, 2].min()]
-        else:
-            place = get_frame(self.get_frames(), start.on)
-            vertices += np.array([x, y, start.height - body.measure_underside(vertices)]) + place
+        vertices += [x, y, start.height - vertices[:, 2].min()]
+        if start.on is not None:
+            vertices += get_frame(self.get_frames(), start.on)
         scene = self.scene.sub_scenes[0]
         self.cloth = SapienCloth(
             [scene],

@@ -69,18 +69,6 @@ class SoftBody:
         """
         return particles[: len(self.garment.vertices)]
 
-    def measure_underside(self, vertices: np.ndarray, radius: float = 0.03) -> float:
-        """Measure how low the garment's underside is at its middle, where it is put on something [m].
-
-        Args:
-            vertices: Of the garment [m], shape (V, 3).
-            radius: How far from its middle counts [m].
-        """
-        middle = (vertices[:, :2].min(axis=0) + vertices[:, :2].max(axis=0)) / 2
-        near = np.linalg.norm(vertices[:, :2] - middle, axis=1) < radius
-        wall = self.garment.wall_thickness or 0.0
-        return float(vertices[near, 2].min() - wall)
-
     def _spread_stiffness(self) -> np.ndarray | None:
         """Factor at each vertex, shape (V,): the largest of the panels that meet there."""
         if not self._stiffness:

@@ -93,6 +93,7 @@ def add_adhesion(
 
 @wp.kernel
 def find_touches(
+    first: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
     limits: Limits,
@@ -115,9 +116,10 @@ def find_touches(
 ):
     """Find the nearest shape of each point where the step without contact would bring it.
 
-    The middle of an edge meets the shapes that are near one of its ends, but planes, which its ends meet first.
+    The middle of an edge meets the shapes that are near one of its ends, but planes, which its ends meet first, and
+    what both its ends are pressed to, which keep it out. So the rows come first: `first` is 0 for them, and their number for edges.
     """
-    p = wp.tid()
+    p = first + wp.tid()
     r = touches.ends[p][0]
     other = touches.ends[p][1]
     i = particle[r]
@@ -148,6 +150,9 @@ def find_touches(
         for c in range(count):
             k = near[at * limits.near_capacity + c]
             s = active[e, k]
+            if is_edge and touches.shape[r] == s and touches.shape[other] == s:
+                if touches.gap[r] <= 0.0 and touches.gap[other] <= 0.0:
+                    continue
             hit = find_hit(shapes, s, pose_now[e, k], x)
             gap = hit.distance - rest
             if gap < least:

@@ -14,7 +14,7 @@ TASK = Task(
     success_text=(
         "the middle of the hat is no higher than the top of the head and within 10 cm of it"
     ),
-    start=Start(on="stand.top", height=0.005, settle_frames=90),
+    start=Start(on="stand.seat", height=0.005, settle_frames=90),
     objects=(
         SceneObject(
             name="stand",
