@@ -15,6 +15,7 @@ def write(folder, successes, *, policy="halo", task="FoldTops-v1", friction=1.0,
             "episode": k,
             "episode_seed": 100 + k,
             "garment": garment.format(k),
+            "first_try": success,
             "success": success,
             "value": 0.9 if success else 0.25,
         }

@@ -59,32 +59,40 @@ def options(out, **changes):
     return verb.Options(**(content | {"out": out} | changes))
 
 
-def count_even(seed, episodes):
-    """Made-up episodes succeed for even seeds."""
+def count_even(seed, episodes, *, of=2):
+    """Made-up episodes succeed for even seeds, and at the first try for those that four divides."""
     seeds = [make_attempt_seed(verb.SEED_OFFSET + seed, k) for k in range(episodes)]
-    return sum(s % 2 == 0 for s in seeds)
+    return sum(s % of == 0 for s in seeds)
 
 
 def test_results_hold_every_seed_and_every_episode(fake, tmp_path, capsys):
-    assert verb.run(options(tmp_path / "out")) == 0
+    assert verb.run(options(tmp_path / "out", episodes=6)) == 0
     out = capsys.readouterr().out
     results = json.loads((tmp_path / "out/results.json").read_text())
-    succeeded = [count_even(seed, 3) for seed in (0, 1)]
-    assert f"nothing: {sum(succeeded)} of 6 episodes succeeded" in out
+    succeeded = [count_even(seed, 6) for seed in (0, 1)]
+    first = [count_even(seed, 6, of=4) for seed in (0, 1)]
+    assert 0 < sum(first) < sum(succeeded) < 12
+    assert f"nothing: {sum(first)} of 12 episodes succeeded at the first try, " in out
+    assert f"try, {sum(succeeded)} with retries, " in out
     assert f"report: {tmp_path / 'out/index.html'}" in out
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
-    assert f"{sum(succeeded)} of 6" in page
+    assert f"{sum(first)} of 12" in page
+    assert f"{sum(succeeded)} of 12" in page
     assert (tmp_path / "out/pictures.jpg").is_file()
     assert [item["succeeded"] for item in results["by_seed"].values()] == succeeded
-    assert results["success"]["mean"] == pytest.approx(sum(succeeded) / 6)
+    assert [item["first_try"] for item in results["by_seed"].values()] == first
+    assert results["success"]["mean"] == pytest.approx(sum(succeeded) / 12)
     assert [(r["seed"], r["episode"]) for r in results["runs"]] == [
-        (seed, episode) for seed in (0, 1) for episode in range(3)
+        (seed, episode) for seed in (0, 1) for episode in range(6)
     ]
+    assert sum(record["first_try"] for record in results["runs"]) == sum(first)
+    # what was believed is kept, and counts for nothing
+    assert all(record["beliefs"] == {"value": 0.7} for record in results["runs"])
     for record in results["runs"]:
         for kind in ("video", "picture"):
             assert (tmp_path / "out" / record["files"][kind]).is_file()
     assert results["status"] == "complete"
-    assert results["command"].startswith("dgl eval FoldTops-v1 --policy nothing --episodes 3")
+    assert results["command"].startswith("dgl eval FoldTops-v1 --policy nothing --episodes 6")
     assert results["versions"]["python"]
     collected = {make_attempt_seed(seed, k) for seed in range(3) for k in range(100)}
     assert not collected & {record["episode_seed"] for record in results["runs"]}
@@ -152,6 +160,7 @@ def make_run(seed, successes, split="train"):
                 index=k,
                 seed=k,
                 success=success,
+                first_try=success and k % 2 == 0,
                 value=0.9 if success else 0.3,
                 reason=None if success else "slipped",
                 randomisation={"split": split if k % 2 else "test"},
@@ -168,6 +177,7 @@ def test_figures_by_hand():
     assert results.mean == 0.5
     assert results.std == pytest.approx(0.35355, abs=1e-5)
     assert (results.total.succeeded, results.total.episodes) == (4, 8)
+    assert results.total.first == 3  # all but the second one of the first seed
     assert results.total.interval == pytest.approx((0.2152, 0.7848), abs=1e-4)
     assert {k: (c.succeeded, c.episodes) for k, c in results.by_split.items()} == {
         "test": (3, 4),

@@ -216,9 +216,10 @@ def test_a_policy_runs_in_a_course_and_repeats_itself(make_world, method):
         cloud[0] = cuff["left_cuff"]
         world = make_world(cloud=cloud)
         world.seed = seed
-        seen = np.concatenate([world.cloud, rng.uniform(0, 1, (2048, 3))], axis=1)
+        colours = rng.uniform(0, 1, (2048, 3))
+        seen = np.concatenate([world.cloud, colours], axis=1).astype(np.float32)
 
-        def observe(world=world, seen=seen.astype(np.float32)):
+        def observe(world=world, seen=seen):
             return Observation(
                 joint_state=world.joint_state,
                 ee_pose=world.ee_pose.astype(np.float32),

@@ -54,7 +54,7 @@ def make_run(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(COLLECT_TESTS))
     fakes = importlib.import_module("dgl_collect_fakes")
 
-    def make(successes, *, status="complete", reason="left <cuff> slipped"):
+    def make(successes, *, status="complete", reason="left <cuff> slipped", first_tries=()):
         identity = {"task": "FoldTops-v1", "seed": 5}
         command = "dgl collect FoldTops-v1 --out 'my out'"
         folder = RunFolder(tmp_path / "run", identity=identity, resume=False, command=command)
@@ -75,6 +75,7 @@ def make_run(tmp_path, monkeypatch):
                     index=index,
                     seed=index,
                     success=success,
+                    first_try=index in first_tries,
                     value=value,
                     reason=None if success else reason,
                     detail="" if success else "after 3.2 s",
@@ -112,6 +113,13 @@ def test_a_run_is_reported_with_its_numbers_and_pictures(make_run):
             assert (folder / address).is_file()
     assert "episodes/0.mp4" in page.addresses
     assert "failed/1.mp4" in page.addresses
+
+
+def test_what_succeeded_at_once_and_what_with_retries_stand_side_by_side(make_run):
+    """The second was done at first and undone."""
+    text = Page(write_report(make_run([True, False, True, True], first_tries=(0, 1)))).text
+    assert "2 of 4 succeeded at the first try" in " ".join(text.split())
+    assert "3 of 4 succeeded with retries" in " ".join(text.split())
 
 
 def test_an_embedding_report_is_one_file(make_run):

@@ -51,7 +51,7 @@ def make_episode(seed=0, **changes):
 
 
 class FakeRunner:
-    """Succeeds for even seeds, and misbehaves at the attempts that the options name."""
+    """Succeeds for even seeds, at the first try for every second one of them, and misbehaves at the attempts that the options name."""
 
     def __init__(self, options):
         self.options = options
@@ -82,6 +82,7 @@ class FakeRunner:
             index=attempt_index,
             seed=seed,
             success=success,
+            first_try=seed % 4 == 0,
             value=value,
             reason=None if success else "too little inside the box",
             criteria=(Criterion(name="inside", value=value, comparison=">=", threshold=0.8),),
@@ -90,6 +91,7 @@ class FakeRunner:
             stage_seconds={"left_sleeve": 0.1},
             files=files,
             randomisation={"x": float(np.random.default_rng(seed).uniform(-0.1, 0.1))},
+            beliefs={"value": 0.7},
         )
 
     def close(self):

@@ -272,8 +272,8 @@ FAULTS = {
     "a point in words": (_set(["points", "collar"], "top"), "could not convert string"),
     "points without names": (_set(["points"], [[0, 0, 0]]), "'items'"),
     "an unknown key of a stage": (
-        _set([*STAGE, "agian"], True),
-        IN_STAGE + r"a stage has .*again.*; got \['agian'\]",
+        _set([*STAGE, "repeats"], True),
+        IN_STAGE + r"a stage has .*again.*; got \['repeats'\]",
     ),
     "no approach": (_drop(*STEPS, 0), IN_STAGE + "steps must have an approach"),
     "no hands": (_set([*STAGE, "grasp"], {}), IN_STAGE + "grasp must be of some of"),
@@ -293,6 +293,11 @@ FAULTS = {
     "a spacing in words": (_set([*MOVE, "spacing"], "fast"), "not supported between"),
 }
 FAULTS_OF_STEPS = {
+    "a move of a hand that rests": (_set([*MOVE, "right"], ["0", "0.8", "0.3"]), "right"),
+    "an orientation that the hand has not": (
+        _step(0, {"step": "approach", "orientation": "hems"}),
+        "orientation 'hems' is not for the left hand",
+    ),
     "an unknown step": (
         _step(1, {"step": "jump"}),
         r"a step is one of \['approach', .*; got 'jump'",
@@ -391,14 +396,6 @@ UNFIT = {
     "a stretch with one hand": (_step(2, STRETCH), r"a stretch needs both hands; got \['left'\]"),
     "a condition over a point": (_set([*STAGE, "when"], "left_cuff.x > 0"), "unknown name 'left_cuff'"),
     "a condition that is none": (_set([*STAGE, "when"], "held and"), "arithmetic expression"),
-    "a move of a hand that rests": (
-        _set([*MOVE, "right"], ["0", "0.8", "0.3"]),
-        "right",
-    ),
-    "an orientation that the hand has not": (
-        _step(0, {"step": "approach", "orientation": "hems"}),
-        "hems.*left|left.*hems",
-    ),
 }  # fmt: skip
 
 

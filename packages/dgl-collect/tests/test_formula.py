@@ -55,7 +55,6 @@ NAMES = {
         ("lift < 1 and count == 3", 0.0),
         ("0 or 1 and 0", 0.0),
         ("not (lift > 1) and lift < 1", 1.0),
-        ("lift", 0.3),
         (0.08, 0.08),
         (2, 2.0),
     ],

@@ -88,7 +88,7 @@ class Lifter(Listener):
             self.frames.append(("act", self.world.step))
             rows = motion.set_hands({"left": "close"})
             if self.number > 1:
-                up = self.world.get_grasp_point("left") + (0, 0, 0.1)
+                up = self.world.get_grasp_point("left") + np.array([0, 0, 0.1])
                 rows = motion.move({"left": up}, {"left": orient("standard", "left")})
         return rows[4::5]
 
@@ -344,7 +344,7 @@ def test_where_two_hands_find_no_two_places_both_are_sent_alike(make_world):
     demonstration = dataclasses.replace(make_demonstration(make_stage(), stage), points=points)
     finder = PointFinder(demonstration, CLOUD)
     finder.look(before.astype(np.float32), Nearest())
-    for name, point in points.items():  # within reach of the search, and too near to each other
+    for name in points:  # within reach of the search, and too near to each other
         near = np.linalg.norm((after - finder.points[name])[:, :2], axis=1) <= stage.moved_at_most
         assert near.tolist() == [True, True, False], name
     assert np.linalg.norm(after[0] - after[1]) < HANDS_APART

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -36,6 +37,29 @@ def test_an_episode_is_read(fakes, tmp_path, monkeypatch, capsys):
     write_episode(path, fakes.make_episode())
     exec(compile(find_block("Read an episode"), "README.md", "exec"), {})
     assert "left_sleeve (2, 60) (2, 480, 640, 3)" in capsys.readouterr().out
+
+
+def test_a_runner_of_ones_own_makes_attempts(tmp_path):
+    names: dict = {}
+    exec(compile(find_block("Bring your own attempt"), "README.md", "exec"), names)
+    runner = names["make_runner"]("FoldTops-v1", {})
+    result = runner.run(attempt_index=3, seed=7, out_dir=tmp_path, episode_id="a")
+    assert (result.index, result.seed, result.success, result.reason) == (3, 7, False, "not tried")
+    runner.close()
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_an_actor_goes_through_the_course(capsys):
+    names: dict = {}
+    exec(compile(find_block("One course, any actor"), "README.md", "exec"), names)
+    result, stages = names["result"], names["setup"].demonstration.learned_stages
+    assert result.success, result.detail
+    records = names["recorder"].records
+    assert list(records) == [stage.name for stage in stages]
+    assert all(10 < record.frame_count < len(result.commands) // 5 for record in records.values())
+    assert result.beliefs["value"] > 0.85
+    assert "bottom_up" in capsys.readouterr().out
 
 
 def test_all_code_imports_what_exists():

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from dgl_collect.actors import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_collect.belief import BelievedView
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.recording import EpisodeRecorder
-from dgl_collect.setup import make_setup
+from dgl_collect.setup import Setup, make_setup
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Move, Retreat, Stage, Wait
 from dgl_tasks import get_task, task_ids
@@ -157,6 +158,13 @@ def test_rounds_are_those_of_the_demonstration_unless_another_number_is_asked_fo
         actor = Scripted()
         make_world().run(make_runner(make_demonstration(rounds=3), actor=actor, rounds=rounds))
         assert actor.course == [*NAMES] * expected
+
+
+@pytest.mark.parametrize("count", [0, -1])
+@pytest.mark.parametrize("field", ["rounds", "tries"])
+def test_there_is_at_least_one_try_and_one_round(field, count):
+    with pytest.raises(ValueError, match=f"{field} must be at least 1; got {count}"):
+        make_runner(make_demonstration(), **{field: count})
 
 
 def test_stages_that_stay_done_are_not_begun_again(make_world):
@@ -582,7 +590,7 @@ def make_real(make_world, task_id="FoldTops-v1", *, ahead=0.8, **changes):
     """A world in which the demonstration's own garment lies so far ahead [m], and a runner of the expert in it."""
     demonstration = load_demonstration(task_id)
     matcher = KnownPlaces(demonstration)
-    world = make_world(task_id, matcher.places + [0, ahead, 0])
+    world = make_world(task_id, matcher.places + np.array([0, ahead, 0]))
     runner = make_runner(demonstration, matcher=matcher, actor=Expert(), **changes)
     return world, runner
 
@@ -688,6 +696,26 @@ def test_a_garment_that_lies_out_of_reach_is_said_to_be(make_world):
     world, runner = make_real(make_world, ahead=3.0)
     with pytest.raises(UnreachableError, match="left arm"):
         world.run(runner)
+
+
+def test_a_setup_makes_runners_for_the_garment_of_its_environment():
+    env = SimpleNamespace(task=get_task("FoldTops-v1"))
+    setup = Setup(
+        env=env,
+        demonstration=TOPS,
+        matcher="exact",
+        find_matcher=lambda env: ("matcher of", env),
+        demo_cloud=np.zeros((3, 3)),
+        motion=None,
+    )
+    actor = Expert()
+    runner = setup.make_runner(actor)
+    assert (runner.actor, runner.demonstration, runner.rule) == (actor, TOPS, env.task.success)
+    assert (runner.rounds, runner.tries) == (None, TRIES)
+    assert runner.get_matcher() == ("matcher of", env)
+    other = make_demonstration()
+    runner = setup.make_runner(actor, rounds=2, tries=1, demonstration=other)
+    assert (runner.rounds, runner.tries, runner.demonstration) == (2, 1, other)
 
 
 def test_it_is_a_method_of_evaluations():

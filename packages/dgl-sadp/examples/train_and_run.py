@@ -1,4 +1,4 @@
-"""Train a policy on a made-up task, and let HALO run it with a matcher: no simulator, some minutes on a CPU.
+"""Train a policy on a made-up task, and let it act where a matcher says, as HALO does: no simulator, some minutes on a CPU.
 
 Example: python examples/train_and_run.py runs/made_up
 """
@@ -7,20 +7,12 @@ import dataclasses
 import sys
 from pathlib import Path
 
-from dgl_sadp import (
-    HALO,
-    HaloStage,
-    PolicyRunner,
-    get_policy_config,
-    get_train_config,
-    load_policy,
-    train_policy,
-)
+from dgl_sadp import PolicyRunner, get_policy_config, get_train_config, load_policy, train_policy
 from dgl_sadp.synthetic import SyntheticEnvironment, SyntheticMatcher, write_synthetic_episodes
 
 
 def main(out: Path, *, episodes: int = 40, epochs: int = 30, runs: int = 10) -> dict[str, float]:
-    """Return how far hands are from their goals [m]: before, and after HALO has run, on new sheets."""
+    """Return how far hands are from their goals [m]: before, and after the policy has acted, on new sheets."""
     frames, points = 16, 512
     write_synthetic_episodes(out / "episodes", episodes, frames=frames, points=points)
     training = dataclasses.replace(get_train_config("sadp-g"), epochs=epochs)
@@ -30,21 +22,23 @@ def main(out: Path, *, episodes: int = 40, epochs: int = 30, runs: int = 10) -> 
 
     # The demonstration: one sheet, and where its hands went.
     environment = SyntheticEnvironment(frames=frames, points=points)
-    (left, right), places = environment.goals, environment.places
-    stage = HaloStage(
-        policy=PolicyRunner(load_policy(result.policy)),
-        chunks=frames // 4 + 1,
-        source_cloud=environment.begin_stage(1)["garment_point_cloud"],
-        left=left,
-        right=right,
-    )
-    halo = HALO(SyntheticMatcher(), [stage])
+    demonstrated = environment.see_stage()["garment_point_cloud"], environment.goals
+    places = environment.places
+    matcher, runner = SyntheticMatcher(), PolicyRunner(load_policy(result.policy))
     before, after = 0.0, 0.0
     for seed in range(1000, 1000 + runs):
         # A sheet that lies elsewhere; its hands should go to the same places on it.
         environment.reset(seed=seed, places=places)
         before += environment.compute_error() / runs
-        halo.run(environment, seed=seed)
+        seen = environment.see_stage()
+        _, similarity = matcher.match(*demonstrated, seen["garment_point_cloud"])
+        runner.reset({**seen, "points_affordance_feature": similarity.T}, seed=seed)
+        observation = environment.observe()
+        for _ in range(frames // runner.action_steps + 1):
+            targets = runner.act(observation)
+            for target in targets[:-1]:
+                runner.observe(environment.execute(target))
+            observation = environment.execute(targets[-1])
         after += environment.compute_error() / runs
     return {"before": before, "after": after}
 

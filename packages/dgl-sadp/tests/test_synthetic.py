@@ -15,7 +15,7 @@ def test_the_expert_reaches_the_points_of_the_affordance(environment):
     for seed in range(5):
         environment.reset(seed=seed)
         assert environment.compute_error() > 0.3
-        cloud = environment.begin_stage(1)["garment_point_cloud"]
+        cloud = environment.see_stage()["garment_point_cloud"]
         found = cloud[environment.get_affordance().argmax(axis=0)]
         np.testing.assert_allclose(found, environment.goals, atol=1e-6)
         for target in environment.make_expert():
@@ -58,11 +58,11 @@ def test_episodes_are_of_the_format_and_hold_the_commanded_targets(tmp_path, has
 
 def test_the_matcher_finds_the_same_places_of_other_sheets():
     environment = SyntheticEnvironment(points=2000)
-    source, points = environment.begin_stage(1)["garment_point_cloud"], environment.goals
+    source, points = environment.see_stage()["garment_point_cloud"], environment.goals
     places = environment.places
     for seed in range(1, 6):
         environment.reset(seed=seed, places=places)
-        target = environment.begin_stage(1)["garment_point_cloud"]
+        target = environment.see_stage()["garment_point_cloud"]
         indices, similarity = SyntheticMatcher().match(source, points, target)
         assert similarity.shape == (2, 2000)
         assert (
@@ -74,7 +74,6 @@ def test_the_matcher_finds_the_same_places_of_other_sheets():
     ("call", "message"),
     [
         (lambda: SyntheticEnvironment(points=8), "points must be >= 16"),
-        (lambda: SyntheticEnvironment(points=20).begin_stage(2), "one stage; got stage 2"),
         (lambda: SyntheticEnvironment(points=20).execute(np.zeros(59)), r"got \(59,\)"),
         (lambda: write_synthetic_episodes("nowhere", 0), "count must be at least 1; got 0"),
     ],

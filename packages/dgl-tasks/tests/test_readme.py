@@ -18,7 +18,7 @@ BLOCKS = {
     "title",
     [
         "Environment",
-        "Props",
+        "Objects",
         pytest.param("Pictures and clouds", marks=pytest.mark.render),
         "Motion",
         pytest.param("Policies", marks=pytest.mark.render),
@@ -31,8 +31,8 @@ def test_the_code_runs(title, capsys):
     if title == "Environment":
         assert names["observation"].shape == (1, 134)
         assert "False" in capsys.readouterr().out
-    elif title == "Props":
-        assert names["props"]["platform"].pose[:2] == pytest.approx([0.1, 1.6])
+    elif title == "Objects":
+        assert names["objects"]["platform"].pose[:2] == pytest.approx([0.1, 1.6])
     elif title == "Policies":
         assert names["result"].reason == "below the threshold"
         assert "joint_state" in capsys.readouterr().out
@@ -46,7 +46,7 @@ def test_the_code_runs(title, capsys):
 def test_no_block_is_left_out():
     assert {title for title, blocks in BLOCKS.items() if blocks} == {
         "Environment",
-        "Props",
+        "Objects",
         "Pictures and clouds",
         "Motion",
         "Policies",

@@ -23,7 +23,9 @@ class Episode:
     start: tuple[int, str]
     """Its own seed, and the garment."""
     success: bool
-    """Whether it met the task's rule."""
+    """Whether it met the task's rule at its end."""
+    first_try: bool
+    """Whether it did at the first try."""
     value: float | None
     """What the rule judges; None if it was not judged."""
 
@@ -117,6 +119,7 @@ def read_evaluation(folder: Path | str) -> Evaluation:
                 (int(run["seed"]), int(run["episode"])): Episode(
                     start=(int(run["episode_seed"]), str(run["garment"])),
                     success=bool(run["success"]),
+                    first_try=bool(run["first_try"]),
                     value=None if run["value"] is None else float(run["value"]),
                 )
                 for run in content["runs"]
@@ -174,6 +177,7 @@ def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
     return Score(
         count=Count(
             episodes=len(episodes),
+            first=sum(episode.first_try for episode in episodes),
             succeeded=succeeded,
             rate=succeeded / len(episodes),
             interval=wilson_interval(succeeded, len(episodes)),

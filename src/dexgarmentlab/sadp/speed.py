@@ -91,7 +91,7 @@ def _measure_chunk(
 ) -> list[Row]:
     environment = SyntheticEnvironment(points=_POINTS, image_size=_IMAGE)
     environment.reset(seed=seed)
-    stage = environment.begin_stage(1)
+    stage = environment.see_stage()
     stage["points_affordance_feature"] = environment.get_affordance()
     frames = [environment.execute(target) for target in environment.make_expert()[:5]]
     runner = PolicyRunner(policy, seed=seed)

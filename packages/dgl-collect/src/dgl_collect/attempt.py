@@ -66,6 +66,8 @@ class DemonstrationAttempts:
         rounds: int | None = None,
     ) -> None:
         """Build the environment and load the demonstration."""
+        if rounds is not None and rounds < 1:
+            raise ValueError(f"rounds must be at least 1; got {rounds}")
         self._rounds = rounds
         self._garment, self._with_approach = garment, recorded == "approaches"
         self._setup = make_setup(

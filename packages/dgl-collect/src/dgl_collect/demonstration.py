@@ -13,7 +13,7 @@ from importlib import resources
 import numpy as np
 
 from dgl_assets.props import make_prop
-from dgl_assets.robots import SIDES, Side
+from dgl_assets.robots import SIDES
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
 from dgl_collect.steps import SEEN_NAMES, STEPS, Demonstration, Grasp, Move, Stage, Step, Stretch
@@ -126,17 +126,19 @@ def _check_stage(
 
 def _parse_stage(content: Mapping) -> Stage:
     content = dict(content)
-    grasp: dict[Side, Grasp] = {}
-    for side, where in content.pop("grasp").items():
-        if isinstance(where, Mapping):
-            grasp[side] = Grasp(at=tuple(where["at"]))
-        else:
-            grasp[side] = Grasp(points=(where,) if isinstance(where, str) else tuple(where))
-    steps = tuple(_parse_step(step) for step in content.pop("steps"))
     try:
-        return _make(Stage, {**content, "grasp": grasp, "steps": steps})
-    except ValueError as err:
-        raise ValueError(f"stage {content.get('name')!r}: {err}") from err
+        content["grasp"] = {side: _parse_grasp(g) for side, g in content.pop("grasp").items()}
+        content["steps"] = tuple(_parse_step(step) for step in content.pop("steps"))
+        return _make(Stage, content)
+    except (KeyError, TypeError, ValueError, AttributeError) as err:
+        what = f"missing {err}" if isinstance(err, KeyError) else str(err)
+        raise ValueError(f"stage {content.get('name')!r}: {what}") from err
+
+
+def _parse_grasp(content: object) -> Grasp:
+    if isinstance(content, Mapping):
+        return _make(Grasp, content)
+    return Grasp(points=(content,) if isinstance(content, str) else tuple(content))  # pyright: ignore[reportArgumentType]
 
 
 def _parse_step(content: Mapping) -> Step:

@@ -150,8 +150,9 @@ class EpisodeRecorder:
             # of a further try that could not even begin, what the one before has done counts
             now, self._now = self._now or self._lost, None
             self._lost = None if mark.counts else now
-            spent = time.perf_counter() - self._began_at
-            self.seconds[mark.name] = self.seconds.get(mark.name, 0.0) + spent
+            ended = time.perf_counter()
+            self.seconds[mark.name] = self.seconds.get(mark.name, 0.0) + ended - self._began_at
+            self._began_at = ended
             if mark.counts and now is not None and now.frame_count:
                 self.records[mark.name] = now.finish()
 

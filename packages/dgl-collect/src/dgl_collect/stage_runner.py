@@ -48,6 +48,12 @@ class StageRunner:
     tries: int = TRIES
     """How often a stage is begun at most in a round."""
 
+    def __post_init__(self) -> None:
+        for name in ("rounds", "tries"):
+            count = getattr(self, name)
+            if count is not None and count < 1:
+                raise ValueError(f"{name} must be at least 1; got {count}")
+
     def run(self, hands: Handling) -> Part:
         """Run all stages; some or all of them again while the task is believed not to be done.
 
@@ -107,6 +113,11 @@ class _Course:
                 if is_last or not stage.again:
                     raise
                 refused.append(err)
+                if (
+                    not self.hands.is_parked
+                ):  # it has got stuck on its way, and has been at the garment
+                    yield from self._give_up(stage)
+                    self._is_held = False
                 continue
             self._is_held = hold == "all"
             if hold is not None:

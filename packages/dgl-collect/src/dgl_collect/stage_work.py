@@ -160,8 +160,8 @@ class StageWork:
         return grasp
 
     def _compute(self, formulas: Sequence[str]) -> np.ndarray:
-        names = self._known
         try:
+            names = self._known
             return np.array([evaluate_formula(formula, names) for formula in formulas])
         except ValueError as err:
             raise DemonstrationError(f"stage {self.stage.name!r}: {err}") from err

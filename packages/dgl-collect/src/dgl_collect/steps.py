@@ -181,6 +181,8 @@ class Grasp:
     def __post_init__(self) -> None:
         if (self.at is None) == (not self.points):
             raise ValueError(f"a grasp must have points or a place; got {self}")
+        if self.at is not None and len(self.at) != 3:
+            raise ValueError(f"a place must have formulas for x, y, z; got {self.at}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,6 +218,15 @@ class Stage:
             raise ValueError(f"recorded steps must follow each other; got {marks}")
         if not any(isinstance(step, Approach) for step in self.steps):
             raise ValueError("steps must have an approach")
+        for step in self.steps:
+            if isinstance(step, Move) and set(step.targets) - set(self.grasp):
+                raise ValueError(
+                    f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"
+                )
+            named = step.orientation if isinstance(step, Approach | Move) else None
+            lacking = [s for s in self.grasp if named and s not in GRASP_ORIENTATIONS[named]]
+            if lacking:
+                raise ValueError(f"orientation {named!r} is not for the {lacking[0]} hand")
 
     @property
     def is_learned(self) -> bool:
@@ -234,11 +245,10 @@ class Stage:
 
     @property
     def grasp_pose(self) -> str:
-        """The hand pose that takes hold."""
-        return next(
-            (s.pose for s in self.steps if isinstance(s, HandPose) and not isinstance(s, Release)),
-            "close",
-        )
+        """The hand pose that takes hold: the last before the hands release."""
+        poses = [s for s in self.steps if isinstance(s, HandPose)]
+        held = [s.pose for s in poses if not isinstance(s, Release)]
+        return held[-1] if held else "close"
 
     @property
     def retreat(self) -> Retreat:
@@ -271,6 +281,9 @@ class Demonstration:
             raise ValueError(f"stages must have different names; got {names}")
         if self.rounds < 1:
             raise ValueError(f"rounds must be at least 1; got {self.rounds}")
+        first = self.stages[0].grasp
+        if self.turns_over and (len(first) < 2 or any(g.at for g in first.values())):
+            raise ValueError("turns_over needs a first stage in which both hands grasp points")
 
     @property
     def learned_stages(self) -> tuple[Stage, ...]:

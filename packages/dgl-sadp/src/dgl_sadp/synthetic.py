@@ -18,7 +18,6 @@ import h5py
 import numpy as np
 
 from dgl_sadp._episode_file import FORMAT_VERSION, JOINTS, ROBOT
-from dgl_sadp.halo_parts import Hold
 
 __all__ = ["SyntheticEnvironment", "SyntheticMatcher", "write_synthetic_episodes"]
 
@@ -53,7 +52,7 @@ class _Scene:
 
 
 class SyntheticEnvironment:
-    """One environment of the made-up task. It fulfils `EnvironmentDriver`, so that HALO can run in it.
+    """One environment of the made-up task.
 
     Observations have the keys, shapes and units of episode files.
     """
@@ -134,20 +133,15 @@ class SyntheticEnvironment:
         distance = np.linalg.norm(self._scene.garment[:, None] - self._scene.goals[None], axis=2)
         return np.exp(-0.5 * (distance / _WIDTH) ** 2).astype(np.float32)
 
-    def begin_stage(self, stage: int) -> dict[str, np.ndarray]:
-        """Return the clouds of the only stage; see `EnvironmentDriver`."""
-        if stage != 1:
-            raise ValueError(f"the task has one stage; got stage {stage}")
+    def see_stage(self) -> dict[str, np.ndarray]:
+        """Return the clouds of sheet and object, which do not change."""
         seen = {"garment_point_cloud": self._scene.garment.astype(np.float32)}
         if self.has_object:
             seen["object_point_cloud"] = self._scene.object.astype(np.float32)
         return seen
 
-    def move_hands(self, left: np.ndarray | None, right: np.ndarray | None) -> None:
-        """Leave the hands: this task is only about the way from home to the points."""
-
     def observe(self) -> dict[str, np.ndarray]:
-        """Return what is seen now; see `EnvironmentDriver`."""
+        """Return what is seen now."""
         cloud = self._see()
         pose = np.zeros((2, 7), np.float32)
         pose[:, :3], pose[:, 3] = self.hands, 1.0
@@ -159,27 +153,12 @@ class SyntheticEnvironment:
         }
 
     def execute(self, target: np.ndarray) -> dict[str, np.ndarray]:
-        """Let the joints follow their targets [rad], shape (60,), for a frame; see `EnvironmentDriver`."""
+        """Let the joints follow their targets [rad], shape (60,), for a frame."""
         target = np.asarray(target, dtype=np.float64)
         if target.shape != (JOINTS,) or not np.isfinite(target).all():
             raise ValueError(f"target must be finite, of shape ({JOINTS},); got {target.shape}")
         self._joints = self._joints + _LAG * (target - self._joints)
         return self.observe()
-
-    def see_hold(self) -> Hold:
-        """Nothing that is held can be lost."""
-        return "all"
-
-    def end_stage(self, stage: int) -> None:
-        """Do nothing; see `EnvironmentDriver`."""
-
-    def is_done(self) -> bool:
-        """Whether the hands are where they should be."""
-        return self.compute_error() < _NEAR
-
-    def is_nearly_done(self) -> bool:
-        """There is no other way to begin again."""
-        return False
 
     def _see(self) -> np.ndarray:
         """Return points of sheet, hands and object with their colours, shape (N, 6)."""
@@ -299,7 +278,7 @@ def _draw_image(cloud: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 def _write_episode(path: Path, environment: SyntheticEnvironment, *, seed: int) -> None:
     expert = environment.make_expert()
-    static = environment.begin_stage(1)
+    static = environment.see_stage()
     static["points_affordance_feature"] = environment.get_affordance()
     seen: list[Mapping[str, np.ndarray]] = [environment.observe()]
     for target in expert:

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree
-from trimesh.triangles import closest_point
 
 from dgl_assets.robots._frames import rotation_from_quaternion
 
@@ -100,6 +99,8 @@ class PropShape:
 
     def _compute_mesh_distance(self, local: np.ndarray) -> np.ndarray:
         """Distance to the nearest of the triangles with the nearest middles, signed by the side of it."""
+        from trimesh.triangles import closest_point  # takes a second to import
+
         assert self.points is not None
         assert self.faces is not None
         corners = self.points[self.faces].astype(float)
