@@ -7,7 +7,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-import dgl_tasks  # registers the environments
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.policy import Method, Policy

@@ -1,7 +1,7 @@
 """What a demonstration is made of: stages, each a sequence of typed steps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 import numpy as np
@@ -133,8 +133,9 @@ class Retreat(Step):
     """The open hands leave the garment, and the arms park."""
 
     recorded: bool = False
+    pose: str = WayOut.pose
+    """As in `WayOut`, like what follows."""
     roll: float = WayOut.roll
-    """As in `WayOut`, like what follows [rad]."""
     rise: float = WayOut.rise
     wait: int = WayOut.wait
     back: tuple[float, ...] = WayOut.back
@@ -145,15 +146,10 @@ class Retreat(Step):
     @property
     def way_out(self) -> WayOut:
         """The way of the hands."""
-        return WayOut(
-            roll=self.roll,
-            rise=self.rise,
-            wait=self.wait,
-            back=self.back,
-            up=self.up,
-            spacing=self.spacing,
-            frees=self.frees,
-        )
+        return WayOut(**{f.name: getattr(self, f.name) for f in fields(WayOut)})
+
+    def __post_init__(self) -> None:
+        _check_name("pose", self.pose, HAND_POSES)
 
 
 STEPS: Mapping[str, type[Step]] = {

@@ -52,8 +52,10 @@ STILL_SHARE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class WayOut:
-    """How an opened hand leaves the cloth. Its palm looks down, so its thumb is under the cloth."""
+    """How an opened hand leaves the cloth. Where its palm looks down, its thumb is under the cloth."""
 
+    pose: str = "flat"
+    """In which pose: laid flat, its thumb is beside the palm, and takes nothing along."""
     roll: float = float(np.radians(30))
     """How far the hand rolls for its thumb to point down [rad]."""
     rise: float = 0.0
@@ -238,8 +240,6 @@ class Handling:
     ) -> Part:
         """Let opened hands leave the cloth and park, from where `motion` is.
 
-        They are laid flat first: the thumb of an open hand is under the cloth and takes it along.
-
         Args:
             points: Grasp point of each of these hands [m], shape (3,), world frame.
             orientations: Of `ee` of each of these hands, wxyz, shape (4,).
@@ -249,7 +249,7 @@ class Handling:
             UnreachableError: If a hand cannot even go straight up.
         """
         yield from self._pass(self.motion.hold(RELEASE_FRAMES))
-        yield from self._pass(self.motion.set_hands(dict.fromkeys(orientations, "flat")))
+        yield from self._pass(self.motion.set_hands(dict.fromkeys(orientations, out.pose)))
         for rows in plan_leave(self.motion, points, orientations, out):
             yield from self._pass(rows)
         if out.frees:
