@@ -260,7 +260,7 @@ FAULTS = {
         "stages must have different names",
     ),
     "no rounds": (_set(["rounds"], 0), "rounds must be at least 1; got 0"),
-    "an unknown key": (_set(["speed"], 2), r"a demonstration has .*; got \['speed'\]"),
+    "an unknown key": (_set(["speed"], 2), r"Demonstration has .*; got \['speed'\]"),
     "a flat point": (
         _set(["points", "collar"], [0.0, 0.1]),
         "point 'collar' must be three numbers",
@@ -273,7 +273,7 @@ FAULTS = {
     "points without names": (_set(["points"], [[0, 0, 0]]), "'items'"),
     "an unknown key of a stage": (
         _set([*STAGE, "repeats"], True),
-        IN_STAGE + r"a stage has .*again.*; got \['repeats'\]",
+        IN_STAGE + r"Stage has .*again.*; got \['repeats'\]",
     ),
     "no approach": (_drop(*STEPS, 0), IN_STAGE + "steps must have an approach"),
     "no hands": (_set([*STAGE, "grasp"], {}), IN_STAGE + "grasp must be of some of"),
@@ -304,7 +304,7 @@ FAULTS_OF_STEPS = {
     ),
     "an unknown key": (
         _step(1, {"step": "hand_pose", "pose": "close", "speed": 2}),
-        r"a handpose has pose, recorded; got \['speed'\]",
+        r"HandPose has pose, recorded; got \['speed'\]",
     ),
     "an unknown hand pose": (
         _step(1, {"step": "hand_pose", "pose": "fist"}),
@@ -323,7 +323,7 @@ FAULTS_OF_STEPS = {
         r"orientation must be one of \[.*'heap'.*\]; got 'sideways'",
     ),
     "a move of no hand": (_drop(*MOVE, "left"), "a move has targets for some of"),
-    "a third hand moves": (_set([*MOVE, "middle"], ["0"] * 3), r"a move has .*; got \['middle'\]"),
+    "a third hand moves": (_set([*MOVE, "middle"], ["0"] * 3), r"Move has .*; got \['middle'\]"),
     "two coordinates": (_set([*MOVE, "left"], ["0", "0"]), "left must have formulas for x, y, z"),
     "no spacing": (_set([*MOVE, "spacing"], 0), "spacing must be positive; got 0"),
     "a negative spacing": (_set([*MOVE, "spacing"], -0.01), "spacing must be positive"),

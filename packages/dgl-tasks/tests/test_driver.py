@@ -298,7 +298,7 @@ class Replay:
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_policys_actions_do_the_same_as_steps_and_in_an_episode(
+def test_actions_of_a_policy_do_the_same_as_steps_and_in_an_episode(
     made, motion, observe_without_cameras, dtype
 ):
     env = made.unwrapped

@@ -48,6 +48,9 @@ class Options:
     record: Literal["stages", "approaches"] = "stages"
     """What episodes hold: the stages, from the grasp points on; or these and the hands' approaches before them, which
     policies that work without grasp points have to learn."""
+    rounds: int | None = None
+    """How often the stages are gone through at most, while the task is believed not to be done; as the demonstration says
+    when not given. The paper's protocol is 1."""
     robot: str = "ur10e+shadow"
     """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
     robots: Path | None = None
@@ -65,6 +68,7 @@ class Options:
         words += ["--look", self.look] if self.look != "studio" else []
         words += ["--matcher", self.matcher] if self.matcher != "exact" else []
         words += ["--record", self.record] if self.record != "stages" else []
+        words += ["--rounds", self.rounds] if self.rounds is not None else []
         words += ["--robot", self.robot] if self.robot != "ur10e+shadow" else []
         words += ["--robots", self.robots] if self.robots is not None else []
         return shlex.join(str(word) for word in words)
@@ -103,6 +107,7 @@ def run(options: Options) -> int:
         "look": options.look if options.look != "studio" else None,
         "matcher": options.matcher if options.matcher != "exact" else None,
         "recorded": options.record if options.record != "stages" else None,
+        "rounds": options.rounds,
         **robot_options(options.robot, options.robots),
     }
     chosen = {name: value for name, value in told.items() if value is not None}

@@ -19,6 +19,7 @@ from dgl_collect.formula import Value, check_formula
 from dgl_collect.steps import SEEN_NAMES, STEPS, Demonstration, Grasp, Move, Stage, Step, Stretch
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
+from dgl_tasks.success import CoversFlatArea
 
 FORMAT_VERSION = 2
 _POINT = np.zeros(3)
@@ -86,6 +87,10 @@ def check_demonstration(demonstration: Demonstration, task: Task, *, source: str
         for name in task.success.landmarks:
             if name not in demonstration.points:
                 raise ValueError(f"the points must have {name!r}, which the rule judges by")
+        if isinstance(task.success, CoversFlatArea) and demonstration.flat_area is None:
+            raise ValueError(
+                "the rule compares with the flat area: flat_area must say how to tell it"
+            )
         if demonstration.flat_area is not None:
             seen: dict[str, Value] = dict.fromkeys(SEEN_NAMES, 1.0)
             check_formula(demonstration.flat_area, {**demonstration.points, **seen})
@@ -160,6 +165,5 @@ def _make(kind: type, content: Mapping):
     known = {item.name for item in dataclasses.fields(kind)}
     unknown = set(content) - known
     if unknown:
-        name = kind.__name__.lower()
-        raise ValueError(f"a {name} has {', '.join(sorted(known))}; got {sorted(unknown)}")
+        raise ValueError(f"{kind.__name__} has {', '.join(sorted(known))}; got {sorted(unknown)}")
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in content.items()})

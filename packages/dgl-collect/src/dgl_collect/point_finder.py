@@ -137,6 +137,12 @@ class PointFinder:
         return matcher.match(self._demo_cloud, wanted, cloud)
 
 
+def describe_cloud(cloud: np.ndarray) -> dict[str, Value]:
+    """Give the corners and the centre of a garment's cloud [m], shape (N, 3), as formulas name them."""
+    low, high = cloud.min(axis=0).astype(float), cloud.max(axis=0).astype(float)
+    return {"min": low, "max": high, "centre": (low + high) / 2}
+
+
 def _has_pair(stage: Stage) -> bool:
     """Whether each hand takes hold of a point of its own."""
     return all(side in stage.grasp and len(stage.grasp[side].points) == 1 for side in SIDES)

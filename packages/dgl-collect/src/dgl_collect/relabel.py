@@ -15,7 +15,7 @@ from dgl_assets.robots import SIDES
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import Episode, StageRecord, read_episode, write_episode
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_collect.point_finder import PointFinder
+from dgl_collect.point_finder import PointFinder, describe_cloud
 from dgl_collect.steps import Stage
 from dgl_gam import GarmentAffordanceModel, Matcher, compute_affordance
 from dgl_tasks import TaskError, get_task
@@ -85,7 +85,9 @@ class Relabeller:
         self, finder: PointFinder, stage: Stage, record: StageRecord
     ) -> tuple[StageRecord, float]:
         cloud = record.garment_point_cloud
-        grasp, similarity = finder.find_grasps(stage, cloud, self._matcher, {})
+        grasp, similarity = finder.find_grasps(
+            stage, cloud, self._matcher, {"garment": describe_cloud(cloud)}
+        )
         went = cloud[record.points_affordance_feature.argmax(axis=0)]  # (2, 3)
         distances = [np.linalg.norm(went[SIDES.index(s)] - point) for s, point in grasp.items()]
         affordance = compute_affordance(similarity)

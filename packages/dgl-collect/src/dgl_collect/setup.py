@@ -8,7 +8,7 @@ from dgl_assets import load_garment
 from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Actor
-from dgl_collect.demonstration import load_demonstration
+from dgl_collect.demonstration import check_demonstration, load_demonstration
 from dgl_collect.matching import FindMatcher, make_find_matcher
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
@@ -56,6 +56,7 @@ class Setup:
 def make_setup(
     task: str | Task,
     *,
+    demonstration: Demonstration | None = None,
     render_backend: str | None = None,
     look: str = "studio",
     matcher: str = "exact",
@@ -65,24 +66,26 @@ def make_setup(
     """Build the environment of a task, and what a demonstration of it needs.
 
     Args:
-        task: Environment id, or a declaration of one's own with the id of a demonstration.
+        task: Environment id, or a declaration of one's own.
+        demonstration: Of that task; the packaged one when None.
         render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
         look: "studio" or "random".
         matcher: Finds the demonstrated points; see `dgl_collect.matching.MatcherName`.
         robot: Name of arm and hand.
         robots: Folder of imported robots, for names that are not built in.
     """
-    import gymnasium
     import torch
 
     declared = task if isinstance(task, Task) else get_task(task)
-    demonstration = load_demonstration(declared.id)
+    if demonstration is None:
+        demonstration = load_demonstration(declared.id)
+    else:
+        check_demonstration(demonstration, declared, source="demonstration")
     demo_garment = load_garment(demonstration.garment)
     find_matcher = make_find_matcher(matcher, demo_garment)
     surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
     model = load_robot(robot, robots)
-    env = gymnasium.make(
-        declared.id,
+    env = GarmentEnv(
         task=declared,
         obs_mode="none",
         reward_mode="none",
@@ -91,9 +94,9 @@ def make_setup(
         render_mode="rgb_array",
         look=look,
         robot=model,
-    ).unwrapped
+    )
     return Setup(
-        env=env,  # pyright: ignore[reportArgumentType]
+        env=env,
         demonstration=demonstration,
         matcher=matcher,
         find_matcher=find_matcher,

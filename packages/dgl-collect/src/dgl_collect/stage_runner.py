@@ -9,7 +9,7 @@ import numpy as np
 from dgl_collect.actors import Actor
 from dgl_collect.belief import BelievedView
 from dgl_collect.formula import Value, evaluate_formula, find_names
-from dgl_collect.point_finder import PointFinder
+from dgl_collect.point_finder import PointFinder, describe_cloud
 from dgl_collect.stage_work import Hold, HoldLost, Reaction, StageWork
 from dgl_collect.steps import Demonstration, Stage
 from dgl_gam import Matcher, compute_affordance
@@ -222,9 +222,11 @@ class _Course:
         points = self.finder.points
         if stage.looks_again:
             points = self.finder.find_points(cloud, matcher)
-        low, high = cloud.min(axis=0).astype(float), cloud.max(axis=0).astype(float)
-        extent: dict[str, Value] = {"min": low, "max": high, "centre": (low + high) / 2}
-        names: dict[str, Value] = {"garment": extent, **sensed.get_frames(), **points}
+        names: dict[str, Value] = {
+            "garment": describe_cloud(cloud),
+            **sensed.get_frames(),
+            **points,
+        }
         places, affordance = {}, np.zeros((len(cloud), 2), np.float32)
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)

@@ -73,6 +73,7 @@ class StageWork:
     _orientation: GraspName = "standard"
     _targets: dict[Side, np.ndarray] = field(default_factory=dict)
     _lifts: int = 0
+    _has_closed: bool = False
     _has_released: bool = False
 
     def __post_init__(self) -> None:
@@ -201,13 +202,14 @@ class StageWork:
                 rows = motion.set_hands(dict.fromkeys(self.grasp, pose))
                 yield from hands.send(rows, recorded=recorded)
                 self._has_released = isinstance(step, Release)
+                self._has_closed = True
             case Move():
                 self._orientation = step.orientation or self._orientation
                 targets = {side: self._compute(f) for side, f in step.targets.items()}
                 rows = motion.move(targets, self.orientations, spacing=step.spacing)
                 yield from hands.send(rows, recorded=recorded)
                 self._targets = targets
-                if step.recorded and not self._has_released:
+                if self._has_closed and not self._has_released:
                     yield from self._check(checked=step.checked)
                     self._lifts += 1
             case Stretch():

@@ -214,7 +214,14 @@ class Stage:
             raise ValueError(f"recorded steps must follow each other; got {marks}")
         if not any(isinstance(step, Approach) for step in self.steps):
             raise ValueError("steps must have an approach")
+        has_closed = has_released = False
         for step in self.steps:
+            if getattr(step, "checked", False) and (has_released or not has_closed):
+                raise ValueError(
+                    "checked must be of steps between the hands' closing and their release"
+                )
+            has_closed |= isinstance(step, HandPose)
+            has_released |= isinstance(step, Release)
             if isinstance(step, Move) and set(step.targets) - set(self.grasp):
                 raise ValueError(
                     f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"

@@ -179,7 +179,7 @@ class SyntheticEnvironment:
 
 
 class SyntheticMatcher:
-    """Finds points of one sheet on another, in place of a trained model; it fulfils `Matcher`.
+    """Finds points of one sheet on another, in place of a trained model.
 
     Sheets are the same but for how they lie, so a point's place in the sheet's own frame tells which it is. The frame is
     that of the cloud's principal axes: with 2,000 points, places are found to about 3 cm.

@@ -34,7 +34,12 @@ def check_scene(task: Task) -> None:
     Raises:
         ValueError: If the start or the rule names an unknown place, two objects may overlap, or one is out of reach.
     """
-    props = {item.name: make_prop(item.prop) for item in task.objects}
+    props: dict[str, Prop] = {}
+    for item in task.objects:
+        try:
+            props[item.name] = make_prop(item.prop)
+        except ValueError as err:
+            raise ValueError(f"task {task.id}, object {item.name!r}: {err}") from err
     frames = {name: prop.landmarks for name, prop in props.items()}
     for name in (*task.success.frames, *([task.start.on] if task.start.on else [])):
         try:
