@@ -309,6 +309,7 @@ def test_the_view_is_the_truth(settled):
     )
     lying_flat = TrueView(
         particles=garment.vertices,
+        upright=garment.vertices,
         faces=garment.faces,
         landmarks={},
         flat_area=view.flat_area,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dgl_tasks import get_task, task_ids
 from dgl_tasks.success import (
@@ -47,6 +48,7 @@ class Scene:
     landmarks: dict = field(default_factory=lambda: MARKS)
     flat_area: float = 1.0
     frames: dict = field(default_factory=dict)
+    tilt: float = 0.0
 
     @property
     def surface(self):
@@ -191,14 +193,18 @@ def test_what_hangs_over_a_bar_is_off_the_ground_and_in_the_middle(down, x, reas
     ],
 )
 def test_what_is_worn_is_near_its_place_and_no_higher(middle, reason):
-    rule = SitsOn(place="head.top", within=0.1)
+    rule = SitsOn(place="head.top", within=0.1, leaning=0.6)
     assert rule.frames == ("head.top",)
     points = np.array(middle) + np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 0, 0.05], [0, 0, -0.05]])
     assert rule(Scene(points, frames=PLACES)).reason == reason
 
 
 @pytest.mark.parametrize(
-    "rule", [HangsOver(place="bar.target", sideways=0.05), SitsOn(place="head.top", within=0.1)]
+    "rule",
+    [
+        HangsOver(place="bar.target", sideways=0.05),
+        SitsOn(place="head.top", within=0.1, leaning=0.6),
+    ],
 )
 def test_of_what_is_not_there_nothing_hangs_or_sits(rule):
     verdict = rule(Scene(np.empty((0, 3)), frames=PLACES))
@@ -216,6 +222,7 @@ def test_the_truth_is_seen_from_straight_above():
     view = TrueView(
         particles=np.concatenate([lower, upper]),
         faces=np.concatenate([quad, quad + 4]),
+        upright=np.concatenate([lower, upper]),
         landmarks={},
         flat_area=0.16,
         frames={},
@@ -225,6 +232,31 @@ def test_the_truth_is_seen_from_straight_above():
     np.testing.assert_allclose(view.top[is_under, 2], 0.02, atol=1e-6)
     assert compute_covered_area(view.top) == pytest.approx(0.24, rel=0.06)
     assert CoversFlatArea()(view).value == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("tilt", "reason"), [(0.59, None), (0.61, "leaning"), (np.pi, "leaning")])
+def test_what_is_worn_is_upright(tilt, reason):
+    rule = SitsOn(place="head.top", within=0.1, leaning=0.6)
+    points = np.array([[0.0, 1.0, 1.15]])
+    assert rule(Scene(points, frames=PLACES, tilt=tilt)).reason == reason
+
+
+def test_the_tilt_is_that_of_the_garment_as_a_whole():
+    """Turned about the vertical it is none, and what bends a part of it by a little hardly changes it."""
+    rng = np.random.default_rng(0)
+    upright = rng.normal(size=(200, 3)) * [0.1, 0.12, 0.05]
+    for lean in (0.0, 0.4, 2.5):
+        turn = Rotation.from_rotvec([lean, 0, 0]) * Rotation.from_rotvec([0, 0, 1.1])
+        moved = turn.apply(upright) + [0.3, -0.2, 1.0] + rng.normal(size=(200, 3)) * 1e-3
+        view = TrueView(
+            particles=moved,
+            faces=np.zeros((0, 3), int),
+            upright=upright,
+            landmarks={},
+            flat_area=1.0,
+            frames={},
+        )
+        assert view.tilt == pytest.approx(lean, abs=0.02)
 
 
 # Verdicts ---------------------------------------------------------------------------------------

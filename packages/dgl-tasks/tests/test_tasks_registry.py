@@ -68,6 +68,7 @@ def test_the_rule_judges_a_garment_of_the_category(task):
     surface = sample_visible_surface(garment.vertices, garment.faces)
     view = TrueView(
         particles=garment.vertices,
+        upright=garment.vertices,
         faces=garment.faces,
         landmarks=marks,
         flat_area=compute_covered_area(surface),

@@ -43,6 +43,9 @@ class BelievedView:
         """What both cameras see [m], shape (N, 3)."""
         return np.concatenate([self.top, self._see("environment_camera")])
 
+    tilt = np.nan
+    """Nobody sees it."""
+
     @property
     def flat_area(self) -> float:
         """What the garment is believed to cover lying flat [m^2]; infinite before it has been seen well enough to tell."""

@@ -16,7 +16,17 @@ from dgl_assets.props import make_prop
 from dgl_assets.robots import SIDES
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
-from dgl_collect.steps import SEEN_NAMES, STEPS, Demonstration, Grasp, Move, Stage, Step, Stretch
+from dgl_collect.steps import (
+    SEEN_NAMES,
+    STEPS,
+    Demonstration,
+    Grasp,
+    Look,
+    Move,
+    Stage,
+    Step,
+    Stretch,
+)
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
 from dgl_tasks.success import CoversFlatArea
@@ -119,6 +129,8 @@ def _check_stage(
                 if len(stage.grasp) < len(SIDES):
                     raise ValueError(f"a stretch needs both hands; got {sorted(stage.grasp)}")
                 known |= dict.fromkeys(SEEN_NAMES, 1.0)
+            if isinstance(step, Look):
+                known["now"] = dict.fromkeys((*GARMENT_NAMES, "left_hand", "right_hand"), _POINT)
             if isinstance(step, Move):
                 for formulas in step.targets.values():
                     for formula in formulas:

@@ -208,7 +208,7 @@ class _Course:
             yield from actor.act(work)
         for step in work.iterate_scripted(is_after=True):
             yield from work.perform(step)
-        self._seen |= work.seen
+        self._seen |= {name: v for name, v in work.seen.items() if isinstance(v, float)}
         yield from self._end(stage, counts=True)
         if work.hold != "all":
             yield from self.hands.settle()

@@ -6,12 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets.robots import Side
+from dgl_assets.robots import SIDES, Side
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, evaluate_formula
+from dgl_collect.point_finder import describe_cloud
 from dgl_collect.steps import (
     Approach,
     HandPose,
+    Look,
     Move,
     Release,
     Retreat,
@@ -65,7 +67,7 @@ class StageWork:
     """Tells one time that a stage is carried out from another: its number from 1, then, where it is not the first time, that of
     the try and of the round."""
     hold: Hold = "all"
-    seen: dict[str, float] = field(default_factory=dict)
+    seen: dict[str, Value] = field(default_factory=dict)
     """What has been seen on the way, by name [m]."""
     grasp: dict[Side, np.ndarray] = field(default_factory=dict)
     """Where each working hand takes hold [m], shape (3,), world frame."""
@@ -169,7 +171,9 @@ class StageWork:
 
     @property
     def _known(self) -> Mapping[str, Value]:
-        names = {**self.names, **self.seen}
+        # until it is looked at, the garment is expected where the hands have taken hold of it
+        hands = {f"{side}_hand": place for side, place in self.grasp.items()}
+        names = {**self.names, "now": {**describe_cloud(self.cloud), **hands}, **self.seen}
         for name, formula in self.stage.definitions.items():
             known = self.seen.get(name)
             names[name] = evaluate_formula(formula, names) if known is None else known
@@ -216,6 +220,8 @@ class StageWork:
                 if self.hold == "all":  # what has been lost cannot be stretched
                     yield from self._stretch(step)
                     yield from self._check(checked=step.checked)
+            case Look():
+                self.seen["now"] = self._look()
             case Wait(frames=frames):
                 yield from hands.send(motion.hold(frames), recorded=recorded)
             case Retreat():
@@ -233,6 +239,11 @@ class StageWork:
             where=f"move {self._lifts + 1}",
         )
         yield from self.hands.mark(mark)
+
+    def _look(self) -> dict[str, Value]:
+        sensed = self.hands.sensed
+        hands = {f"{side}_hand": sensed.get_grasp_point(side) for side in SIDES}
+        return {**describe_cloud(sensed.see_garment()), **hands}
 
     def find_empty(self) -> set[Side]:
         """See which working hands are up and hold nothing; none where nothing is seen of the garment."""

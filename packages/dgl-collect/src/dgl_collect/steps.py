@@ -118,6 +118,15 @@ SEEN_NAMES = ("half_span", "hanging", "hanging_area")
 
 
 @dataclass(frozen=True, kw_only=True)
+class Look(Step):
+    """The garment is looked at from above, as the hands hold it.
+
+    Then formulas may name `now.min`, `now.max` and `now.centre`, corners and centre of what is seen of it, and
+    `now.left_hand` and `now.right_hand`, where the hands' grasp points are [m].
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
 class Wait(Step):
     """Nothing moves but the garment."""
 
@@ -160,6 +169,7 @@ STEPS: Mapping[str, type[Step]] = {
     "release": Release,
     "retreat": Retreat,
     "wait": Wait,
+    "look": Look,
 }
 """Name of a step in files to its class."""
 

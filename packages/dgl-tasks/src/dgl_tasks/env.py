@@ -342,6 +342,7 @@ class GarmentEnv(BaseEnv):
         return TrueView(
             particles=self.get_particles(),
             faces=self.garment.faces,
+            upright=self.garment.vertices,
             landmarks=self._landmarks,
             flat_area=self._flat_area,
             frames=self.get_frames(),

@@ -98,6 +98,11 @@ class SceneView(Protocol):
         ...
 
     @property
+    def tilt(self) -> float:
+        """How far the garment as a whole leans from how it stands upright [rad]; NaN where that is not known."""
+        ...
+
+    @property
     def landmarks(self) -> Mapping[str, np.ndarray]:
         """Places of the garment by name as it lay before it was touched [m], shape (3,)."""
         ...
@@ -283,12 +288,14 @@ class HangsOver:
 
 @dataclass(frozen=True, kw_only=True)
 class SitsOn:
-    """The garment is worn on a place that goes into it: its middle is near, and no higher."""
+    """The garment is worn on a place that goes into it: its middle is near and no higher, and it is upright."""
 
     place: str
     """The object's place, such as "person.head_top"."""
     within: float
     """How far the garment's middle may be from it [m]."""
+    leaning: float
+    """How far the garment may lean [rad]."""
     landmarks: tuple[str, ...] = field(default=(), init=False)
 
     @property
@@ -317,7 +324,15 @@ class SitsOn:
             unit=" m",
             failure="not put on",
         )
-        return Verdict(criteria=(distance, height))
+        tilt = Criterion(
+            name="how far the garment leans",
+            value=view.tilt,
+            comparison="<=",
+            threshold=self.leaning,
+            unit=" rad",
+            failure="leaning",
+        )
+        return Verdict(criteria=(distance, height, tilt))
 
 
 def _check_points(points: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dgl_tasks.coverage import sample_visible_surface
 
@@ -17,6 +18,8 @@ class TrueView:
     """Vertices of the garment's surface [m], shape (V, 3), world frame."""
     faces: np.ndarray
     """Its triangles, shape (F, 3)."""
+    upright: np.ndarray
+    """Its vertices as it stands upright, or lies flat, shape (V, 3)."""
     landmarks: Mapping[str, np.ndarray]
     """As in `SceneView`."""
     flat_area: float
@@ -28,6 +31,14 @@ class TrueView:
     def top(self) -> np.ndarray:
         """What can be seen from straight above [m], shape (N, 3)."""
         return sample_visible_surface(self.particles, self.faces)
+
+    @cached_property
+    def tilt(self) -> float:
+        """Angle between the garment's own upward axis and the world's, after the best rigid motion [rad]."""
+        turn, _ = Rotation.align_vectors(
+            self.particles - self.particles.mean(axis=0), self.upright - self.upright.mean(axis=0)
+        )
+        return float(np.arccos(np.clip(turn.as_matrix()[2, 2], -1.0, 1.0)))
 
     @property
     def surface(self) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Wear Bowl Hat: from a stand onto somebody's head, with both hands."""
 
+import numpy as np
+
 from dgl_assets.props import HatStandParameters, PersonParameters
 from dgl_physics import SolidMaterial
 from dgl_tasks.declaration import SceneObject, Start, Task
@@ -12,7 +14,7 @@ TASK = Task(
     category="Bowl_Hat",
     description="Take a hat with a brim from its stand with both hands, and put it on the head of a person.",
     success_text=(
-        "the middle of the hat is no higher than the top of the head and within 10 cm of it"
+        "the middle of the hat is no higher than the top of the head and within 10 cm of it, and it leans by at most 35 degrees"
     ),
     start=Start(on="stand.seat", height=0.005, settle_frames=90),
     objects=(
@@ -37,5 +39,5 @@ TASK = Task(
     right_base=WEAR_RIGHT_BASE,
     cameras=WEAR_CAMERAS,
     material=SolidMaterial(youngs_modulus=3e5, rest_offset=0.003),
-    success=SitsOn(place="person.head_top", within=0.10),
+    success=SitsOn(place="person.head_top", within=0.10, leaning=float(np.radians(35))),
 )
