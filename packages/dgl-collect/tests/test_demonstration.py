@@ -368,6 +368,10 @@ def check_refusal(content, change, message):
 
 
 UNFIT = {
+    "what is seen before it is looked at": (
+        _set([*MOVE, "left"], ["now.centre.x", "0.8", "0.3"]),
+        "unknown name 'now'",
+    ),
     "an unknown name": (_set([*MOVE, "left", 0], "left_cuf.x"), "unknown name 'left_cuf'; known: .*centre"),
     "a name of nothing": (_set([*MOVE, "left", 0], "left_cuff.w"), "'left_cuff.w' is neither"),
     "a point for a number": (_set([*MOVE, "left", 0], "left_cuff"), "'left_cuff' gives a point"),

@@ -18,6 +18,7 @@ from dgl_collect.steps import (
     Approach,
     Grasp,
     HandPose,
+    Look,
     Move,
     Release,
     Retreat,
@@ -413,3 +414,32 @@ def test_the_whole_of_a_real_stage_can_be_carried_out(make_world):
     assert work.hold == "all"
     assert world.is_parked
     assert [mark.where for mark in world.get_marks(Carrying)] == [f"move {k}" for k in (1, 2, 3, 4)]
+
+
+# What is seen on the way ------------------------------------------------------------------------
+
+
+AFTER_A_LOOK = Move(
+    targets={"left": ("now.left_hand.x + 0.1", "now.left_hand.y + 0.8 - now.centre.y", "0.3")}
+)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.05])
+def test_hands_that_look_put_right_how_the_garment_lies_in_them(make_world, shift):
+    world = make_world()
+    lift = Move(targets={"left": (str(POINT[0]), str(POINT[1]), "0.3")})
+    work = make_work(world, make_stage(HandPose(pose="close"), lift, Look(), AFTER_A_LOOK))
+    middle = (world.cloud.min(axis=0) + world.cloud.max(axis=0)) / 2
+    world.cloud = world.cloud + np.float32([0.0, shift, 0.0])  # it has slipped since
+    carry_out(world, work)
+    expected = [POINT[0] + 0.1, POINT[1] + 0.8 - (middle[1] + shift), 0.3]
+    np.testing.assert_allclose(world.get_grasp_point("left"), expected, atol=2e-3)
+
+
+def test_before_it_is_looked_at_the_garment_is_expected_as_it_was_grasped(make_world):
+    """What follows a look is rehearsed before the hands go: a place out of reach is refused then."""
+    far = Move(targets={"left": ("now.centre.x - 4", "now.left_hand.y", "0.3")})
+    work = make_work(make_world(), make_stage(HandPose(pose="close"), Look(), far))
+    with pytest.raises(UnreachableError):
+        work.choose_turns(must_do_all=True)
+    work.choose_turns(must_do_all=False)
