@@ -28,7 +28,9 @@ class Cameras:
 
 
 def make_view(*, flat_area=FLAT_AREA, seen=SEEN, **points):
-    return BelievedView(Cameras(**points), landmarks=POINTS, flat_area=flat_area, seen=seen)
+    return BelievedView(
+        Cameras(**points), landmarks=POINTS, flat_area=flat_area, names={**POINTS, **seen}
+    )
 
 
 def make_sheet(width, length):
@@ -118,6 +120,6 @@ def test_each_camera_looks_once():
             return super().see_points(camera)
 
     cameras = Counting(garment_camera=np.zeros((4, 3)), environment_camera=np.ones((3, 3)))
-    view = BelievedView(cameras, landmarks={}, flat_area=None, seen={})
+    view = BelievedView(cameras, landmarks={}, flat_area=None, names={})
     assert (len(view.top), len(view.surface), len(view.top)) == (4, 7, 4)
     assert cameras.looks == 2

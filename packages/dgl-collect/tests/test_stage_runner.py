@@ -9,14 +9,24 @@ import pytest
 
 from dgl_assets import load_garment
 from dgl_assets.props import make_prop
-from dgl_assets.robots import HAND_POSES, joint_slice
+from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_collect.actors import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_collect.belief import BelievedView
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.setup import Setup, make_setup
 from dgl_collect.stage_runner import TRIES, StageRunner
-from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Move, Retreat, Stage, Wait
+from dgl_collect.steps import (
+    Approach,
+    Demonstration,
+    Grasp,
+    HandPose,
+    Look,
+    Move,
+    Retreat,
+    Stage,
+    Wait,
+)
 from dgl_tasks import get_task, task_ids
 from dgl_tasks.course import BeginsAgain, Believes, StageBegins, StageEnds
 from dgl_tasks.errors import PerceptionError, UnreachableError
@@ -657,6 +667,8 @@ def test_every_demonstration_can_be_carried_out_on_its_own_garment(make_world, t
     world = make_world(task_id, cloud)
     world.frames, world.has_objects = frames, bool(frames)
     matcher = Marked(demonstration)
+    if any(isinstance(step, Look) for stage in demonstration.stages for step in stage.steps):
+        world.see_garment = lambda: cloud + follow_hands(world, cloud)
     world.run(
         make_runner(demonstration, matcher=matcher, actor=Expert(), rule=task.success, rounds=1)
     )
@@ -664,6 +676,14 @@ def test_every_demonstration_can_be_carried_out_on_its_own_garment(make_world, t
     assert world.is_parked
     beliefs = world.get_marks(Believes)[-1].values
     assert np.isfinite(list(beliefs.values())).all()
+
+
+def follow_hands(world, cloud):
+    """How far a garment has come that hands at its sides have lifted [m], shape (3,)."""
+    hands = np.mean([world.get_grasp_point(side) for side in SIDES], axis=0)
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    is_lifted = hands[2] > high[2] + 0.1
+    return is_lifted * (hands - [*(low + high)[:2] / 2, low[2]]).astype(np.float32)
 
 
 def test_lift_and_drop_takes_hold_lifts_straight_up_and_lets_go(make_world):

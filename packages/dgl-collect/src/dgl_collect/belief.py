@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dgl_collect.formula import evaluate_formula
+from dgl_collect.formula import Value, evaluate_formula
 from dgl_tasks.errors import PerceptionError
 from dgl_tasks.sensing import Sensed
 
@@ -19,17 +19,17 @@ class BelievedView:
         *,
         landmarks: Mapping[str, np.ndarray],
         flat_area: str | None,
-        seen: Mapping[str, float],
+        names: Mapping[str, Value],
     ) -> None:
         """Take what is known.
 
         Args:
             sensed: What is sensed now.
             landmarks: The demonstration's points as they were found before the garment was touched [m], shape (3,).
-            flat_area: Formula of the garment's area, over these and `seen`; see `Demonstration.flat_area`.
-            seen: What has been seen on the way, by name [m].
+            flat_area: Formula of the garment's area; see `Demonstration.flat_area`.
+            names: What it may name.
         """
-        self._sensed, self._flat_area, self._seen = sensed, flat_area, seen
+        self._sensed, self._flat_area, self._names = sensed, flat_area, names
         self.landmarks = landmarks
         """As in `SceneView`."""
 
@@ -52,7 +52,7 @@ class BelievedView:
         if self._flat_area is None:
             return np.inf
         try:
-            return evaluate_formula(self._flat_area, {**self.landmarks, **self._seen})
+            return evaluate_formula(self._flat_area, self._names)
         except ValueError:
             return np.inf
 

@@ -139,11 +139,19 @@ class _Course:
     def _believe(self) -> PartOf[Verdict]:
         """Apply the task's rule to what is believed of the scene, once it is at rest."""
         yield from self.hands.settle()
+        names: dict[str, Value] = dict(self._seen)
+        if self.runner.demonstration.flat_area is not None:
+            try:  # where its points lie now: the flatter it is, the better it tells how large it is
+                cloud = self.hands.sensed.see_garment()
+            except PerceptionError:  # it has been carried away
+                pass
+            else:
+                names |= self.finder.find_points(cloud, self.runner.get_matcher())
         view = BelievedView(
             self.hands.sensed,
             landmarks=self.finder.points,
             flat_area=self.runner.demonstration.flat_area,
-            seen=self._seen,
+            names=names,
         )
         verdict = self.runner.rule(view)
         values = {**self._seen, "value": verdict.value}

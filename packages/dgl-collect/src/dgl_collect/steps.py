@@ -284,7 +284,8 @@ class Demonstration:
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
     flat_area: str | None = None
-    """Area that the garment is believed to cover lying flat [m^2], as a formula over its points and what has been seen of it."""
+    """Area that the garment is believed to cover lying flat [m^2], as a formula over its points where they lie then, and over
+    what stretches have seen."""
 
     def __post_init__(self) -> None:
         if not self.stages:
