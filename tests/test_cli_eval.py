@@ -177,7 +177,7 @@ def test_figures_by_hand():
     assert results.mean == 0.5
     assert results.std == pytest.approx(0.35355, abs=1e-5)
     assert (results.total.succeeded, results.total.episodes) == (4, 8)
-    assert results.total.first == 3  # all but the second one of the first seed
+    assert results.total.first_try == 3  # all but the second one of the first seed
     assert results.total.interval == pytest.approx((0.2152, 0.7848), abs=1e-4)
     assert {k: (c.succeeded, c.episodes) for k, c in results.by_split.items()} == {
         "test": (3, 4),
@@ -322,12 +322,12 @@ def run_fake(monkeypatch, folder, end, **options):
     """Run one episode that ends as `end` does, and give the result and what was asked for."""
     asked = {}
 
-    def run_episode(env, motion, policy, *, seed, garment, film):
+    def run_episode(env, motion, policy, *, seed, garment, film, listener):
         asked.update(policy=policy, seed=seed, garment=garment)
         film(np.zeros((4, 4, 3), np.uint8))
         return end()
 
-    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.run_episode", run_episode)
+    monkeypatch.setattr("dgl_collect.attempt.run_episode", run_episode)
     runner = make_evaluation_runner("FoldTops-v1", {"policy": "nothing", **options})
     result = runner.run(attempt_index=1, seed=5, out_dir=folder, episode_id="e")
     runner.close()
@@ -378,7 +378,7 @@ def test_what_cannot_be_reached_is_a_failure(monkeypatch, fake_setup, tmp_path):
         raise UnreachableError("the left arm cannot reach that", distance=0.1)
 
     picture = np.full((4, 4, 3), 7, np.uint8)
-    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.film", lambda env: picture)
+    monkeypatch.setattr("dgl_collect.attempt.film", lambda env: picture)
     result, _ = run_fake(monkeypatch, tmp_path, fail)
     assert (result.success, result.value, result.reason) == (False, None, "unreachable")
     assert result.detail == "the left arm cannot reach that"

@@ -14,15 +14,14 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 
 from dgl_assets.robots import (
+    DEFAULT_ROBOT,
     HAND_POSES,
     HOME_CONFIGURATION,
     JOINT_NAMES,
-    PUBLISHED_GAINS,
     SIDES,
     build_bimanual_urdf,
     joint_slice,
 )
-from dgl_tasks.robot import ARM_GAINS, HAND_GAINS
 from dgl_tasks.scene import light_scene
 
 POSES = tuple(HAND_POSES)
@@ -85,13 +84,10 @@ def _load_robot(scene: sapien.Scene, folder: Path) -> sapien.physx.PhysxArticula
     robot = loader.load(str(build_bimanual_urdf(folder)))
     joints = {joint.name: joint for joint in robot.active_joints}
     for side in SIDES:
-        for part, gains in (("arm", ARM_GAINS), ("hand", HAND_GAINS)):
-            for k, name in enumerate(JOINT_NAMES[joint_slice(side, part)]):
-                joints[name].set_drive_properties(
-                    gains.stiffness[k], gains.damping[k], gains.force_limit[k]
-                )
-                armature = PUBLISHED_GAINS[name.partition("_")[2]].armature
-                joints[name].set_armature(np.array([armature], dtype=np.float32))
+        for part, gains in (("arm", DEFAULT_ROBOT.arm.gains), ("hand", DEFAULT_ROBOT.hand.gains)):
+            for name, gain in zip(JOINT_NAMES[joint_slice(side, part)], gains, strict=True):
+                joints[name].set_drive_properties(gain.stiffness, gain.damping, gain.force_limit)
+                joints[name].set_armature(np.array([gain.armature], dtype=np.float32))
     for link in robot.links:
         link.disable_gravity = True
         for shape in link.collision_shapes:

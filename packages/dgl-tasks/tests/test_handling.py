@@ -214,7 +214,7 @@ def leave_and_count(world, distances, out=WayOut()):  # noqa: B008 - cannot be c
 
     world.see_points = see
     plan_approach(world.motion, POINT, STANDARD)
-    commands = world.play(world.hands.leave(POINT, STANDARD, out))
+    commands = world.play(world.hands.retreat(("left",), out))
     check_parked(world)
     assert next(looks, "all") == "all"
     return commands

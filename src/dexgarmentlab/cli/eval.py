@@ -224,7 +224,7 @@ def _show(options: Options, results: "Results") -> None:
         "" if results.std is None else f" ± {results.std:.3f} over {len(results.by_seed)} seeds"
     )
     console.out(
-        f"{options.task}, {options.policy}: {total.first} of {total.episodes} episodes succeeded at the first try, "
+        f"{options.task}, {options.policy}: {total.first_try} of {total.episodes} episodes succeeded at the first try, "
         f"{total.succeeded} with retries, "
         f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to {total.interval[1]:.1%}"
     )
@@ -246,4 +246,4 @@ def _show(options: Options, results: "Results") -> None:
 def _row(name: str, item: "Count") -> tuple[object, ...]:
     low, high = item.interval
     rate = "-" if item.rate is None else f"{item.rate:.3f}"
-    return (name, item.episodes, item.first, item.succeeded, rate, f"{low:.1%} to {high:.1%}")
+    return (name, item.episodes, item.first_try, item.succeeded, rate, f"{low:.1%} to {high:.1%}")

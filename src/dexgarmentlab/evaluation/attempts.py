@@ -1,8 +1,6 @@
 """Episodes of an evaluation, made by the collection's workers."""
 
 import dataclasses
-import logging
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
@@ -11,21 +9,15 @@ import numpy as np
 
 from dexgarmentlab.evaluation.methods import MethodOptions, make_method
 from dgl_assets import garment_ids
-from dgl_collect.attempt import describe_episode
+from dgl_collect.attempt import film_attempt
 from dgl_collect.results import AttemptResult
 from dgl_collect.setup import make_setup
-from dgl_collect.video import VideoWriter, save_png
-from dgl_physics import PhysicsError
-from dgl_tasks import TaskError, get_task
-from dgl_tasks.evaluation import EpisodeResult, run_episode
-from dgl_tasks.perception import film
+from dgl_tasks import get_task
 
 if TYPE_CHECKING:
     from dgl_assets.garments.catalogue import Split
 
 __all__ = ["FACTORY", "GarmentChoice", "choose_split", "make_evaluation_runner"]
-
-logger = logging.getLogger(__name__)
 
 FACTORY = "dexgarmentlab.evaluation.attempts:make_evaluation_runner"
 """What the workers build, as `CollectConfig.attempt_factory` names it."""
@@ -109,36 +101,17 @@ class EvaluationAttempts:
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
         """Run one episode; see `dgl_collect.attempts.AttemptRunner`."""
-        started = time.perf_counter()
-        env = self._setup.env
         split = choose_split(self._garments, attempt_index)
-        files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
-        ended: EpisodeResult | Exception
-        with VideoWriter(out_dir / files["video"]) as video:
-            try:
-                ended = run_episode(
-                    env,
-                    self._setup.motion,
-                    self._policy,
-                    seed=seed,
-                    garment=draw_garment(env.task.category, split, seed),
-                    film=video.add,
-                )
-                picture = ended.picture
-            except (TaskError, PhysicsError) as err:
-                logger.info("episode %d: %s", attempt_index, err)
-                ended, picture = err, film(env)
-                video.add(picture)
-        save_png(out_dir / files["picture"], picture)
-        return describe_episode(
-            ended,
+        result, _ = film_attempt(
+            self._setup,
+            self._policy,
             index=attempt_index,
             seed=seed,
-            garment_id=env.garment.name,
-            seconds=time.perf_counter() - started,
-            files=files,
-            randomisation={**env.draws, "split": split},
+            garment=draw_garment(self._setup.env.task.category, split, seed),
+            out_dir=out_dir,
+            episode_id=episode_id,
         )
+        return dataclasses.replace(result, randomisation={**result.randomisation, "split": split})
 
 
 def draw_garment(category: str, split: "Split", seed: int) -> str:

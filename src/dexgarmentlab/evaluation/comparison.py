@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from dexgarmentlab.evaluation.results import RESULTS_FILE, RESULTS_FORMAT, Count
-from dgl_collect import wilson_interval
+from dexgarmentlab.evaluation.results import RESULTS_FILE, RESULTS_FORMAT, Count, count
 
 __all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
 
@@ -172,16 +171,9 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
 
 def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
     episodes = [evaluation.episodes[key] for key in common]
-    succeeded = sum(episode.success for episode in episodes)
     values = [episode.value for episode in episodes if episode.value is not None]
     return Score(
-        count=Count(
-            episodes=len(episodes),
-            first=sum(episode.first_try for episode in episodes),
-            succeeded=succeeded,
-            rate=succeeded / len(episodes),
-            interval=wilson_interval(succeeded, len(episodes)),
-        ),
+        count=count(episodes),
         value_median=statistics.median(values) if values else None,
     )
 

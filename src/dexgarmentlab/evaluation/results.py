@@ -3,11 +3,14 @@
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from dgl_collect import AttemptResult, wilson_interval
+
+if TYPE_CHECKING:
+    from dexgarmentlab.evaluation.comparison import Episode
 
 __all__ = [
     "RESULTS_FILE",
@@ -44,7 +47,7 @@ class Count:
 
     episodes: int
     """Episodes run."""
-    first: int
+    first_try: int
     """Those that met the task's rule at the first try, before anything was done again: the paper's protocol."""
     succeeded: int
     """Those that met it at the end, with retries."""
@@ -78,12 +81,12 @@ class Results:
     """Reason of failure to count, most frequent first."""
 
 
-def count(results: Sequence[AttemptResult]) -> Count:
+def count(results: "Sequence[AttemptResult | Episode]") -> Count:
     """Count successes."""
     succeeded = sum(result.success for result in results)
     return Count(
         episodes=len(results),
-        first=sum(result.first_try for result in results),
+        first_try=sum(result.first_try for result in results),
         succeeded=succeeded,
         rate=succeeded / len(results) if results else None,
         interval=wilson_interval(succeeded, len(results)),
@@ -120,23 +123,13 @@ def to_json(
     versions: Mapping[str, str],
 ) -> dict[str, object]:
     """Give the content of `results.json`: what was asked for, the figures, and a record of every episode."""
-
-    def plain(item: Count) -> dict[str, object]:
-        return {
-            "episodes": item.episodes,
-            "first_try": item.first,
-            "succeeded": item.succeeded,
-            "rate": item.rate,
-            "interval": list(item.interval),
-        }
-
     return {
         "format": RESULTS_FORMAT,
         **asked,
         "status": status,
-        "success": {"mean": results.mean, "std": results.std, **plain(results.total)},
-        "by_seed": {str(seed): plain(item) for seed, item in results.by_seed.items()},
-        "by_split": {split: plain(item) for split, item in results.by_split.items()},
+        "success": {"mean": results.mean, "std": results.std, **asdict(results.total)},
+        "by_seed": {str(seed): asdict(item) for seed, item in results.by_seed.items()},
+        "by_split": {split: asdict(item) for split, item in results.by_split.items()},
         "value": {"median": results.value_median, "largest": results.value_largest},
         "seconds_median": results.seconds_median,
         "reasons": dict(results.reasons),
@@ -158,15 +151,10 @@ def _record(run: Run, result: AttemptResult) -> dict[str, object]:
         "value": result.value,
         "reason": result.reason,
         "detail": result.detail,
-        "steps": _steps(result),
+        "steps": None if (steps := result.measurements.get("steps")) is None else int(steps),
         "seconds": result.seconds,
         "files": {kind: str(run.folder / name) for kind, name in result.files.items()},
     }
-
-
-def _steps(result: AttemptResult) -> int | None:
-    steps = result.measurements.get("steps")
-    return None if steps is None else int(steps)
 
 
 def _split(result: AttemptResult) -> str:

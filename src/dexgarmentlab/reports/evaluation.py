@@ -96,7 +96,7 @@ def _header(results: Results, asked: Mapping[str, object]) -> str:
     else:
         headline = rate_headline(total.rate, total.interval)
     facts = [
-        (f"{total.first} of {total.episodes}", "succeeded at the first try"),
+        (f"{total.first_try} of {total.episodes}", "succeeded at the first try"),
         (f"{total.succeeded} of {total.episodes}", "succeeded with retries"),
     ]
     if results.std is not None:
@@ -126,7 +126,7 @@ def _count_row(name: str, item: Count) -> list[str]:
     return [
         html.escape(name),
         str(item.episodes),
-        str(item.first),
+        str(item.first_try),
         str(item.succeeded),
         rate,
         f"{low:.1%} to {high:.1%}",

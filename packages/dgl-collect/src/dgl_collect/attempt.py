@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,14 @@ from dgl_collect.actors import Expert
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, write_episode
 from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.results import AttemptResult, package_versions
-from dgl_collect.setup import make_setup
+from dgl_collect.setup import Setup, make_setup
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import PhysicsError
 from dgl_tasks import TaskError
+from dgl_tasks.driver import Listener
 from dgl_tasks.evaluation import EpisodeResult, run_episode
 from dgl_tasks.perception import film
+from dgl_tasks.policy import Method
 
 logger = logging.getLogger(__name__)
 
@@ -88,40 +91,27 @@ class DemonstrationAttempts:
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
         """Make one attempt; see `dgl_collect.attempts.AttemptRunner`."""
-        started = time.perf_counter()
         setup = self._setup
         recorder = EpisodeRecorder(setup.env, with_approach=self._with_approach)
-        files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
-        result, error = None, None
-        with VideoWriter(out_dir / files["video"]) as video:
-            try:
-                result = run_episode(
-                    setup.env,
-                    setup.motion,
-                    setup.make_runner(Expert(), rounds=self._rounds),
-                    seed=seed,
-                    garment=self._garment,
-                    film=video.add,
-                    listener=recorder,
-                )
-            except (TaskError, PhysicsError) as err:
-                logger.info("attempt %d: %s", attempt_index, err)
-                error = err
-                video.add(film(setup.env))
-        save_png(out_dir / files["picture"], result.picture if result else film(setup.env))
-        if result is not None and result.success:
-            files["episode"] = f"{episode_id}.h5"
-            write_episode(out_dir / files["episode"], self._make_episode(seed, result, recorder))
-        return describe_episode(
-            result or error,
+        result, ended = film_attempt(
+            setup,
+            setup.make_runner(Expert(), rounds=self._rounds),
             index=attempt_index,
             seed=seed,
-            garment_id=setup.env.garment.name,
-            seconds=time.perf_counter() - started,
+            garment=self._garment,
+            out_dir=out_dir,
+            episode_id=episode_id,
+            listener=recorder,
+        )
+        files = dict(result.files)
+        if ended is not None and ended.success:
+            files["episode"] = f"{episode_id}.h5"
+            write_episode(out_dir / files["episode"], self._make_episode(seed, ended, recorder))
+        return replace(
+            result,
+            files=files,
             frames=sum(record.frame_count for record in recorder.records.values()),
             stage_seconds=recorder.seconds,
-            files=files,
-            randomisation=dict(setup.env.draws),
         )
 
     def _make_episode(self, seed: int, result: EpisodeResult, recorder: EpisodeRecorder) -> Episode:
@@ -143,6 +133,64 @@ class DemonstrationAttempts:
             commands=result.commands,
             extra={FINAL_PARTICLES: setup.env.get_particles().astype(np.float32)},
         )
+
+
+def film_attempt(
+    setup: Setup,
+    method: Method,
+    *,
+    index: int,
+    seed: int,
+    garment: str | None,
+    out_dir: Path,
+    episode_id: str,
+    listener: Listener | None = None,
+) -> tuple[AttemptResult, EpisodeResult | None]:
+    """Run a method for one episode, with a film and a picture of its end.
+
+    Args:
+        setup: The environment.
+        method: Acts.
+        index: Number of the attempt.
+        seed: Of the episode.
+        garment: Catalogue id; drawn from the seed when None.
+        out_dir: Folder for the film and the picture.
+        episode_id: Stem of their names.
+        listener: As of `run_episode`.
+
+    Returns:
+        The attempt's result, and the episode's; None where an error has ended it, which is the attempt's reason.
+    """
+    started = time.perf_counter()
+    env = setup.env
+    files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
+    ended, error = None, None
+    with VideoWriter(out_dir / files["video"]) as video:
+        try:
+            ended = run_episode(
+                env,
+                setup.motion,
+                method,
+                seed=seed,
+                garment=garment,
+                film=video.add,
+                listener=listener,
+            )
+        except (TaskError, PhysicsError) as err:
+            logger.info("attempt %d: %s", index, err)
+            error = err
+            video.add(film(env))
+    save_png(out_dir / files["picture"], ended.picture if ended else film(env))
+    result = describe_episode(
+        ended or error,
+        index=index,
+        seed=seed,
+        garment_id=env.garment.name,
+        seconds=time.perf_counter() - started,
+        files=files,
+        randomisation=dict(env.draws),
+    )
+    return result, ended
 
 
 def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:

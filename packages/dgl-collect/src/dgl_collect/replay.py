@@ -116,28 +116,20 @@ def replay_episode(
         AssetError: If its robot or garment does not exist.
         PhysicsError: If the simulation fails.
     """
-    import gymnasium
-    import torch
-
-    import dgl_tasks  # noqa: F401 - registers the environments
     from dgl_assets.robots.importing import load_robot
+    from dgl_collect.setup import make_env
 
     _check_replayable(episode)
-    made = gymnasium.make(
+    env = make_env(
         episode.task,
-        obs_mode="none",
-        reward_mode="none",
-        sim_backend="physx_cpu",
-        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
-        render_mode="rgb_array",
-        look="random" if "floor" in episode.randomisation else "studio",
         robot=load_robot(episode.robot, robots),
+        look="random" if "floor" in episode.randomisation else "studio",
+        render_backend=render_backend,
     )
     try:
-        env = made.unwrapped
-        return replay_in(env, episode, film=film, on_step=on_step)  # pyright: ignore[reportArgumentType]
+        return replay_in(env, episode, film=film, on_step=on_step)
     finally:
-        made.close()
+        env.close()
 
 
 def replay_in(

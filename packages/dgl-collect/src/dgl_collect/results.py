@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import json
-import math
 import platform
 import statistics
 from collections import Counter
@@ -14,12 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from scipy.stats import binomtest
+
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import write_json
 from dgl_tasks.success import Criterion
-
-Z_95 = 1.959963984540054
-"""Two-sided 95 % quantile of the normal distribution."""
 
 VERSIONED_PACKAGES = (
     "dexgarmentlab", "dgl-physics", "dgl-assets", "dgl-gam", "dgl-sadp", "dgl-tasks", "dgl-collect",
@@ -124,29 +122,22 @@ def read_results(path: Path) -> list[AttemptResult]:
     return [results[index] for index in sorted(results)]
 
 
-def wilson_interval(successes: int, attempts: int, *, z: float = Z_95) -> tuple[float, float]:
-    """Compute the Wilson score interval of a success rate.
+def wilson_interval(successes: int, attempts: int) -> tuple[float, float]:
+    """Compute the 95 % Wilson score interval of a success rate.
 
     Args:
         successes: Number of successes.
         attempts: Number of attempts.
-        z: Normal quantile; the default gives 95 %.
 
     Returns:
         Lower and upper limit in [0, 1]; (0, 1) without attempts.
-
-    Source:
-        Wilson, E. B., "Probable inference, the law of succession, and statistical inference", 1927.
     """
     if not 0 <= successes <= attempts:
         raise ValueError(f"successes must be in [0, {attempts}]; got {successes}")
     if attempts == 0:
         return 0.0, 1.0
-    rate = successes / attempts
-    scale = 1.0 + z * z / attempts
-    centre = (rate + z * z / (2 * attempts)) / scale
-    half = z / scale * math.sqrt(rate * (1 - rate) / attempts + z * z / (4 * attempts**2))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    interval = binomtest(successes, attempts).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_assets import load_garment
-from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_assets.robots import DEFAULT_ROBOT, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Actor
 from dgl_collect.demonstration import check_demonstration, load_demonstration
@@ -53,6 +53,24 @@ class Setup:
         )
 
 
+def make_env(
+    task: str | Task, *, robot: Robot, look: str, render_backend: str | None = None
+) -> GarmentEnv:
+    """Build the environment of a task for whole episodes; arguments as of `make_setup`."""
+    import torch
+
+    return GarmentEnv(
+        task=task,
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
+        render_mode="rgb_array",
+        look=look,
+        robot=robot,
+    )
+
+
 def make_setup(
     task: str | Task,
     *,
@@ -74,8 +92,6 @@ def make_setup(
         robot: Name of arm and hand.
         robots: Folder of imported robots, for names that are not built in.
     """
-    import torch
-
     declared = task if isinstance(task, Task) else get_task(task)
     if demonstration is None:
         demonstration = load_demonstration(declared.id)
@@ -85,16 +101,7 @@ def make_setup(
     find_matcher = make_find_matcher(matcher, demo_garment)
     surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
     model = load_robot(robot, robots)
-    env = GarmentEnv(
-        task=declared,
-        obs_mode="none",
-        reward_mode="none",
-        sim_backend="physx_cpu",
-        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
-        render_mode="rgb_array",
-        look=look,
-        robot=model,
-    )
+    env = make_env(declared, robot=model, look=look, render_backend=render_backend)
     return Setup(
         env=env,
         demonstration=demonstration,

@@ -199,7 +199,7 @@ class _Course:
     def _end(self, stage: Stage, *, counts: bool) -> Part:
         yield from self.hands.mark(StageEnds(name=stage.name, counts=counts))
         if not self.hands.is_parked:
-            yield from self.hands.retreat(stage.hands, stage.retreat.way_out)
+            yield from self.hands.retreat(stage.hands, stage.retreat)
 
     def _try(self, stage: Stage, number: int, reaction: Reaction) -> PartOf[Hold]:
         work = self._begin(stage, number, reaction)

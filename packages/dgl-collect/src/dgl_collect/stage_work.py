@@ -139,7 +139,7 @@ class StageWork:
                     name, at = step.orientation or name, self._compute(targets[side])
                     motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
                 case Retreat():
-                    plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step.way_out)
+                    plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step)
 
     def _plan_coming(self, side: Side, turn: float) -> None:
         self._plan_approach({side: self.grasp[side]}, {side: turn})
@@ -225,7 +225,7 @@ class StageWork:
             case Wait(frames=frames):
                 yield from hands.send(motion.hold(frames), recorded=recorded)
             case Retreat():
-                yield from hands.retreat(self.stage.hands, step.way_out)
+                yield from hands.retreat(self.stage.hands, step)
 
     def _check(self, *, checked: bool) -> Part:
         """Look whether the hands hold the garment, where that is wanted."""

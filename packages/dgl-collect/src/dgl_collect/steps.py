@@ -1,7 +1,7 @@
 """What a demonstration is made of: stages, each a sequence of typed steps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -138,24 +138,10 @@ class Wait(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Retreat(Step):
-    """The open hands leave the garment, and the arms park."""
+class Retreat(Step, WayOut):
+    """The open hands leave the garment in this way, and the arms park."""
 
     recorded: bool = False
-    pose: str = WayOut.pose
-    """As in `WayOut`, like what follows."""
-    roll: float = WayOut.roll
-    rise: float = WayOut.rise
-    wait: int = WayOut.wait
-    back: tuple[float, ...] = WayOut.back
-    up: float = WayOut.up
-    spacing: float = WayOut.spacing
-    frees: bool = WayOut.frees
-
-    @property
-    def way_out(self) -> WayOut:
-        """The way of the hands."""
-        return WayOut(**{f.name: getattr(self, f.name) for f in fields(WayOut)})
 
     def __post_init__(self) -> None:
         _check_name("pose", self.pose, HAND_POSES)

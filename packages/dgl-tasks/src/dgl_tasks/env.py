@@ -397,10 +397,6 @@ class GarmentEnv(BaseEnv):
         velocities = self.cloth.state.get_velocities()[0]
         return float(np.sqrt((velocities**2).sum(axis=1).mean()))
 
-    def is_still(self) -> bool:
-        """Tell whether the garment is at rest."""
-        return self.measure_speed() < STILL_SPEED
-
     def compute_reward_terms(self) -> RewardTerms:
         """Compute the terms of the dense reward; see `dgl_tasks.reward`."""
         particles = self.get_particles()

@@ -232,30 +232,6 @@ class Handling:
         yield from self.send(rows[:before], is_passage=True)
         yield from self.send(rows[before:], recorded="approach", is_passage=True)
 
-    def leave(
-        self,
-        points: Mapping[Side, np.ndarray],
-        orientations: Mapping[Side, np.ndarray],
-        out: WayOut,
-    ) -> Part:
-        """Let opened hands leave the cloth and park, from where `motion` is.
-
-        Args:
-            points: Grasp point of each of these hands [m], shape (3,), world frame.
-            orientations: Of `ee` of each of these hands, wxyz, shape (4,).
-            out: In which way.
-
-        Raises:
-            UnreachableError: If a hand cannot even go straight up.
-        """
-        yield from self._pass(self.motion.hold(RELEASE_FRAMES))
-        yield from self._pass(self.motion.set_hands(dict.fromkeys(orientations, out.pose)))
-        for rows in plan_leave(self.motion, points, orientations, out):
-            yield from self._pass(rows)
-        if out.frees:
-            yield from self._free_hands(tuple(orientations))
-        yield from self.park()
-
     def retreat(self, sides: tuple[Side, ...] = SIDES, out: WayOut | None = None) -> Part:
         """Open hands, wherever they are, and let them leave the cloth and park.
 
@@ -269,15 +245,19 @@ class Handling:
         if not all(self._is_open(side) for side in sides):
             yield from self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
         points, orientations = self._get_hands(sides)
+        yield from self._pass(self.motion.hold(RELEASE_FRAMES))
         try:
             with self.motion.rehearsal():
                 plan_leave(self.motion, points, orientations, out)
         except (UnreachableError, ValueError) as err:
             logger.info("the hands park at once: %s", err)
-            yield from self._pass(self.motion.hold(RELEASE_FRAMES))
-            yield from self.park()
         else:
-            yield from self.leave(points, orientations, out)
+            yield from self._pass(self.motion.set_hands(dict.fromkeys(sides, out.pose)))
+            for rows in plan_leave(self.motion, points, orientations, out):
+                yield from self._pass(rows)
+            if out.frees:
+                yield from self._free_hands(sides)
+        yield from self.park()
 
     def park(self) -> Part:
         """Bring both arms out of the picture, open the hands, and wait until they are at rest."""

@@ -1,6 +1,5 @@
 """Two arms with hands as one ManiSkill agent: UR10e with Shadow Hands, or a user's own."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,7 +24,6 @@ from dgl_assets.robots import (
     DEFAULT_ROBOT,
     SIDES,
     BasePlacement,
-    JointGains,
     Robot,
     Side,
 )
@@ -42,31 +40,6 @@ GROUND_COLLISION_BIT = 30
 
 The same bit as ManiSkill's mobile robots use.
 """
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriveGains:
-    """Position drives of the joints of one group, in the order of the group."""
-
-    stiffness: tuple[float, ...]
-    """Proportional gains [N m / rad]."""
-    damping: tuple[float, ...]
-    """Derivative gains [N m s / rad]."""
-    force_limit: tuple[float, ...]
-    """Largest drive torques [N m]."""
-
-    @classmethod
-    def from_joints(cls, gains: Sequence[JointGains]) -> "DriveGains":
-        """Collect the drives of single joints."""
-        return cls(
-            stiffness=tuple(g.stiffness for g in gains),
-            damping=tuple(g.damping for g in gains),
-            force_limit=tuple(g.force_limit for g in gains),
-        )
-
-
-ARM_GAINS = DriveGains.from_joints(DEFAULT_ROBOT.arm.gains)
-HAND_GAINS = DriveGains.from_joints(DEFAULT_ROBOT.hand.gains)
 
 
 class JointTargetController(PDJointPosController):
@@ -156,12 +129,11 @@ class BimanualUR10eShadow(BaseAgent):
         bases = {"left": self.left_base, "right": self.right_base}
         for side in SIDES:
             for part, drives in (("arm", self.model.arm.gains), ("hand", self.model.hand.gains)):
-                gains = DriveGains.from_joints(drives)
                 drive = {
                     "joint_names": list(self.model.joint_names[self.model.joint_slice(side, part)]),
-                    "stiffness": gains.stiffness,
-                    "damping": gains.damping,
-                    "force_limit": gains.force_limit,
+                    "stiffness": tuple(g.stiffness for g in drives),
+                    "damping": tuple(g.damping for g in drives),
+                    "force_limit": tuple(g.force_limit for g in drives),
                     "normalize_action": False,
                 }
                 group = f"{side}_{part}"

@@ -1,5 +1,6 @@
 """Success rules: pure functions of a scene, which give named criteria with what was measured."""
 
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -8,6 +9,8 @@ import numpy as np
 
 AREA_CELL = 0.01
 """Side of the cells in which covered area is counted [m]."""
+
+_COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 
 Box = tuple[float, float, float, float]
 """A horizontal box: x low, y low, x high, y high [m]."""
@@ -33,15 +36,7 @@ class Criterion:
     @property
     def is_met(self) -> bool:
         """Whether the value satisfies the condition."""
-        match self.comparison:
-            case "<":
-                return self.value < self.threshold
-            case "<=":
-                return self.value <= self.threshold
-            case ">":
-                return self.value > self.threshold
-            case ">=":
-                return self.value >= self.threshold
+        return bool(_COMPARE[self.comparison](self.value, self.threshold))
 
 
 @dataclass(frozen=True, kw_only=True)
