@@ -58,7 +58,7 @@ def compute_targets(stage, points, *, seen=None):
         places={},
         begins=None,
         reaction="ignore",
-        draw=(1,),
+        draw=(1, 1, 1),
         seen=dict(seen or {}),
     )
     return [

@@ -56,7 +56,7 @@ def make_work(world, stage, *, places=None, names=None, reaction="give up", **ch
             seen_at=world.step,
         ),
         reaction=reaction,
-        draw=(1,),
+        draw=(1, 1, 1),
         **changes,
     )
 

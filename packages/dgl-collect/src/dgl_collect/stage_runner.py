@@ -239,13 +239,6 @@ class _Course:
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)
             affordance = compute_affordance(similarity)
-        again = (
-            []
-            if number == self._round == 1
-            else [number]
-            if self._round == 1
-            else [number, self._round]
-        )
         return StageWork(
             stage=stage,
             hands=self.hands,
@@ -261,5 +254,5 @@ class _Course:
                 seen_at=sensed.step,
             ),
             reaction=reaction,
-            draw=(self.stages.index(stage) + 1, *again),
+            draw=(self.stages.index(stage) + 1, number, self._round),
         )

@@ -63,9 +63,8 @@ class StageWork:
     begins: StageBegins
     """What is known when it begins."""
     reaction: Reaction
-    draw: tuple[int, ...]
-    """Tells one time that a stage is carried out from another: its number from 1, then, where it is not the first time, that of
-    the try and of the round."""
+    draw: tuple[int, int, int]
+    """Numbers of the stage, the try and the round from 1: they tell one time that a stage is carried out from another."""
     hold: Hold = "all"
     seen: dict[str, Value] = field(default_factory=dict)
     """What has been seen on the way, by name [m]."""

@@ -239,95 +239,84 @@ class CoversFlatArea:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HangsOver:
-    """The garment hangs on an object: hardly any of it is near the ground, and it hangs in its middle."""
+class AtPlace:
+    """What rules about a place of an object share."""
 
     place: str
-    """The object's place that it hangs at, such as "hanger.target"."""
+    """The object's place, such as "hanger.target"."""
+    landmarks: tuple[str, ...] = field(default=(), init=False)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The place alone."""
+        return (self.place,)
+
+    def get_target(self, view: SceneView) -> np.ndarray:
+        """Look the place up [m], shape (3,)."""
+        owner, _, name = self.place.partition(".")
+        return view.frames[owner][name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HangsOver(AtPlace):
+    """The garment hangs at the place: hardly any of it is near the ground, and it hangs in its middle."""
+
     sideways: float
-    """How far the garment's middle may be from it in x [m]."""
+    """How far the garment's middle may be from the place in x [m]."""
     height: float = 0.01
     """What is lower counts as lying on the ground [m] (original code)."""
     on_ground: float = 15 / 2048
     """Largest share of the garment that may lie there (original code)."""
-    landmarks: tuple[str, ...] = field(default=(), init=False)
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The place alone."""
-        return (self.place,)
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure what lies on the ground, and how far off the middle hangs."""
-        owner, _, name = self.place.partition(".")
-        target, points = view.frames[owner][name], view.surface
-        if len(points) == 0:
-            points = np.full((1, 3), -np.inf)
-        down = Criterion(
-            name="share of the garment on the ground",
-            value=float((points[:, 2] < self.height).mean()),
-            comparison="<=",
-            threshold=self.on_ground,
-            failure="on the ground",
-        )
-        off = Criterion(
-            name="distance of the garment's middle from the bar's, sideways",
-            value=float(min(abs(points[:, 0].mean() - target[0]), 1e3)),
-            comparison="<=",
-            threshold=self.sideways,
-            unit=" m",
-            failure="off the middle",
-        )
-        return Verdict(criteria=(down, off))
+        points = view.surface if len(view.surface) else np.full((1, 3), -np.inf)
+        off = abs(points[:, 0].mean() - self.get_target(view)[0])
+        return _require_at_most(
+            ("share of the garment on the ground", float((points[:, 2] < self.height).mean()),
+             self.on_ground, "", "on the ground"),
+            ("distance of the garment's middle from the bar's, sideways", float(min(off, 1e3)),
+             self.sideways, " m", "off the middle"),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class SitsOn:
+class SitsOn(AtPlace):
     """The garment is worn on a place that goes into it: its middle is near and no higher, and it is upright."""
 
-    place: str
-    """The object's place, such as "person.head_top"."""
     within: float
-    """How far the garment's middle may be from it [m]."""
+    """How far the garment's middle may be from the place [m]."""
     leaning: float
     """How far the garment may lean [rad]."""
-    landmarks: tuple[str, ...] = field(default=(), init=False)
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """The place alone."""
-        return (self.place,)
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure how far off the garment's middle is, and how high."""
-        owner, _, name = self.place.partition(".")
-        target, points = view.frames[owner][name], view.surface
-        middle = points.mean(axis=0) if len(points) else np.full(3, 1e3)
-        distance = Criterion(
-            name="distance of the garment's middle from its place",
-            value=float(np.linalg.norm(middle - target)),
-            comparison="<=",
-            threshold=self.within,
-            unit=" m",
-            failure="not in its place",
+        middle = view.surface.mean(axis=0) if len(view.surface) else np.full(3, 1e3)
+        off = middle - self.get_target(view)
+        return _require_at_most(
+            ("distance of the garment's middle from its place", float(np.linalg.norm(off)),
+             self.within, " m", "not in its place"),
+            ("height of the garment's middle over its place", float(off[2]),
+             0.0, " m", "not put on"),
+            ("how far the garment leans", view.tilt, self.leaning, " rad", "leaning"),
+        )  # fmt: skip
+
+
+def _require_at_most(*limits: tuple[str, float, float, str, str]) -> Verdict:
+    """Judge by names, values, what these may be at most, units, and what more is called."""
+    return Verdict(
+        criteria=tuple(
+            Criterion(
+                name=name,
+                value=value,
+                comparison="<=",
+                threshold=most,
+                unit=unit,
+                failure=failure,
+            )
+            for name, value, most, unit, failure in limits
         )
-        height = Criterion(
-            name="height of the garment's middle over its place",
-            value=float(middle[2] - target[2]),
-            comparison="<=",
-            threshold=0.0,
-            unit=" m",
-            failure="not put on",
-        )
-        tilt = Criterion(
-            name="how far the garment leans",
-            value=view.tilt,
-            comparison="<=",
-            threshold=self.leaning,
-            unit=" rad",
-            failure="leaning",
-        )
-        return Verdict(criteria=(distance, height, tilt))
+    )
 
 
 def _check_points(points: np.ndarray) -> np.ndarray:
