@@ -15,7 +15,6 @@ from dgl_collect.stage_work import StageWork
 from dgl_collect.steps import Approach, Demonstration, HandPose, Move, Release, Retreat, Stretch
 from dgl_tasks import get_task, task_ids
 from dgl_tasks.declaration import SceneObject
-from dgl_tasks.handling import WayOut
 
 FILE = resources.files("dgl_collect") / "demonstrations" / "FoldTops.json"
 TASK = get_task("FoldTops-v1")
@@ -112,16 +111,16 @@ def test_a_file_says_all_that_is_done(demonstration):
     assert [type(step) for step in last.steps[1:]] == [HandPose, Move, Move, Move, Release, Retreat]
     assert [step.recorded for step in last.steps] == [False, *[True] * 5, False]
     assert [step.checked for step in last.steps[2:5]] == [True, False, False]
-    assert last.retreat.way_out == WayOut()
+    assert last.retreat == Retreat()
     assert demonstration.learned_stages == demonstration.stages
 
 
 def test_hands_leave_trousers_in_the_way_that_is_said():
     first, second = load_demonstration("FoldTrousers-v1").stages
-    out = first.retreat.way_out
+    out = first.retreat
     assert (out.rise, out.wait, out.back) == (0.04, 15, (0.04, 0.02, 0.0))
     assert out.roll == pytest.approx(np.radians(60))
-    assert second.retreat.way_out == WayOut()
+    assert second.retreat == Retreat()
     assert (first.again, second.again) == (False, True)
     assert (first.moved_at_most, second.moved_at_most) == (0.15, None)
     assert second.grasp["right"].points == ("left_hem_middle", "right_hem_middle")
