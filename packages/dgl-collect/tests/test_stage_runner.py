@@ -255,6 +255,21 @@ def test_rounds_end_when_the_garment_covers_what_it_is_believed_to_cover(
     assert ("flat_area" in beliefs[-1].values) is (hanging is not None)
 
 
+def test_the_flat_area_is_the_median_of_what_the_rounds_have_shown(make_world):
+    """A stretch that went wrong, or a look that could not tell, decides nothing alone."""
+    shown = iter([0.2, 0.9, 0.4, None])
+    demonstration = make_demonstration(rounds=4, flat_area="hanging / (hanging > 0)")
+
+    def see(work):
+        hanging = next(shown)
+        work.seen |= {"hanging": 0.0 if hanging is None else hanging}
+
+    rule = Rule(0.1, 0.1, 0.1, 0.1)
+    turns = {("one", number): see for number in range(1, 5)}
+    make_world().run(make_runner(demonstration, rule=rule, actor=Scripted(turns)))
+    assert rule.flat_areas == pytest.approx([0.2, 0.55, 0.4, 0.4])
+
+
 def test_wrong_points_lead_to_another_decision(make_world):
     """A matcher that takes one side for the other believes that nothing lies where it should."""
 
@@ -347,7 +362,11 @@ def test_one_try_is_told_from_another(make_world):
     draws = [work.draw for work in actor.works]
     assert len(set(draws)) == len(draws) == 11
     assert [work.draw for work in plain.works] == [(1, 1, 1), (2, 1, 1), (3, 1, 1)]
-    assert set(draws) > {(1, 1, 1), (2, 1, 1), (3, 1, 1)}  # the first is the same however often it is done
+    assert set(draws) > {
+        (1, 1, 1),
+        (2, 1, 1),
+        (3, 1, 1),
+    }  # the first is the same however often it is done
 
 
 # Laying down ------------------------------------------------------------------------------------

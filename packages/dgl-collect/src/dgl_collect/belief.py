@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from dgl_collect.formula import Value, evaluate_formula
 from dgl_tasks.errors import PerceptionError
 from dgl_tasks.sensing import Sensed
 
@@ -18,20 +17,16 @@ class BelievedView:
         sensed: Sensed,
         *,
         landmarks: Mapping[str, np.ndarray],
-        flat_area: str | None,
-        names: Mapping[str, Value],
+        flat_area: float,
     ) -> None:
         """Take what is known.
 
         Args:
             sensed: What is sensed now.
             landmarks: The demonstration's points as they were found before the garment was touched [m], shape (3,).
-            flat_area: Formula of the garment's area; see `Demonstration.flat_area`.
-            names: What it may name.
+            flat_area: What the garment is believed to cover lying flat [m^2]; infinite while that cannot be told.
         """
-        self._sensed, self._flat_area, self._names = sensed, flat_area, names
-        self.landmarks = landmarks
-        """As in `SceneView`."""
+        self._sensed, self.landmarks, self.flat_area = sensed, landmarks, flat_area
 
     @cached_property
     def top(self) -> np.ndarray:
@@ -45,16 +40,6 @@ class BelievedView:
 
     tilt = np.nan
     """Nobody sees it."""
-
-    @property
-    def flat_area(self) -> float:
-        """What the garment is believed to cover lying flat [m^2]; infinite before it has been seen well enough to tell."""
-        if self._flat_area is None:
-            return np.inf
-        try:
-            return evaluate_formula(self._flat_area, self._names)
-        except ValueError:
-            return np.inf
 
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:

@@ -1,6 +1,6 @@
 """What pictures show of the garment and of the floor below it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,16 +19,6 @@ if TYPE_CHECKING:
     from mani_skill.utils.structs import Actor
 
 __all__ = ["Appearance"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Outfit:
-    """The arguments of `Appearance.dress`."""
-
-    faces: np.ndarray
-    flat: np.ndarray
-    fabric: FabricMaterial
-    bodies: Sequence[sapien.physx.PhysxRigidBaseComponent]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +58,7 @@ class Appearance:
         self._scene = scene.sub_scenes[0]
         (self._ground,) = ground._objs  # noqa: SLF001  ManiSkill has no way to its entity
         self._floor: FloorPicture | None = None
-        self._outfit: _Outfit | None = None
+        self._make_garment: Callable[[], _Garment] | None = None
         self._garment: _Garment | None = None
         self._shadow: FloorShadow | None = None
         self._painter: Painter | None = None
@@ -110,7 +100,7 @@ class Appearance:
         if self._shadow is not None:
             self._scene.remove_entity(self._shadow.entity)
         self._garment = self._shadow = self._painter = None
-        self._outfit = _Outfit(faces=faces, flat=flat, fabric=fabric, bodies=bodies)
+        self._make_garment = lambda: self._build_garment(faces, flat, fabric, bodies)
         self.mark_moved()
 
     def mark_moved(self) -> None:
@@ -177,26 +167,28 @@ class Appearance:
 
     def _get_garment(self) -> _Garment:
         if self._garment is None:
-            floor, outfit = self._get_floor(), self._outfit
-            if outfit is None:
+            if self._make_garment is None:
                 raise RuntimeError("dress() must be called before a garment is shown")
-            maps = outfit.fabric.render()
-            uvs = maps.compute_uvs(outfit.flat)
-            self._garment = _Garment(
-                surface=Surface(
-                    roughness=maps.mean_roughness,
-                    specular=GarmentVisual.SPECULAR,
-                    image=Image(pixels=maps.base_colour),
-                    inside_shade=GarmentVisual.INSIDE_SHADE,
-                ),
-                uvs=uvs,
-                caster=floor.build_caster(outfit.bodies, outfit.faces),
-                visual=GarmentVisual(
-                    self._scene,
-                    outfit.faces,
-                    roughness=maps.mean_roughness,
-                    uvs=uvs,
-                    texture=maps.base_colour,
-                ),
-            )
+            self._garment = self._make_garment()
         return self._garment
+
+    def _build_garment(
+        self,
+        faces: np.ndarray,
+        flat: np.ndarray,
+        fabric: FabricMaterial,
+        bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
+    ) -> _Garment:
+        floor, maps = self._get_floor(), fabric.render()
+        uvs, texture, roughness = maps.compute_uvs(flat), maps.base_colour, maps.mean_roughness
+        return _Garment(
+            surface=Surface(
+                roughness=roughness,
+                specular=GarmentVisual.SPECULAR,
+                image=Image(pixels=texture),
+                inside_shade=GarmentVisual.INSIDE_SHADE,
+            ),
+            uvs=uvs,
+            caster=floor.build_caster(bodies, faces),
+            visual=GarmentVisual(self._scene, faces, roughness=roughness, uvs=uvs, texture=texture),
+        )
