@@ -213,12 +213,12 @@ class StageWork:
                 yield from hands.send(rows, recorded=recorded)
                 self._targets = targets
                 if self._has_closed and not self._has_released:
-                    yield from self._check(checked=step.checked)
+                    yield from self._check(step, f"move {self._lifts + 1}")
                     self._lifts += 1
             case Stretch():
                 if self.hold == "all":  # what has been lost cannot be stretched
                     yield from self._stretch(step)
-                    yield from self._check(checked=step.checked)
+                    yield from self._check(step, "stretch")
             case Look():
                 self.seen["now"] = self._look()
             case Wait(frames=frames):
@@ -226,18 +226,14 @@ class StageWork:
             case Retreat():
                 yield from hands.retreat(self.stage.hands, step)
 
-    def _check(self, *, checked: bool) -> Part:
+    def _check(self, step: Move | Stretch, where: str) -> Part:
         """Look whether the hands hold the garment, where that is wanted."""
-        if checked and self.reaction != "ignore":
+        if step.checked and self.reaction != "ignore":
             self.react(self.find_empty())
-        is_first = self._lifts == 0
-        mark = Carrying(
-            stage=self.stage.name,
-            hands=self.stage.hands,
-            is_first=is_first,
-            where=f"move {self._lifts + 1}",
+        stage, is_first = self.stage, self._lifts == 0
+        yield from self.hands.mark(
+            Carrying(stage=stage.name, hands=stage.hands, is_first=is_first, where=where)
         )
-        yield from self.hands.mark(mark)
 
     def _look(self) -> dict[str, Value]:
         sensed = self.hands.sensed
