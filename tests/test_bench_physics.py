@@ -22,7 +22,6 @@ from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limi
 from dexgarmentlab.bench_physics.hat import measure_change, press_hat
 from dexgarmentlab.bench_physics.panel import Panel
 from dexgarmentlab.bench_physics.rendering import measure_extent, render
-from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import (
     join,
     make_bowl,
@@ -37,6 +36,7 @@ from dgl_physics import ModelBuilder, SimulationDivergedError, SolverConfig
 from dgl_physics.launcher import find_vector_obstacle
 from dgl_physics.measure import find_intersections
 from dgl_physics.peirce import compute_chord_angle
+from dgl_physics.scene import Scene
 from dgl_physics.tetrahedra import check_orientation
 from dgl_physics.topology import check_mesh, compute_edges
 

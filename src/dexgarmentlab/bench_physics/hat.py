@@ -8,9 +8,9 @@ import numpy as np
 from dexgarmentlab.bench_physics.experiment import Bench, Result
 from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture, Solid
 from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import join, make_bowl, make_box
 from dgl_physics import ModelBuilder, Shape, SolidMaterial
+from dgl_physics.scene import Scene
 
 __all__ = ["HatRecord", "Moment", "measure_change", "measure_hat", "press_hat"]
 

@@ -5,9 +5,9 @@ import numpy as np
 from dexgarmentlab.bench_physics.experiment import Bench, Result
 from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit
 from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import make_sheet
 from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
+from dgl_physics.scene import Scene
 
 __all__ = ["measure_free_fall", "measure_incline", "measure_momentum"]
 

@@ -7,9 +7,9 @@ import numpy as np
 from dexgarmentlab.bench_physics.experiment import Bench, Result
 from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
 from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.scene import Scene
 from dexgarmentlab.bench_physics.sheets import make_capsule, make_sheet
 from dgl_physics import ClothMaterial, ModelBuilder, Shape
+from dgl_physics.scene import Scene
 
 __all__ = ["measure_pinch"]
 

@@ -7,10 +7,10 @@ import numpy as np
 from dexgarmentlab.bench_physics.experiment import Bench, Result
 from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
 from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.scene import Scene
 from dgl_assets import garment_ids, load_garment
 from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, Shape
 from dgl_physics.measure import find_intersections, measure_gaps
+from dgl_physics.scene import Scene
 
 __all__ = ["measure_self_contact"]
 

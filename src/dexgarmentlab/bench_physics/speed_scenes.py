@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dexgarmentlab.bench_physics.fold_replay import FoldRecord
-from dexgarmentlab.bench_physics.scene import Scene
 from dgl_assets import load_garment
 from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverConfig, SolverXPBD, State
+from dgl_physics.scene import Scene
 
 __all__ = ["SpeedScene", "make_drop", "make_fold", "make_hanging"]
 

@@ -4,14 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexgarmentlab.bench_assets.drop import add_garment
-from dexgarmentlab.bench_physics.scene import Scene
 from dgl_assets import Garment
-from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, Shape, SolverConfig
+from dgl_physics import (
+    ClothMaterial,
+    ModelBuilder,
+    PhysicsError,
+    Shape,
+    SolidMaterial,
+    SolverConfig,
+)
 from dgl_physics.measure import compute_strain
+from dgl_physics.scene import Scene
 
-__all__ = ["Handling", "find_grip"]
+__all__ = ["GLOVE", "Handling", "add_garment", "find_grip"]
 
+GLOVE = SolidMaterial(thickness=0.004)
+"""The two layers of a glove lie only 10 to 25 mm apart, so its contact thickness is smaller than the default."""
 GRIP = 0.03
 """Vertices so near to a landmark on the flat garment are gripped with it, of both layers [m]."""
 SPEED = 0.8
@@ -23,6 +31,34 @@ MEAN_STRAIN_LIMIT = 0.1
 coarse meshes reach 0.07, all else 0.03."""
 _SUBSTEPS = 6  # of a frame of 1/60 s
 _FINE = 2  # steps of a frame while something is carried, so that it jumps by little
+
+
+def add_garment(
+    builder: ModelBuilder,
+    garment: Garment,
+    start: np.ndarray,
+    *,
+    material: ClothMaterial | None = None,
+    pinned: np.ndarray | tuple[int, ...] = (),
+) -> None:
+    """Add a garment of the catalogue to a model: cloth as cloth, a shell as an elastic wall.
+
+    Args:
+        builder: Of the model.
+        garment: Its rest shape, and the thickness of its wall.
+        start: Where its vertices are at first [m], shape (V, 3). A shell is unstrained there.
+        material: Of cloth; the default when None. A shell has that of its category.
+        pinned: Vertices that do not move by themselves.
+    """
+    if garment.wall_thickness is None:
+        builder.add_garment(
+            start, garment.faces, rest=garment.rest_vertices, material=material, pinned=pinned
+        )
+    else:
+        solid = GLOVE if garment.category == "Glove" else SolidMaterial()
+        builder.add_solid(
+            start, garment.faces, thickness=garment.wall_thickness, material=solid, pinned=pinned
+        )
 
 
 def find_grip(garment: Garment, landmark: str) -> np.ndarray:

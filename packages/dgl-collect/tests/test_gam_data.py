@@ -1,20 +1,21 @@
 """Training data of the affordance model: what cameras see, states, and runs that can be interrupted."""
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
-from dexgarmentlab import gam_data
-from dexgarmentlab.cli import main
-from dexgarmentlab.gam_data import DataConfig, Made, generate, generate_data, list_garments
-from dexgarmentlab.gam_data import garment as garment_module
-from dexgarmentlab.gam_data.garment import find_path, make_garment_data
-from dexgarmentlab.gam_data.handling import Handling, find_grip
-from dexgarmentlab.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
-from dexgarmentlab.gam_data.views import TOLERANCE, make_direction, see_surface
 from dgl_assets import MeshingError, garment_ids, list_categories, load_garment
+from dgl_collect.errors import OutputFolderError
+from dgl_collect.gam_data import DataConfig, Made, generate, generate_data, list_garments
+from dgl_collect.gam_data import garment as garment_module
+from dgl_collect.gam_data.garment import find_path, make_garment_data
+from dgl_collect.gam_data.handling import Handling, find_grip
+from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
+from dgl_collect.gam_data.views import TOLERANCE, make_direction, see_surface
 from dgl_gam.data import read_garment
 from dgl_physics import PhysicsError
 
@@ -260,42 +261,37 @@ def test_a_garment_that_cannot_be_meshed_as_usual_has_other_edges(tmp_path, monk
     assert failed.error == "an outline cannot be filled"
 
 
-def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path, capsys):
-    out, preview = tmp_path / "data", tmp_path / "sheet.png"
-    words = ["gam", "data", "--out", str(out), "--category", "Glove", "--train", "1", "--test", "0"]
-    words += ["--flat", "0", "--flat-test", "0"]
-    assert main([*words, "--preview", str(preview)]) == 0
-    assert preview.read_bytes().startswith(b"\x89PNG")
+def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path):
+    out = tmp_path / "data"
+    config = DataConfig(categories=("Glove",), train=1, test=0)
+    [made] = generate_data(config, out)
+    assert (made.id, made.error) == (GLOVE, "")
     path = find_path(out, GLOVE)
     assert is_same(path, find_path(data, GLOVE))  # of another process
     before = path.stat().st_mtime_ns
     (out / "Glove" / ".x.safetensors.1.part").write_bytes(b"killed")
-    capsys.readouterr()
-    assert main([*words, "--resume", "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["garments"], summary["failed"]) == (1, 0)
-    assert summary["categories"][0]["made_now"] == 0
+    [made] = generate_data(config, out, resume=True)
+    assert (made.error, made.seconds) == ("", 0.0)
     assert path.stat().st_mtime_ns == before
     assert not list(out.glob("*/.*"))
+    with pytest.raises(ValueError, match="is not empty; add --resume"):
+        list(generate_data(config, out))
     for change, message in (
-        ([], "is not empty; add --resume"),
-        (["--resume", "--seed", "1"], "its seed is 0, this run's is 1"),
-        (["--resume", "--train", "3"], "its train is 1, this run's is 3"),
+        ({"seed": 1}, "its seed is 0, this run's is 1"),
+        ({"train": 3}, "its train is 1, this run's is 3"),
     ):
-        assert main([*words, *change]) == 1
-        assert message in capsys.readouterr().err
+        with pytest.raises(OutputFolderError, match=message):
+            list(generate_data(replace(config, **change), out, resume=True))
     path.unlink()
     failure = json.dumps({"id": GLOVE, "reason": "pressed: it burst"})
     (out / "failures.jsonl").write_text(failure + "\n" + '{"id": "unfin', encoding="utf-8")
-    assert main([*words, "--resume"]) == 1  # nothing is there, and why is said
-    written = capsys.readouterr()
-    assert f"failed: {GLOVE}: pressed: it burst" in written.out
-    assert "no garment could be made" in written.err
+    [made] = generate_data(config, out, resume=True)
+    assert made.error == "pressed: it burst"
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     run["versions"]["dgl-physics"] = "0.0.0"
     (out / "run.json").write_text(json.dumps(run), encoding="utf-8")
-    assert main([*words, "--resume"]) == 1
-    assert "its versions is" in capsys.readouterr().err
+    with pytest.raises(OutputFolderError, match="its versions is"):
+        list(generate_data(config, out, resume=True))
 
 
 def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
@@ -314,25 +310,22 @@ def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("change", "message"),
     [
-        (["--category", "Scraf"], "did you mean Scarf?"),
-        (["--train", "-1"], "train must be in [0, 8000]; got -1"),
-        (["--test", "2001"], "test must be in [0, 2000]; got 2001"),
-        (["--train", "7500", "--flat", "501"], "flat must be in [0, 500]; got 501"),
-        (
-            ["--train", "0", "--test", "0", "--flat", "0", "--flat-test", "0"],
-            "at least 1 garment must be made",
-        ),
-        (["--workers", "0"], "workers must be at least 1; got 0"),
-        (["--seed", "-1"], "seed must not be negative"),
+        ({"categories": ("Scraf",)}, "did you mean Scarf?"),
+        ({"train": -1}, "train must be in [0, 8000]; got -1"),
+        ({"test": 2001}, "test must be in [0, 2000]; got 2001"),
+        ({"train": 7500, "flat": 501}, "flat must be in [0, 500]; got 501"),
+        ({"train": 0, "test": 0}, "at least 1 garment must be made"),
+        ({"seed": -1}, "seed must not be negative"),
     ],
 )
-def test_wrong_options_are_refused(tmp_path, capsys, words, message):
-    assert main(["gam", "data", "--out", str(tmp_path / "x"), *words]) == 1
-    assert message in capsys.readouterr().err
-    assert not (tmp_path / "x" / "run.json").exists()
+def test_wrong_options_are_refused(change, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        DataConfig(**change)
 
 
-def test_the_names_are_there():
-    assert all(hasattr(gam_data, name) for name in ("DataConfig", "Made", "draw_data_sheet"))
+def test_no_workers_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="workers must be at least 1; got 0"):
+        list(generate_data(DataConfig(), tmp_path / "x", workers=0))
+    assert not (tmp_path / "x").exists()

@@ -1,26 +1,40 @@
-"""A simulation of one environment, as the experiments use it."""
+"""The short way to a simulation of one environment: a model, its state and its solver in one."""
 
 import numpy as np
 
-from dgl_physics import ModelBuilder, SolverConfig, SolverXPBD
 from dgl_physics.measure import compute_strain
+from dgl_physics.model import ModelBuilder
+from dgl_physics.solver import SolverXPBD
+from dgl_physics.solver_config import SolverConfig
 
 __all__ = ["Scene"]
 
 
 class Scene:
-    """A model of one environment, its state and its solver."""
+    """A model of one environment, its state and its solver.
+
+    Attributes:
+        model: What does not change.
+        state: What changes.
+        solver: What advances it.
+    """
 
     def __init__(
         self, builder: ModelBuilder, config: SolverConfig | None = None, *, device: str = "cpu"
     ) -> None:
-        """Build what the builder holds."""
+        """Build.
+
+        Args:
+            builder: What the model consists of, for one environment.
+            config: Of the solver; the default when None.
+            device: "cpu", or a CUDA device.
+        """
         self.model = builder.build(device)
         self.state = self.model.make_state()
         self.solver = SolverXPBD(self.model, config)
 
     def step(self, frames: int = 1) -> None:
-        """Advance by some frames."""
+        """Advance by so many frames."""
         for _ in range(frames):
             self.solver.step(self.state)
 

@@ -1,5 +1,7 @@
 """Processes that work on a folder together: one run at a time, ended by the one that started them."""
 
+from __future__ import annotations
+
 import fcntl
 import logging
 import multiprocessing
@@ -14,11 +16,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
-import warp
+from dgl_collect.errors import OutputFolderError, WorkerError
 
-from dgl_collect.errors import WorkerError
-
-__all__ = ["check_continued", "locked_folder", "prepare_worker", "run_each"]
+__all__ = ["check_continued", "end_with_parent", "locked_folder", "prepare_worker", "run_each"]
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
     """Keep other runs from writing to the folder, which is made if it is missing.
 
     Raises:
-        ValueError: If another run is writing to it.
+        OutputFolderError: If another run is writing to it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     lock = os.open(folder, os.O_RDONLY)
@@ -36,7 +36,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as err:
-            raise ValueError(f"another run is writing to {folder}") from err
+            raise OutputFolderError(f"another run is writing to {folder}") from err
         yield
     finally:
         os.close(lock)  # which gives up the lock
@@ -53,11 +53,11 @@ def check_continued(
         identity: What must be equal.
 
     Raises:
-        ValueError: If something is not.
+        OutputFolderError: If something is not.
     """
     for key, value in identity.items():
         if found.get(key) != value:
-            raise ValueError(
+            raise OutputFolderError(
                 f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is {value!r}; "
                 "choose another --out"
             )
@@ -102,15 +102,22 @@ def run_each(calls: Iterable[Callable[[], T]], workers: int) -> Generator[T, Non
 
 def prepare_worker() -> None:
     """Make a process that was started for work end with the one that started it, and only by it."""
+    import warp
+
     # Ctrl-C reaches every process of a terminal; the one that started the workers ends them.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Warp greets on standard output, which is for results.
     warp.config.log_level = logging.WARNING
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it is gone, however that ended."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
     def watch() -> None:
         parent.join()
-        os._exit(1)  # a parent that was killed cannot end its workers
+        os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

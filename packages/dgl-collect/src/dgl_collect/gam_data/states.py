@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dexgarmentlab.gam_data.handling import SPEED, Handling, find_grip
-from dexgarmentlab.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
 from dgl_assets import Garment
+from dgl_collect.gam_data.handling import SPEED, Handling, find_grip
+from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
 from dgl_physics import FABRICS, PhysicsError, Shape, get_fabric
 
 __all__ = ["HANGING", "make_rng", "make_states"]

@@ -1,13 +1,15 @@
 """Lay a garment down by a short simulation: it falls onto a table and is pressed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-__all__ = ["lay_flat"]
+from dgl_physics.fabrics import get_fabric
+from dgl_physics.model import ModelBuilder
+from dgl_physics.scene import Scene
+
+__all__ = ["FRAMES", "lay_flat"]
 
 FRAMES = 150
 """Frames of 1/60 s in all."""
@@ -36,24 +38,21 @@ def lay_flat(
         Positions [m], shape (V, 3), float64.
 
     Raises:
-        dgl_physics.SimulationDivergedError: If the garment cannot be simulated.
+        SimulationDivergedError: If the garment cannot be simulated.
 
     Limitations:
         Sleeves of a body that stands with raised arms stay raised; wide shapes keep folds.
     """
-    from dgl_physics import ModelBuilder, SolverXPBD, get_fabric
-
     slippery = replace(get_fabric("knit_cotton"), friction=_FRICTION)
     builder = ModelBuilder()
     lifted = vertices - [0.0, 0.0, vertices[:, 2].min() - _START]
     builder.add_garment(lifted, faces, rest=rest_vertices, material=slippery)
     builder.add_ground()
-    model = builder.build(device="cpu")
-    state, solver = model.make_state(), SolverXPBD(model)
+    scene = Scene(builder)
     for frame in range(FRAMES):
         is_pressed = _FALL <= frame < _FALL + _PRESS
-        state.set_gravity_scale(_PRESS_GRAVITY if is_pressed else 1.0)
-        solver.step(state)
+        scene.state.set_gravity_scale(_PRESS_GRAVITY if is_pressed else 1.0)
+        scene.step()
         if on_frame is not None:
             on_frame()
-    return np.asarray(state.get_positions()[0], dtype=np.float64)
+    return scene.x

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from dexgarmentlab.gam_data.states import HANGING, make_rng, make_states
-from dexgarmentlab.gam_data.views import TOLERANCE, View, make_direction, see_surface
 from dgl_assets import AssetError, Garment, MeshingError, load_garment
+from dgl_collect.gam_data.states import HANGING, make_rng, make_states
+from dgl_collect.gam_data.views import TOLERANCE, View, make_direction, see_surface
 from dgl_gam.data import write_garment
 from dgl_gam.errors import DataError
 from dgl_physics import PhysicsError
@@ -22,7 +22,7 @@ SPACING = 0.021
 _OTHER_SPACINGS = (0.022, 0.020)
 """Tried in turn where an outline cannot be filled at that edge length [m]: one garment in several hundred."""
 _SHELLS = ("Baseball_Cap", "Bowl_Hat", "Glove")
-_PACKAGES = ("dexgarmentlab", "dgl-assets", "dgl-physics")
+_PACKAGES = ("dgl-collect", "dgl-assets", "dgl-physics")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,17 +8,16 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from dexgarmentlab.bench_assets.selection import choose_categories
-from dexgarmentlab.gam_data.garment import (
+from dgl_assets import choose_categories, garment_ids
+from dgl_collect.files import append_line, drop_unfinished_line, write_json
+from dgl_collect.gam_data.garment import (
     SPACING,
     Made,
     find_path,
     get_versions,
     make_garment_data,
 )
-from dexgarmentlab.workers import check_continued, locked_folder, run_each
-from dgl_assets import garment_ids
-from dgl_collect.files import append_line, drop_unfinished_line, write_json
+from dgl_collect.processes import check_continued, locked_folder, run_each
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
 
