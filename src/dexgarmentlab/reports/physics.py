@@ -1,4 +1,4 @@
-"""The report of a run: one page, and its figures beside it."""
+"""The report of `dgl bench physics`: one page, and its figures beside it."""
 
 import html
 import json
@@ -7,12 +7,12 @@ from datetime import date
 from importlib import metadata
 from pathlib import Path
 
-from dexgarmentlab.bench_physics.drawing import save_figure
-from dexgarmentlab.bench_physics.experiment import Experiment, Result
-from dexgarmentlab.bench_physics.rows import Row
 from dexgarmentlab.reports.page import badge, figure, make_page, provenance, table, tiles
+from dgl_physics_bench.drawing import save_figure
+from dgl_physics_bench.experiment import Experiment, Result
+from dgl_physics_bench.rows import Row, format_value
 
-__all__ = ["REPORT_FILE", "ROWS_FILE", "format_value", "write_report"]
+__all__ = ["REPORT_FILE", "ROWS_FILE", "write_report"]
 
 REPORT_FILE = "index.html"
 ROWS_FILE = "rows.json"
@@ -53,13 +53,6 @@ def write_report(
         with written_beside(folder / name) as partial:
             partial.write_text(text, encoding="utf-8")
     return folder / REPORT_FILE
-
-
-def format_value(value: float | None) -> str:
-    """Write a value with three significant digits."""
-    if value is None:
-        return "-"
-    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:,.0f}"
 
 
 def _page(rows: Sequence[Row], sections: Sequence[str], command: str) -> str:

@@ -9,9 +9,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from dexgarmentlab.bench_physics.experiment import Bench, Experiment, Result
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_physics import PhysicsError
+from dgl_physics_bench.experiment import Bench, Experiment, Result
+from dgl_physics_bench.rows import Row
 
 __all__ = ["EXPERIMENTS", "run", "select"]
 
@@ -20,7 +20,7 @@ def _lazily(module: str, function: str) -> Callable[[Bench], Result]:
     """Import an experiment's module when it is measured: some need the tasks and their simulator."""
 
     def measure(bench: Bench) -> Result:
-        found = importlib.import_module(f"dexgarmentlab.bench_physics.{module}")
+        found = importlib.import_module(f"dgl_physics_bench.{module}")
         return getattr(found, function)(bench)
 
     return measure

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.fold_replay import ClothReplay, replay_cloth
-from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.fold_replay import ClothReplay, replay_cloth
+from dgl_physics_bench.rows import Row
 from dgl_tasks.coverage import sample_visible_surface
 
 __all__ = [

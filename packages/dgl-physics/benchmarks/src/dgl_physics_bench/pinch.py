@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import make_capsule, make_sheet
 from dgl_physics import ClothMaterial, ModelBuilder, Shape
 from dgl_physics.scene import Scene
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import make_capsule, make_sheet
 
 __all__ = ["measure_pinch"]
 

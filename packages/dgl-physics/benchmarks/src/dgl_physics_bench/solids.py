@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Picture
-from dexgarmentlab.bench_physics.hat import measure_hat
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import make_box
 from dgl_physics import ModelBuilder, SolidMaterial, SolverConfig
 from dgl_physics.lattice import fill_closed_surface
 from dgl_physics.scene import Scene
 from dgl_physics.tetrahedra import compute_surface
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Bars, Chart, Curve, Figure, Picture
+from dgl_physics_bench.hat import measure_hat
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import make_box
 
 __all__ = ["Tension", "measure_solids", "stretch_bar"]
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rendering import (
+from dgl_physics_bench.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.rendering import (
     compute_value_limit,
     measure_extent,
     project,

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_physics import FABRICS
 from dgl_physics.peirce import PeirceResult, measure_bending_length
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Bars, Chart, Curve, Figure
+from dgl_physics_bench.rows import Row
 
 __all__ = ["compute_elastica", "measure_fabrics"]
 

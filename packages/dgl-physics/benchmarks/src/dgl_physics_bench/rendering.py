@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.figures import Picture
+from dgl_physics_bench.figures import Picture
 
 __all__ = ["compute_value_limit", "measure_extent", "project", "render"]
 

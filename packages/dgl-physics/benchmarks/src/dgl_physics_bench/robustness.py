@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_physics import ContactOverflowError, SimulationDivergedError
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.rows import Row
 
 __all__ = ["measure_robustness"]
 

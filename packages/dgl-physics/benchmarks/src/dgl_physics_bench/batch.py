@@ -7,11 +7,11 @@ import time
 import numpy as np
 import warp as wp
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import make_sheet
 from dgl_physics import ClothMaterial, ModelBuilder, SolverXPBD, State
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import make_sheet
 
 __all__ = ["measure_batch"]
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import make_panel
 from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 from dgl_physics.scene import Scene
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import make_panel
 
 __all__ = ["Panel", "hang_panel", "measure_panel", "summarise_strain"]
 

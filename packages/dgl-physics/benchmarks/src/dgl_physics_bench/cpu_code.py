@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Bars, Figure
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.speed_scenes import SpeedScene, make_drop, make_fold, make_hanging
 from dgl_physics.launcher import find_vector_obstacle
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Bars, Figure
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.speed_scenes import SpeedScene, make_drop, make_fold, make_hanging
 
 __all__ = ["Comparison", "compare_codes", "make_rows", "measure_cpu_code"]
 
@@ -36,8 +36,8 @@ class Comparison:
 
 def measure_cpu_code(bench: Bench) -> Result:
     """Play the three scenes with both codes."""
-    from dexgarmentlab.bench_physics.fold_replay import record_fold
     from dgl_collect.runner import make_attempt_seed
+    from dgl_physics_bench.fold_replay import record_fold
 
     if obstacle := find_vector_obstacle():
         note = f"skipped: this CPU runs no vector code: {obstacle}"

@@ -1,12 +1,17 @@
 """The physics bench's own logic: rows, registry, pictures, reports, and its quick experiments for real."""
 
-import json
-
 import numpy as np
 import pytest
 
-from dexgarmentlab import bench_physics
-from dexgarmentlab.bench_physics import (
+import dgl_physics_bench
+from dgl_physics import ModelBuilder, SimulationDivergedError, SolverConfig
+from dgl_physics.launcher import find_vector_obstacle
+from dgl_physics.measure import find_intersections
+from dgl_physics.peirce import compute_chord_angle
+from dgl_physics.scene import Scene
+from dgl_physics.tetrahedra import check_orientation
+from dgl_physics.topology import check_mesh, compute_edges
+from dgl_physics_bench import (
     Bench,
     Experiment,
     Result,
@@ -15,14 +20,14 @@ from dexgarmentlab.bench_physics import (
     equal_strain,
     speed_scenes,
 )
-from dexgarmentlab.bench_physics.against_newton import Setting, hang_here
-from dexgarmentlab.bench_physics.drawing import save_figure
-from dexgarmentlab.bench_physics.fabrics import compute_elastica
-from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.hat import measure_change, press_hat
-from dexgarmentlab.bench_physics.panel import Panel
-from dexgarmentlab.bench_physics.rendering import measure_extent, render
-from dexgarmentlab.bench_physics.sheets import (
+from dgl_physics_bench.against_newton import Setting, hang_here
+from dgl_physics_bench.drawing import save_figure
+from dgl_physics_bench.fabrics import compute_elastica
+from dgl_physics_bench.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.hat import measure_change, press_hat
+from dgl_physics_bench.panel import Panel
+from dgl_physics_bench.rendering import measure_extent, render
+from dgl_physics_bench.sheets import (
     join,
     make_bowl,
     make_box,
@@ -30,15 +35,8 @@ from dexgarmentlab.bench_physics.sheets import (
     make_panel,
     make_sheet,
 )
-from dexgarmentlab.bench_physics.solids import stretch_bar
-from dexgarmentlab.bench_physics.speed_scenes import SpeedScene, make_hanging
-from dgl_physics import ModelBuilder, SimulationDivergedError, SolverConfig
-from dgl_physics.launcher import find_vector_obstacle
-from dgl_physics.measure import find_intersections
-from dgl_physics.peirce import compute_chord_angle
-from dgl_physics.scene import Scene
-from dgl_physics.tetrahedra import check_orientation
-from dgl_physics.topology import check_mesh, compute_edges
+from dgl_physics_bench.solids import stretch_bar
+from dgl_physics_bench.speed_scenes import SpeedScene, make_hanging
 
 
 def test_a_row_is_judged_on_both_sides_of_its_bar():
@@ -63,10 +61,13 @@ def test_a_bar_that_cannot_be_compared_is_refused(bar):
 
 
 def test_experiments_are_chosen_by_name_and_keep_their_order():
-    assert [e.name for e in bench_physics.select(("panel", "free_fall"))] == ["free_fall", "panel"]
-    assert len(bench_physics.select()) == len(bench_physics.EXPERIMENTS)
+    assert [e.name for e in dgl_physics_bench.select(("panel", "free_fall"))] == [
+        "free_fall",
+        "panel",
+    ]
+    assert len(dgl_physics_bench.select()) == len(dgl_physics_bench.EXPERIMENTS)
     with pytest.raises(ValueError, match=r"unknown experiment 'panels'; did you mean panel\?"):
-        bench_physics.select(("panels",))
+        dgl_physics_bench.select(("panels",))
 
 
 def test_the_effort_scales_repetitions():
@@ -207,26 +208,9 @@ def test_a_figure_is_a_small_picture(tmp_path):
     assert path.stat().st_size < 120_000
 
 
-def test_the_report_is_whole(tmp_path):
-    rows = (
-        Row(name="a < b", value=1.0, unit="mm", bar="<= 2"),
-        Row(name="c", value=3.0, unit="mm", bar="<= 2"),
-        Row(name="d", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
-    )
-    experiment = Experiment("made_up", "Made up", "Theory & more.", lambda bench: Result(rows=rows))
-    result = Result(rows=rows, figures=(_figure(),))
-    folder = tmp_path / "new" / "report"
-    page = bench_physics.write_report(folder, [(experiment, result, 1.0)], command="dgl bench")
-    text = page.read_text(encoding="utf-8")
-    assert sorted(p.name for p in folder.iterdir()) == ["all_kinds.png", "index.html", "rows.json"]
-    for part in ('src="all_kinds.png"', "a &lt; b", "Theory &amp; more.", "1 of 2", "skipped"):
-        assert part in text
-    assert [r["ok"] for r in json.loads((folder / "rows.json").read_text())] == [True, False, None]
-
-
 @pytest.mark.parametrize("name", ["free_fall", "incline", "fabrics"])
 def test_theory_holds_where_it_is_met_today(name):
-    [(_, result, seconds)] = bench_physics.run(bench_physics.select((name,)), Bench())
+    [(_, result, seconds)] = dgl_physics_bench.run(dgl_physics_bench.select((name,)), Bench())
     assert [row.ok for row in result.rows] == [True] * len(result.rows)
     assert seconds > 0
     assert all(
@@ -243,7 +227,7 @@ def test_a_simulation_that_fails_is_a_row_and_the_next_follows():
         Experiment("bad", "Bad", "", fail),
         Experiment("good", "Good", "", lambda bench: Result(rows=rows)),
     ]
-    results = [result for _, result, _ in bench_physics.run(experiments, Bench())]
+    results = [result for _, result, _ in dgl_physics_bench.run(experiments, Bench())]
     assert results[0].rows[0].ok is False
     assert "diverged at frame 7" in results[0].rows[0].note
     assert results[1].rows == rows
@@ -252,14 +236,14 @@ def test_a_simulation_that_fails_is_a_row_and_the_next_follows():
 def test_newton_that_is_not_there_is_said_with_the_fix(monkeypatch):
     import sys
 
-    from dexgarmentlab.bench_physics import against_newton
+    from dgl_physics_bench import against_newton
 
     monkeypatch.setattr(against_newton, "FRAMES", 3)
     result = against_newton.measure_newton(Bench(newton_python=f"{sys.prefix}/bin/no-such-python"))
     skipped = [row for row in result.rows if row.is_skipped]
     assert len(skipped) == 2
     assert all(
-        "dexgarmentlab[bench]" in row.note and "--newton-python" in row.note for row in skipped
+        "dgl-physics-bench[newton]" in row.note and "--newton-python" in row.note for row in skipped
     )
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.fold_replay import FoldRecord
 from dgl_assets import load_garment
 from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverConfig, SolverXPBD, State
 from dgl_physics.scene import Scene
+from dgl_physics_bench.fold_replay import FoldRecord
 
 __all__ = ["SpeedScene", "make_drop", "make_fold", "make_hanging"]
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture, Solid
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import join, make_bowl, make_box
 from dgl_physics import ModelBuilder, Shape, SolidMaterial
 from dgl_physics.scene import Scene
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture, Solid
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import join, make_bowl, make_box
 
 __all__ = ["HatRecord", "Moment", "measure_change", "measure_hat", "press_hat"]
 

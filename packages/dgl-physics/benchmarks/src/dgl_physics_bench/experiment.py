@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
-from dexgarmentlab.bench_physics.figures import Figure
-from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics_bench.figures import Figure
+from dgl_physics_bench.rows import Row
 
 if TYPE_CHECKING:
-    from dexgarmentlab.bench_physics.fold_replay import ClothReplay, FoldRecord
+    from dgl_physics_bench.fold_replay import ClothReplay, FoldRecord
 
 __all__ = ["Bench", "Experiment", "Result"]
 
@@ -70,13 +70,13 @@ class Bench:
     @cached_property
     def fold(self) -> "FoldRecord":
         """The Fold Tops scene, played once by the demonstration's robots."""
-        from dexgarmentlab.bench_physics.fold_replay import record_fold
+        from dgl_physics_bench.fold_replay import record_fold
 
         return record_fold(seed=self.seed)
 
     @cached_property
     def fold_again(self) -> "ClothReplay":
         """The cloth of that scene, simulated and timed by itself at the same settings."""
-        from dexgarmentlab.bench_physics.fold_replay import replay_cloth
+        from dgl_physics_bench.fold_replay import replay_cloth
 
         return replay_cloth(self.fold)

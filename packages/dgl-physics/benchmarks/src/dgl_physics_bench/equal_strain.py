@@ -6,16 +6,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.against_newton import (
+from dgl_physics import SolverConfig
+from dgl_physics_bench.against_newton import (
     NewtonError,
     Setting,
     hang_here,
     hang_in_newton,
 )
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.panel import Panel
-from dexgarmentlab.bench_physics.rows import Row
-from dgl_physics import SolverConfig
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.panel import Panel
+from dgl_physics_bench.rows import Row
 
 __all__ = ["Trial", "find_cheapest", "make_rows", "measure_equal_strain"]
 

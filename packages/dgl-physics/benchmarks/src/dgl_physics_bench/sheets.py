@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.figures import Solid
+from dgl_physics_bench.figures import Solid
 
 __all__ = ["join", "make_bowl", "make_box", "make_capsule", "make_panel", "make_sheet", "place"]
 

@@ -1,8 +1,8 @@
-"""One measured number, and what it should be."""
+"""One measured number, what it should be, and how it is written."""
 
 from dataclasses import dataclass
 
-__all__ = ["Row"]
+__all__ = ["Row", "format_value"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,3 +56,10 @@ class Row:
             "ok": self.ok,
             "note": self.note or None,
         }
+
+
+def format_value(value: float | None) -> str:
+    """Write a value with three significant digits."""
+    if value is None:
+        return "-"
+    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:,.0f}"

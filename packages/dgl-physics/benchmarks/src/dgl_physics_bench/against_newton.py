@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Bars, Chart, Curve, Figure, Limit
-from dexgarmentlab.bench_physics.panel import Panel, hang_panel, summarise_strain
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_physics import SolverConfig
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Bars, Chart, Curve, Figure, Limit
+from dgl_physics_bench.panel import Panel, hang_panel, summarise_strain
+from dgl_physics_bench.rows import Row
 
 __all__ = ["NewtonError", "Setting", "hang_here", "hang_in_newton", "measure_newton"]
 
@@ -39,7 +39,7 @@ SETTINGS = {
     "xpbd": (Setting(10, 2), "springs of 2 N/m, the stiffest that do not blow up"),
     "vbd": (Setting(10, 5), "contact of triangles at 3 mm"),
 }
-FIX = 'install it with `pip install "dexgarmentlab[bench]"`, or name an interpreter that has it by --newton-python'
+FIX = 'install it with `pip install "dgl-physics-bench[newton]"`, or name an interpreter that has it by --newton-python'
 
 
 def measure_newton(bench: Bench) -> Result:

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit
-from dexgarmentlab.bench_physics.rows import Row
-from dexgarmentlab.bench_physics.sheets import make_sheet
 from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 from dgl_physics.scene import Scene
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit
+from dgl_physics_bench.rows import Row
+from dgl_physics_bench.sheets import make_sheet
 
 __all__ = ["measure_free_fall", "measure_incline", "measure_momentum"]
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.experiment import Bench, Result
-from dexgarmentlab.bench_physics.figures import Chart, Curve, Figure, Limit, Picture
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_assets import garment_ids, load_garment
 from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, Shape
 from dgl_physics.measure import find_intersections, measure_gaps
 from dgl_physics.scene import Scene
+from dgl_physics_bench.experiment import Bench, Result
+from dgl_physics_bench.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_physics_bench.rows import Row
 
 __all__ = ["measure_self_contact"]
 
