@@ -26,6 +26,14 @@ class Studio:
     """Brightness of what lies in shadow, linear, a factor."""
 
 
+def _shine_evenly(sine: np.ndarray) -> np.ndarray:
+    return (0.5 + 0.25 * sine)[..., None] * np.ones(3)
+
+
+DAYLIGHT = Studio(direction=(0.5, 0.6, -1.0), colour=(1.6, 1.6, 1.6), dome=_shine_evenly, shade=0.5)
+"""A lamp at the upper left, in front, under a pale sky."""
+
+
 @lru_cache(maxsize=64)  # for the next scene
 def blur_dome(studio: Studio, roughness: float) -> np.ndarray:
     """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).

@@ -5,8 +5,8 @@
 # pyright: reportAttributeAccessIssue=false, reportReturnType=false
 import warp as wp
 
-from dgl_tasks.drawing._kernels.raster import get_triangle, trace
-from dgl_tasks.drawing._kernels.types import Camera, Geometry, Looks, Texture
+from dgl_physics.drawing._kernels.raster import get_triangle, trace
+from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks, Texture
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 

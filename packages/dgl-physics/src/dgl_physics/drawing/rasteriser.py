@@ -7,11 +7,19 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dgl_tasks.cameras import CameraPlacement
-from dgl_tasks.drawing._kernels import raster, shading
-from dgl_tasks.drawing._kernels.types import Camera, Geometry, Looks, Material, Texture
-from dgl_tasks.drawing.light import DECODE, ENCODE, GAMMA, Studio, blur_dome, compute_mirror
-from dgl_tasks.drawing.mesh import Image, Mesh, Surface
+from dgl_physics.drawing._kernels import raster, shading
+from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks, Material, Texture
+from dgl_physics.drawing.camera import PinholeCamera
+from dgl_physics.drawing.light import (
+    DAYLIGHT,
+    DECODE,
+    ENCODE,
+    GAMMA,
+    Studio,
+    blur_dome,
+    compute_mirror,
+)
+from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, Surface
 
 _DEVICE = "cpu"
 
@@ -29,10 +37,22 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """Which triangle each pixel shows."""
+
+    meshes: np.ndarray
+    """Number of its mesh, shape (H, W), int32; -1 where nothing is."""
+    faces: np.ndarray
+    """Number of the triangle in its mesh, shape (H, W), int32; -1 where nothing is."""
+    points: np.ndarray
+    """Place of each pixel [m], shape (H, W, 3), world frame; NaN where nothing is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
     """A camera, and what it sees of all that never moves."""
 
-    camera: Camera
+    lens: Camera
     keys: wp.array
     rgb: wp.array
     points: wp.array
@@ -47,7 +67,7 @@ class Rasteriser:
     Limitations: nothing is transparent, edges are not smoothed, and shadows are meshes of their own.
     """
 
-    def __init__(self, meshes: Sequence[Mesh], studio: Studio) -> None:
+    def __init__(self, meshes: Sequence[Mesh], studio: Studio = DAYLIGHT) -> None:
         """Prepare meshes.
 
         Args:
@@ -66,9 +86,12 @@ class Rasteriser:
         self._poses = _make(poses, wp.transform)
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in ordered)])
         self._parts = {k: slice(starts[i], starts[i + 1]) for i, k in enumerate(order)}
+        self._order = np.array(order, dtype=np.int32)
+        self._is_shadow = np.array([mesh.segment == SHADOW for mesh in ordered])
+        self._first_faces = np.cumsum([0, *(len(mesh.faces) for mesh in ordered)])[:-1]
         self._geometry = _make_geometry(ordered, bodies)
         self._looks = _make_looks(ordered, studio)
-        self._views: dict[CameraPlacement, _View] = {}
+        self._views: dict[PinholeCamera, _View] = {}
 
     def set_poses(self, poses: np.ndarray) -> None:
         """Move the bodies.
@@ -103,77 +126,95 @@ class Rasteriser:
         if normals is not None:
             self._geometry.local_normal.numpy()[part] = normals
 
-    def draw(self, placement: CameraPlacement) -> np.ndarray:
+    def draw(self, camera: PinholeCamera) -> np.ndarray:
         """Draw colours, shape (H, W, 3), uint8."""
-        view = self._get_view(placement)
+        view = self._get_view(camera)
         rgb = wp.clone(view.rgb)
-        self._shade(view.camera, self._draw_moving(view), rgb, first=self._still_faces)
-        return rgb.numpy().reshape(placement.height, placement.width, 3)
+        self._shade(view.lens, self._draw_moving(view), rgb, first=self._still_faces)
+        return rgb.numpy().reshape(camera.height, camera.width, 3)
 
-    def draw_picture(self, placement: CameraPlacement) -> Picture:
+    def draw_picture(self, camera: PinholeCamera) -> Picture:
         """Draw colours, and what is where."""
-        view = self._get_view(placement)
+        view = self._get_view(camera)
         rgb, points, segments = (wp.clone(a) for a in (view.rgb, view.points, view.segments))
         keys = self._draw_moving(view)
-        self._shade(view.camera, keys, rgb, first=self._still_faces)
-        self._locate(view.camera, keys, points, segments, first=self._still_faces)
-        size = (placement.height, placement.width)
+        self._shade(view.lens, keys, rgb, first=self._still_faces)
+        self._locate(view.lens, keys, points, segments, first=self._still_faces)
+        size = (camera.height, camera.width)
         return Picture(
             rgb=rgb.numpy().reshape(*size, 3),
             points=points.numpy().reshape(*size, 3),
             segments=segments.numpy().reshape(size),
         )
 
-    def _get_view(self, placement: CameraPlacement) -> _View:
-        if placement not in self._views:
-            self._views[placement] = self._draw_still(placement)
-        return self._views[placement]
+    def find_triangles(self, camera: PinholeCamera) -> Sight:
+        """Find which triangle each pixel shows, and where; nothing where a shadow is."""
+        view = self._get_view(camera)
+        points, segments = wp.clone(view.points), wp.clone(view.segments)
+        keys = self._draw_moving(view)
+        self._locate(view.lens, keys, points, segments, first=self._still_faces)
+        places, meshes = points.numpy(), np.full(len(keys), -1, dtype=np.int32)
+        numbers = (keys.numpy() & np.uint64(0xFFFFFFFF)).astype(np.int64) - 1
+        owners = self._geometry.material.numpy()[numbers]
+        is_seen = (numbers >= 0) & ~self._is_shadow[owners]
+        meshes[is_seen] = self._order[owners[is_seen]]
+        places[~is_seen] = np.nan
+        faces = np.where(is_seen, numbers - self._first_faces[owners], -1).astype(np.int32)
+        size = (camera.height, camera.width)
+        return Sight(
+            meshes=meshes.reshape(size), faces=faces.reshape(size), points=places.reshape(*size, 3)
+        )
 
-    def _draw_still(self, placement: CameraPlacement) -> _View:
-        camera = _make_camera(placement)
-        count = placement.width * placement.height
+    def _get_view(self, camera: PinholeCamera) -> _View:
+        if camera not in self._views:
+            self._views[camera] = self._draw_still(camera)
+        return self._views[camera]
+
+    def _draw_still(self, camera: PinholeCamera) -> _View:
+        lens = _make_lens(camera)
+        count = camera.width * camera.height
         view = _View(
-            camera=camera,
+            lens=lens,
             keys=wp.zeros(count, dtype=wp.uint64, device=_DEVICE),
             rgb=wp.zeros(count, dtype=wp.vec3ub, device=_DEVICE),
             points=_make(np.full((count, 3), np.nan), wp.vec3),
             segments=wp.zeros(count, dtype=wp.int32, device=_DEVICE),
         )
-        _launch(shading.draw_backdrop, count, camera, self._looks, view.rgb)
-        _launch(raster.place_vertices, self._still_vertices, camera, 0, self._poses, self._geometry)
+        _launch(shading.draw_backdrop, count, lens, self._looks, view.rgb)
+        _launch(raster.place_vertices, self._still_vertices, lens, 0, self._poses, self._geometry)
         _launch(
             raster.draw_triangles,
             self._still_faces,
-            camera,
+            lens,
             0,
             self._geometry,
             self._looks,
             view.keys,
         )
-        self._shade(camera, view.keys, view.rgb, first=0)
-        self._locate(camera, view.keys, view.points, view.segments, first=0)
+        self._shade(lens, view.keys, view.rgb, first=0)
+        self._locate(lens, view.keys, view.points, view.segments, first=0)
         return view
 
     def _draw_moving(self, view: _View) -> wp.array:
         keys = wp.clone(view.keys)
         first, vertices = self._still_vertices, len(self._geometry.local) - self._still_vertices
-        _launch(raster.place_vertices, vertices, view.camera, first, self._poses, self._geometry)
+        _launch(raster.place_vertices, vertices, view.lens, first, self._poses, self._geometry)
         first, faces = self._still_faces, len(self._geometry.triangles) - self._still_faces
-        _launch(raster.draw_triangles, faces, view.camera, first, self._geometry, self._looks, keys)
+        _launch(raster.draw_triangles, faces, view.lens, first, self._geometry, self._looks, keys)
         return keys
 
-    def _shade(self, camera: Camera, keys: wp.array, rgb: wp.array, *, first: int) -> None:
+    def _shade(self, lens: Camera, keys: wp.array, rgb: wp.array, *, first: int) -> None:
         _launch(
-            shading.shade_pixels, len(keys), camera, first, self._geometry, self._looks, keys, rgb
+            shading.shade_pixels, len(keys), lens, first, self._geometry, self._looks, keys, rgb
         )
 
     def _locate(
-        self, camera: Camera, keys: wp.array, points: wp.array, segments: wp.array, *, first: int
+        self, lens: Camera, keys: wp.array, points: wp.array, segments: wp.array, *, first: int
     ) -> None:
         _launch(
             raster.locate_pixels,
             len(keys),
-            camera,
+            lens,
             first,
             self._geometry,
             self._looks,
@@ -183,21 +224,42 @@ class Rasteriser:
         )
 
 
+def weigh_corners(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Find the weights of triangles' corners at places on them.
+
+    Args:
+        corners: [m], shape (N, 3, 3): triangle, corner, axis.
+        points: A place on each triangle, or nearly [m], shape (N, 3).
+
+    Returns:
+        Shape (N, 3), float64; not negative, and their sum is 1.
+    """
+    corners = corners.astype(np.float64)
+    origin = corners[:, 0]
+    ab, ac, ap = corners[:, 1] - origin, corners[:, 2] - origin, points - origin
+    normal = np.cross(ab, ac)
+    area = np.maximum((normal**2).sum(axis=1), 1e-300)
+    b = (np.cross(ap, ac) * normal).sum(axis=1) / area
+    c = (np.cross(ab, ap) * normal).sum(axis=1) / area
+    weights = np.maximum(np.column_stack([1 - b - c, b, c]), 0.0)
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
 def _launch(kernel: wp.Kernel, count: int, *inputs: Any) -> None:
     wp.launch(kernel, dim=count, inputs=list(inputs), device=_DEVICE)
 
 
-def _make_camera(placement: CameraPlacement) -> Camera:
-    camera = Camera()
-    to_camera = np.linalg.inv(placement.transform_camera_to_world)
-    camera.rotation = wp.mat33(*to_camera[:3, :3].ravel())
-    camera.position = wp.vec3(*placement.position)
-    intrinsics = placement.intrinsics
-    camera.focal = float(intrinsics[0, 0])
-    camera.centre_x, camera.centre_y = float(intrinsics[0, 2]), float(intrinsics[1, 2])
-    camera.width, camera.height = placement.width, placement.height
-    camera.near, camera.far = placement.near, placement.far
-    return camera
+def _make_lens(camera: PinholeCamera) -> Camera:
+    lens = Camera()
+    to_camera = np.linalg.inv(camera.transform_camera_to_world)
+    lens.rotation = wp.mat33(*to_camera[:3, :3].ravel())
+    lens.position = wp.vec3(*camera.position)
+    intrinsics = camera.intrinsics
+    lens.focal = float(intrinsics[0, 0])
+    lens.centre_x, lens.centre_y = float(intrinsics[0, 2]), float(intrinsics[1, 2])
+    lens.width, lens.height = camera.width, camera.height
+    lens.near, lens.far = camera.near, camera.far
+    return lens
 
 
 def _make_geometry(meshes: Sequence[Mesh], bodies: Sequence[int]) -> Geometry:

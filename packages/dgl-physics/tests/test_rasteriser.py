@@ -5,16 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dgl_tasks.cameras import CameraPlacement
-from dgl_tasks.drawing.light import Studio, blur_dome
-from dgl_tasks.drawing.mesh import SHADOW, Image, Mesh, Surface
-from dgl_tasks.drawing.rasteriser import Rasteriser
+from dgl_physics.drawing.camera import PinholeCamera
+from dgl_physics.drawing.light import Studio, blur_dome
+from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, Surface
+from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
 
-ABOVE = CameraPlacement(
-    name="above", position=(0.0, 0.0, 3.0), euler_deg=(0, 90, 90), width=96, height=80
+FOV = 0.414  # [rad]
+RIGHT, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
+SINE, COSINE = np.sin(0.35), np.cos(0.35)
+ABOVE = PinholeCamera(
+    position=(0.0, 0.0, 3.0),
+    axes=(RIGHT, (0.0, -1.0, 0.0), DOWN),
+    width=96,
+    height=80,
+    horizontal_fov=FOV,
 )
-ASIDE = CameraPlacement(
-    name="aside", position=(0.0, -4.0, 1.5), euler_deg=(0, 20, 90), width=96, height=80
+ASIDE = replace(
+    ABOVE,
+    position=(0.0, -4.0, 1.5),
+    axes=(RIGHT, (0.0, -float(SINE), -float(COSINE)), (0.0, float(COSINE), -float(SINE))),
 )
 FLOOR, BOX = 3, 7
 
@@ -78,7 +87,7 @@ def test_a_box_is_where_and_as_large_as_it_is():
     assert is_box.sum() * pixel**2 == pytest.approx(0.4 * 0.3, rel=0.03)
 
 
-@pytest.mark.parametrize("camera", [ABOVE, ASIDE], ids=lambda c: c.name)
+@pytest.mark.parametrize("camera", [ABOVE, ASIDE], ids=["above", "aside"])
 def test_a_pixels_point_lies_on_its_ray(camera):
     drawn = Rasteriser([make_square(50.0), make_box(np.array([0.3, 0.3, 0.3]))], STUDIO)
     drawn.set_poses(IDENTITY)
@@ -90,7 +99,7 @@ def test_a_pixels_point_lies_on_its_ray(camera):
 
 
 def test_ground_that_reaches_behind_the_camera_is_seen_up_to_the_horizon():
-    level = replace(ASIDE, euler_deg=(0, 0, 90), far=1e6)
+    level = replace(ASIDE, axes=(RIGHT, DOWN, (0.0, 1.0, 0.0)), far=1e6)
     picture = Rasteriser([make_square(5000.0)], STUDIO).draw_picture(level)
     rows = np.arange(80) + 0.5
     is_below = rows - 40 > 1.5 / 5000 * level.intrinsics[1, 1]
@@ -258,3 +267,56 @@ def test_what_moves_is_drawn_where_it_has_moved_and_pictures_are_kept():
     np.testing.assert_array_equal(first.rgb, kept)
     drawn.set_vertices(1, make_box(np.full(3, 0.05)).vertices)
     assert (drawn.draw_picture(ABOVE).segments == BOX).sum() < 0.3 * (second.segments == BOX).sum()
+
+
+def test_pixels_know_their_triangles_whatever_moves():
+    floor, box = make_square(5.0), make_box(np.array([0.2, 0.15, 0.1]))
+    shadow = make_square(0.4, 0.001, segment=SHADOW)
+    for meshes in ([floor, box], [box, floor]):
+        drawn = Rasteriser(meshes)
+        pose = np.array([[0.1, -0.05, 0.3, np.cos(0.2), 0.0, 0.0, np.sin(0.2)]])
+        drawn.set_poses(pose)
+        seen, picture = drawn.find_triangles(ASIDE), drawn.draw_picture(ASIDE)
+        np.testing.assert_array_equal(seen.points, picture.points)
+        segments = np.array([mesh.segment for mesh in meshes])
+        np.testing.assert_array_equal(segments[seen.meshes], picture.segments)
+        for number, mesh in enumerate(meshes):
+            is_own = seen.meshes == number
+            corners = mesh.vertices[mesh.faces[seen.faces[is_own]]]
+            if mesh is box:
+                c, s = np.cos(0.4), np.sin(0.4)
+                corners = corners @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + pose[0, :3]
+            weights = weigh_corners(corners, seen.points[is_own])
+            assert weights.min() >= 0.0
+            np.testing.assert_allclose(
+                (weights[..., None] * corners).sum(axis=1), seen.points[is_own], atol=2e-5
+            )
+    hidden = Rasteriser([floor, shadow]).find_triangles(ABOVE)
+    assert (hidden.meshes[40, 48], hidden.faces[40, 48]) == (-1, -1)
+    assert np.isnan(hidden.points[40, 48]).all()
+    assert (Rasteriser([shadow]).find_triangles(ABOVE).meshes == -1).all()
+
+
+def test_a_camera_is_aimed_and_projects_as_it_draws():
+    towards = np.array([0.3, -1.0, 0.8])
+    camera = PinholeCamera.aim(
+        [0.1, 0.2, 0.3], towards, [1.0, 0.3, 0.0], distance=8.0, half_width=0.5, size=(60, 40)
+    )
+    (place,) = camera.project(np.array([[0.1, 0.2, 0.3]]))
+    np.testing.assert_allclose(place, [30.0, 20.0, 8.0])
+    axes = np.array(camera.axes)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert axes[1, 2] < 0.0  # down in the picture is down in the world
+    picture = Rasteriser([make_square(5.0)]).draw_picture(camera)
+    rows, columns = np.indices((40, 60)) + 0.5
+    projected = camera.project(picture.points.reshape(-1, 3).astype(float))
+    np.testing.assert_allclose(projected[:, 0], columns.ravel(), atol=0.01)
+    np.testing.assert_allclose(projected[:, 1], rows.ravel(), atol=0.01)
+    on_rays = np.array(camera.position) + projected[:, 2:] * camera.compute_rays().reshape(-1, 3)
+    np.testing.assert_allclose(on_rays, picture.points.reshape(-1, 3), atol=1e-4)
+    for change, message in (
+        ({"width": 0}, "width and height"),
+        ({"near": 9.0, "far": 1.0}, "near"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            replace(camera, **change)

@@ -9,7 +9,7 @@ from 1. The largest key is what is seen, in whatever order triangles come.
 # pyright: reportAttributeAccessIssue=false, reportReturnType=false
 import warp as wp
 
-from dgl_tasks.drawing._kernels.types import Camera, Geometry, Looks
+from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
