@@ -1,8 +1,12 @@
 """What a camera sees of a surface: each visible point with the triangle that was hit and its nearest vertex."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+
+from dgl_physics.drawing.camera import PinholeCamera
+from dgl_physics.drawing.mesh import Mesh, Surface
+from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
 
 __all__ = ["DISTANCE", "POINTS", "TOLERANCE", "View", "make_direction", "see_surface"]
 
@@ -70,91 +74,82 @@ def see_surface(
         ValueError: If the surface cannot be seen at all, as when it is seen edge on.
     """
     direction = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
-    eye = (vertices.min(axis=0) + vertices.max(axis=0)) / 2 + distance * direction
+    vertices = vertices.astype(np.float64)
     reference = np.array([0.0, 1.0, 0.0]) if abs(direction[2]) > 0.99 else np.array([0.0, 0.0, 1.0])
     right = np.cross(reference, direction)
     right /= np.linalg.norm(right)
-    up = np.cross(direction, right)
-    offset = vertices.astype(np.float64) - eye
-    depth = -offset @ direction
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    offset = vertices - middle
+    depth = distance - offset @ direction
     if depth.min() <= 0:
         raise ValueError(f"the camera must be outside of the garment; got distance {distance}")
-    image = np.column_stack([offset @ right, offset @ up]) / depth[:, None]
-    low, high = image.min(axis=0), image.max(axis=0)
-    pixel = float(np.sqrt(np.prod(high - low) / _FIRST_PIXELS))
+    image = np.column_stack([offset @ right, offset @ np.cross(direction, right)]) / depth[:, None]
+    half = np.abs(image).max(axis=0)
+    pixel = float(np.sqrt(np.prod(np.ptp(image, axis=0)) / _FIRST_PIXELS))
     if not pixel > 0:
         raise ValueError("the surface is seen edge on: no point of it is visible")
-    needed = _SPARE * count
-    hit, weights = _rasterise((image - low) / pixel + rng.random(2), depth, faces, tolerance)
-    for _ in range(_FINER):
+    sides = _Sides(vertices, faces, tolerance)
+    needed, hit, points = _SPARE * count, np.zeros(0, np.int32), np.zeros((0, 3))
+    for _ in range(_FINER + 1):
+        width, height = (2 * np.ceil(half / pixel).astype(int) + 2).tolist()
+        aside = pixel * distance * (rng.random(2) - 0.5)  # so that pixels are at no fixed places
+        camera = PinholeCamera.aim(
+            middle + aside @ [right, np.cross(direction, right)],
+            direction,
+            right,
+            distance=distance,
+            half_width=width / 2 * pixel * distance,
+            size=(width, height),
+        )
+        hit, points = sides.see(replace(camera, near=0.9 * depth.min(), far=1.1 * depth.max()))
         if len(hit) >= needed:
             break
         pixel *= max(0.25, 0.9 * np.sqrt(max(len(hit), 1) / needed))
-        hit, weights = _rasterise((image - low) / pixel + rng.random(2), depth, faces, tolerance)
     if len(hit) < count:
         raise ValueError(f"{count} points must be visible; got {len(hit)}")
     chosen = np.sort(rng.choice(len(hit), count, replace=False))
-    hit, weights = hit[chosen], weights[chosen]
-    corners = vertices[faces[hit]].astype(np.float64)  # (N, 3, 3)
-    points = (corners * weights[..., None]).sum(axis=1)
+    hit = hit[chosen]
+    corners = vertices[faces[hit]]  # (N, 3, 3)
+    points = (corners * weigh_corners(corners, points[chosen])[..., None]).sum(axis=1)
     nearest = np.linalg.norm(corners - points[:, None], axis=2).argmin(axis=1)
     return View(
         points=points,
         vertices=faces[hit, nearest].astype(np.int32),
-        faces=hit.astype(np.int32),
+        faces=hit,
         direction=direction,
     )
 
 
-def _rasterise(
-    image: np.ndarray, depth: np.ndarray, faces: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find what each pixel shows.
+class _Sides:
+    """A surface whose inside is seen where no outside is just behind it."""
 
-    Args:
-        image: Where the vertices are in the picture [pixels], shape (V, 2).
-        depth: How far they are in front of the camera [m], shape (V,).
-        faces: Shape (F, 3).
-        tolerance: See `see_surface` [m].
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, tolerance: float) -> None:
+        corners = vertices[faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._planes = np.column_stack([normals, (normals * corners[:, 0]).sum(axis=1)])
+        self._tolerance = tolerance
+        mesh = Mesh(
+            vertices=vertices,
+            normals=np.zeros_like(vertices),
+            faces=faces,
+            surface=Surface(inside_shade=1.0),
+            segment=1,
+        )
+        outside = replace(mesh, surface=Surface())
+        self._both, self._outside = Rasteriser([mesh]), Rasteriser([outside])
 
-    Returns:
-        Triangle of each pixel that shows one, shape (P,), and the weights of its corners there, shape (P, 3).
-    """
-    a, b, c = (image[faces[:, k]] for k in range(3))
-    area = _cross(b - a, c - a)  # positive: the outside is seen
-    first = np.ceil(np.minimum(np.minimum(a, b), c)).astype(np.int64)
-    size = np.floor(np.maximum(np.maximum(a, b), c)).astype(np.int64) - first + 1
-    size = np.where((np.abs(area) > 1e-9)[:, None], np.maximum(size, 0), 0)
-    number = size.prod(axis=1)
-    face = np.repeat(np.arange(len(faces)), number)
-    place = np.arange(len(face)) - np.repeat(np.cumsum(number) - number, number)
-    x = first[face] + np.column_stack([place % size[face, 0], place // size[face, 0]])
-    in_picture = [
-        _cross(p[face] - x, q[face] - x) / area[face] for p, q in ((b, c), (c, a), (a, b))
-    ]
-    weights = np.column_stack(in_picture)
-    inside = (weights >= 0).all(axis=1)
-    face, x, weights = face[inside], x[inside], weights[inside]
-    # What is linear in the picture is the inverse of the depth.
-    weights /= depth[faces[face]]
-    z = 1.0 / weights.sum(axis=1)
-    weights *= z[:, None]
-    key = x[:, 1] * (x[:, 0].max(initial=0) + 1) + x[:, 0]
-    order = np.lexsort((z, key))
-    _, start = np.unique(key[order], return_index=True)
-    nearest = order[start]
-    is_outside = area[face] > 0
-    outside = order[is_outside[order]]
-    keys, start = np.unique(key[outside], return_index=True)
-    below = np.searchsorted(keys, key[nearest])
-    has_below = below < len(keys)
-    has_below[has_below] = keys[below[has_below]] == key[nearest][has_below]
-    other = nearest.copy()
-    other[has_below] = outside[start[below[has_below]]]
-    is_hidden = ~is_outside[nearest] & (z[other] < z[nearest] + tolerance)
-    shown = np.where(is_hidden, other, nearest)
-    return face[shown], weights[shown]
+    def see(self, camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:
+        """Find what the pixels show.
 
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        Returns:
+            Triangle of each pixel that shows one, shape (P,), int32, and its place [m], shape (P, 3).
+        """
+        eye, forward = np.array(camera.position), np.array(camera.axes[2])
+        both, outside = (r.find_triangles(camera) for r in (self._both, self._outside))
+        planes = self._planes[both.faces]
+        shows_inside = planes[..., :3] @ eye < planes[..., 3]
+        behind = (outside.points - both.points) @ forward  # NaN where no outside is
+        is_hidden = shows_inside & (behind < self._tolerance)
+        hit = np.where(is_hidden, outside.faces, both.faces)
+        points = np.where(is_hidden[..., None], outside.points, both.points)
+        return hit[hit >= 0], points[hit >= 0]

@@ -1,9 +1,14 @@
-"""Pictures of triangles without a renderer: a depth buffer in numpy, seen from far away."""
+"""Pictures of triangles for figures, seen from far away: flat colours under one lamp."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from dgl_physics.drawing.camera import PinholeCamera
+from dgl_physics.drawing.mesh import Mesh, Surface
+from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
+from dgl_physics.topology import compute_vertex_normals
 from dgl_physics_bench.figures import Picture
 
 __all__ = ["compute_value_limit", "measure_extent", "project", "render"]
@@ -15,6 +20,9 @@ LIGHT = np.array([-0.42, 0.50, 0.76])
 """Where light comes from: left, above, behind the viewer."""
 LIFT = 0.002
 """Cloth is drawn this far outwards [m], so that of two layers that touch the outer one is seen."""
+
+_FINER = 3  # times that the picture is drawn finer than it becomes
+_DISTANCE = 200.0  # of the camera, times the size of what is seen
 
 ColourMap = Callable[[np.ndarray], np.ndarray]
 
@@ -30,10 +38,15 @@ def project(points: np.ndarray, *, azimuth: float, elevation: float) -> np.ndarr
     Returns:
         Right, up and towards the viewer [m], shape (..., 3).
     """
+    return points @ _make_axes(azimuth, elevation).T
+
+
+def _make_axes(azimuth: float, elevation: float) -> np.ndarray:
+    """Rows are right, up and towards the viewer, shape (3, 3)."""
     a, e = np.radians(azimuth), np.radians(elevation)
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
-    return points @ np.stack([right, np.cross(towards, right), towards], axis=1)
+    return np.stack([right, np.cross(towards, right), towards])
 
 
 def measure_extent(picture: Picture) -> tuple[np.ndarray, np.ndarray]:
@@ -72,30 +85,65 @@ def render(
     Returns:
         sRGB and opacity in [0, 1], shape (H, W, 4).
     """
-    scale = width / (2 * half[0])  # pixels a metre
-    height = round(2 * half[1] * scale)
-    image = np.zeros((height * width, 4))
-    depth = np.full(height * width, -np.inf)
-    for vertices, faces, front, back in _collect(picture, colour_map):
-        seen = project(vertices, azimuth=picture.azimuth, elevation=picture.elevation)
-        normals = _compute_normals(seen, faces)
-        seen[:, :2] = (seen[:, :2] - centre + np.array(half)) * scale
-        lengths = np.linalg.norm(
-            seen[faces][:, [0, 1, 2], :2] - seen[faces][:, [1, 2, 0], :2], axis=2
+    right, up, towards = _make_axes(picture.azimuth, picture.elevation)
+    parts = _collect(picture, colour_map)
+    reach = max(np.ptp(part.vertices, axis=0).max() for part in parts)
+    size = (_FINER * width, _FINER * round(width * half[1] / half[0]))
+    camera = PinholeCamera.aim(
+        np.stack([right, up]).T @ centre + towards * (picture.vertices.mean(axis=0) @ towards),
+        towards,
+        right,
+        distance=_DISTANCE * reach,
+        half_width=half[0],
+        size=size,
+    )
+    seen = Rasteriser([part.make_mesh() for part in parts]).find_triangles(camera)
+    image = np.zeros((size[1], size[0], 4))
+    for number, part in enumerate(parts):
+        is_own = seen.meshes == number
+        image[is_own, :3] = part.shade(
+            seen.faces[is_own], seen.points[is_own], np.stack([right, up, towards])
         )
-        # samples 0.8 of a pixel apart; triangles of similar size together, as a group shares them
-        counts = 3 * np.ceil(1.25 / 3 * lengths.max(axis=1)).astype(int) + 1
-        for n in np.unique(counts):
-            chosen = np.flatnonzero(counts == n)
-            for part in np.array_split(chosen, max(1, len(chosen) * n * n // 4_000_000)):
-                _splat(seen, normals, faces[part], front[part], back[part], int(n), image, depth, width)  # fmt: skip
-    return image.reshape(height, width, 4)[::-1]
+        image[is_own, 3] = 1.0
+    small = image.reshape(size[1] // _FINER, _FINER, width, _FINER, 4).mean(axis=(1, 3))
+    small[..., :3] /= np.maximum(small[..., 3:], 1e-9)
+    return small
 
 
-def _collect(
-    picture: Picture, colour_map: ColourMap | None
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Vertices, faces, and colours of the faces' front and back, of cloth and of solids."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
+    """A mesh with the colours of its triangles' two sides, sRGB, shape (F, 3)."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    front: np.ndarray
+    back: np.ndarray
+
+    def make_mesh(self) -> Mesh:
+        return Mesh(
+            vertices=self.vertices,
+            normals=np.zeros_like(self.vertices),
+            faces=self.faces,
+            surface=Surface(inside_shade=1.0),
+            segment=1,
+        )
+
+    def shade(self, faces: np.ndarray, points: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """Colours of places on triangles, sRGB, shape (P, 3), seen along the last of the axes."""
+        corners = self.faces[faces]
+        weights = weigh_corners(self.vertices[corners], points)
+        normals = compute_vertex_normals(self.vertices, self.faces)[corners]
+        normal = (weights[..., None] * normals).sum(axis=1) @ axes.T
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        a, b, c = (self.vertices[corners[:, k]] for k in range(3))
+        is_front = (np.cross(b - a, c - a) @ axes[2] > 0)[:, None]
+        shade = 0.45 + 0.55 * np.clip(np.where(is_front, normal, -normal) @ LIGHT, 0, 1)
+        colour = np.where(is_front, self.front[faces], self.back[faces])
+        return np.clip(colour * shade[:, None], 0, 1)
+
+
+def _collect(picture: Picture, colour_map: ColourMap | None) -> list[_Part]:
+    """Cloth and solids."""
     faces = picture.faces
     if picture.values is None:
         front, back = np.tile(OUTSIDE, (len(faces), 1)), np.tile(INSIDE, (len(faces), 1))
@@ -104,52 +152,10 @@ def _collect(
     else:
         share = np.clip(picture.values / compute_value_limit(picture), 0, 1)
         front = back = np.asarray(colour_map(share))[:, :3]
-    lifted = picture.vertices + LIFT * _compute_normals(picture.vertices, faces)
-    parts = [(lifted, faces, front, back)]
+    lifted = picture.vertices + LIFT * compute_vertex_normals(picture.vertices, faces)
+    parts = [_Part(vertices=lifted, faces=faces, front=front, back=back)]
     for solid in picture.solids:
         grey = np.tile(SOLID, (len(solid.faces), 1))
-        parts.append((np.asarray(solid.vertices, dtype=float), solid.faces, grey, grey))
+        vertices = np.asarray(solid.vertices, dtype=float)
+        parts.append(_Part(vertices=vertices, faces=solid.faces, front=grey, back=grey))
     return parts
-
-
-def _compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.zeros(vertices.shape)
-    np.add.at(normals, faces, np.cross(b - a, c - a)[:, None])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
-
-
-def _splat(
-    seen: np.ndarray,
-    normals: np.ndarray,
-    faces: np.ndarray,
-    front: np.ndarray,
-    back: np.ndarray,
-    n: int,
-    image: np.ndarray,
-    depth: np.ndarray,
-    width: int,
-) -> None:
-    """Put samples of triangles into the image where they are nearer than what is there."""
-    i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-    keep = i + j <= n
-    weights = np.stack([i[keep], j[keep], n - i[keep] - j[keep]], axis=1) / n  # (S, 3)
-    points = weights @ seen[faces]  # (F, S, 3)
-    column, row = np.floor(points[..., 0]).astype(int), np.floor(points[..., 1]).astype(int)
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < len(depth) // width)
-    face, sample = np.nonzero(inside)
-    pixel = (row * width + column)[inside]
-    z = points[..., 2][inside]
-    before = depth[pixel]
-    np.maximum.at(depth, pixel, z)
-    best = np.flatnonzero((z > before) & (z == depth[pixel]))
-    corner = normals[faces[face[best]]]  # (P, 3, 3)
-    normal = (weights[sample[best]][:, :, None] * corner).sum(axis=1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    a, b, c = (seen[faces[face[best], k], :2] for k in range(3))
-    is_front = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] > 0
-    facing = np.where(is_front[:, None], normal, -normal)
-    shade = 0.45 + 0.55 * np.clip(facing @ LIGHT, 0, 1)
-    colour = np.where(is_front[:, None], front[face[best]], back[face[best]])
-    image[pixel[best], :3] = np.clip(colour * shade[:, None], 0, 1)
-    image[pixel[best], 3] = 1.0
