@@ -6,9 +6,11 @@ import sys
 
 import pytest
 
-from dexgarmentlab import bench_physics
-from dexgarmentlab.bench_physics import Experiment, Result, Row
+import dgl_physics_bench
 from dexgarmentlab.cli import main
+from dexgarmentlab.reports.physics import write_report
+from dgl_physics_bench import Experiment, Result, Row
+from dgl_physics_bench.figures import Bars, Figure
 
 
 @pytest.fixture
@@ -28,7 +30,7 @@ def made_up(monkeypatch):
         return Result(rows=rows)
 
     experiment = Experiment("made_up", "Made up", "", measure)
-    monkeypatch.setattr(bench_physics, "select", lambda names: (experiment,))
+    monkeypatch.setattr(dgl_physics_bench, "select", lambda names: (experiment,))
     return benches
 
 
@@ -125,3 +127,22 @@ def test_policies_are_timed(capsys):
     assert hours == pytest.approx(60 * 52 / rate / 3600)  # 3,300 windows are 52 batches of 64.
     assert main([*command, "--repeats", "0"]) == 1
     assert "repeats and threads must be positive; got 0" in capsys.readouterr().err
+
+
+def test_the_report_is_whole(tmp_path):
+    rows = (
+        Row(name="a < b", value=1.0, unit="mm", bar="<= 2"),
+        Row(name="c", value=3.0, unit="mm", bar="<= 2"),
+        Row(name="d", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
+    )
+    experiment = Experiment("made_up", "Made up", "Theory & more.", lambda bench: Result(rows=rows))
+    bars = Bars(title="bars", labels=("a",), values=(1.0,), value_label="ms")
+    figure = Figure(name="all_kinds", caption="kinds", panels=(bars,))
+    result = Result(rows=rows, figures=(figure,))
+    folder = tmp_path / "new" / "report"
+    page = write_report(folder, [(experiment, result, 1.0)], command="dgl bench")
+    text = page.read_text(encoding="utf-8")
+    assert sorted(p.name for p in folder.iterdir()) == ["all_kinds.png", "index.html", "rows.json"]
+    for part in ('src="all_kinds.png"', "a &lt; b", "Theory &amp; more.", "1 of 2", "skipped"):
+        assert part in text
+    assert [r["ok"] for r in json.loads((folder / "rows.json").read_text())] == [True, False, None]

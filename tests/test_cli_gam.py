@@ -10,8 +10,9 @@ from safetensors.numpy import save_file
 
 from dexgarmentlab.cli import main
 from dexgarmentlab.gam.axes import turn_up
-from dexgarmentlab.gam.clouds import load_cloud, see_from_above
+from dexgarmentlab.gam.clouds import load_cloud
 from dgl_assets import garment_ids, load_garment
+from dgl_collect.gam_data import see_surface
 from dgl_gam.data import GarmentFolder, write_garment
 from dgl_gam.evaluate import evaluate
 
@@ -22,7 +23,7 @@ def write_data(folder: Path, garment_id: str, split: str) -> None:
     garment = load_garment(garment_id, spacing=0.025)
     rng = np.random.default_rng(0)
     vertices = garment.vertices.astype(np.float64)
-    views = [see_from_above(vertices, garment.faces, rng) for _ in range(2)]
+    views = [see_surface(vertices, garment.faces, np.array([0.0, 0, 1]), rng) for _ in range(2)]
     write_garment(
         folder / f"{garment_id.replace('/', '_')}.safetensors",
         category=garment.category,
@@ -37,8 +38,8 @@ def write_data(folder: Path, garment_id: str, split: str) -> None:
         states=garment.vertices[None],
         faces=garment.faces,
         landmarks=np.array(list(garment.landmarks.values())),
-        view_points=np.stack([points for points, _ in views]),
-        view_vertices=np.stack([seen for _, seen in views]),
+        view_points=np.stack([view.points for view in views]),
+        view_vertices=np.stack([view.vertices for view in views]),
         view_state=np.zeros(2, np.int32),
     )
 
@@ -248,15 +249,6 @@ def test_weights_that_are_missing_are_said(tmp_path, capsys):
     assert "none does not exist" in capsys.readouterr().err
     assert main([*words, "--device", "gpu"]) == 1
     assert "got 'gpu'" in capsys.readouterr().err
-
-
-def test_points_seen_from_above_are_on_the_upper_layer():
-    garment = load_garment("Trousers/000001", spacing=0.025)
-    vertices = garment.vertices.astype(np.float64)
-    points, seen = see_from_above(vertices, garment.faces, np.random.default_rng(0))
-    assert points.shape == (2048, 3)
-    assert np.linalg.norm(points - vertices[seen], axis=1).max() < 0.04
-    assert (garment.canonical[seen, 2] >= 0).mean() > 0.97
 
 
 def test_networks_are_measured_and_packed(data, runs, tmp_path, capsys, monkeypatch):

@@ -15,7 +15,7 @@ else:
     import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
-PROJECTS = [*sorted(path.parent for path in ROOT.glob("packages/*/pyproject.toml")), ROOT]
+PROJECTS = [*sorted(path.parent for path in ROOT.glob("packages/**/pyproject.toml")), ROOT]
 
 # Distributions whose files do not say at their top which modules they bring, or that need not be installed here.
 KNOWN = {

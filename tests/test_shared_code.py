@@ -16,7 +16,7 @@ SHARED = [
     path
     for package in ("dgl-tasks/src", "dgl-collect/src")
     for path in sorted((PACKAGES / package).rglob("*.py"))
-    if "tasks/tasks/" not in str(path) and "dgl_tasks/tasks" not in str(path.parent)
+    if not {"dgl_tasks/tasks", "dgl_collect/gam_data"} & {"/".join(path.parts[-3:-1])}
 ]
 FAMILIES = ("fold", "fling", "flung", "hang", "store", "wear")
 DEFAULT = {"FoldTops", "Tops_LongSleeve"}  # examples in docstrings

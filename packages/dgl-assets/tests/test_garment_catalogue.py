@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 import dgl_assets
-from dgl_assets import AssetNotFoundError, garment_ids, list_categories, load_garment
+from dgl_assets import (
+    AssetNotFoundError,
+    choose_categories,
+    garment_ids,
+    list_categories,
+    load_garment,
+)
 from dgl_assets.garments.registry import get_category
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -102,6 +108,15 @@ def test_unknown_categories_and_splits_are_refused():
         garment_ids("Scarf", "train", sizes="huge")
     with pytest.raises(ValueError, match="subset must be None or 'paper'; got 'mine'"):
         garment_ids("Scarf", "train", subset="mine")
+
+
+def test_categories_are_chosen_in_the_catalogues_order():
+    assert choose_categories() == list_categories()
+    assert choose_categories(["Scarf", "Trousers"]) == ("Trousers", "Scarf")
+    with pytest.raises(ValueError, match=r"unknown category 'Scraf'; did you mean Scarf\?"):
+        choose_categories(["Scraf"])
+    with pytest.raises(ValueError, match="unknown category 'x'; they are: Tops_LongSleeve, "):
+        choose_categories(["x"])
 
 
 def test_exports_resolve():

@@ -14,8 +14,6 @@ from dgl_assets.props import (
     PothookParameters,
     PropShape,
     TableParameters,
-    draw_prop,
-    draw_prop_sheet,
     make_coat_hanger,
     make_hanger,
     make_hat_stand,
@@ -278,33 +276,6 @@ def test_equal_parameters_give_equal_props():
     for make in (make_hanger, make_coat_hanger, make_pothook, make_platform, make_hat_stand):
         for first, second in zip(make().parts, make().parts, strict=True):
             np.testing.assert_array_equal(first.vertices, second.vertices)
-
-
-def test_pictures_show_the_prop_where_it_stands(props):
-    prop = props["platform"]
-    picture, view = draw_prop(prop, size=(120, 90))
-    assert picture.shape == (90, 120, 3)
-    paper = picture[0, 0].astype(int)
-    is_drawn = np.abs(picture.astype(int) - paper).max(axis=2) > 40
-    for name in ("near_left", "near_right", "far_left", "far_right"):
-        column, row, _ = view.project(0.97 * prop.landmarks[name][None])[0]
-        assert is_drawn[
-            round(row) - 1 : round(row) + 2, round(column) - 1 : round(column) + 2
-        ].any()
-    columns = np.nonzero(is_drawn)[1]
-    assert 0.6 < np.ptp(columns) / 120 < 0.9
-    # the lamp is above: the top is brighter than the side towards the viewer
-    column, row, _ = view.project(np.array([[0.0, 0.0, 0.05]]))[0]
-    below = view.project(np.array([[0.0, -0.25, 0.035]]))[0]
-    side = picture[int(below[1]), int(below[0])]
-    assert picture[int(row), int(column)].mean() > 1.1 * side.mean()
-
-
-def test_sheet_has_a_cell_for_each_prop(props):
-    sheet = draw_prop_sheet([props["hanger"], props["platform"]], columns=2, size=(100, 80))
-    assert sheet.shape == (80 + 64 + 40, 240, 3)
-    with pytest.raises(ValueError, match="at least one prop"):
-        draw_prop_sheet([])
 
 
 def test_an_obj_holds_all_parts(props, tmp_path):

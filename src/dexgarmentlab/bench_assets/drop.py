@@ -4,19 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.scene import Scene
 from dgl_assets import Garment
-from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, SolidMaterial
+from dgl_collect.gam_data.handling import add_garment
+from dgl_physics import ModelBuilder, PhysicsError
 from dgl_physics.measure import find_intersections
+from dgl_physics.scene import Scene
 
-__all__ = ["FRAMES", "GLOVE", "HEIGHT", "Drop", "add_garment", "drop_garment"]
+__all__ = ["FRAMES", "HEIGHT", "Drop", "drop_garment"]
 
 FRAMES = 300
 """5 s at the default 60 frames a second."""
 HEIGHT = 0.03
 """Of a garment's lowest point above the ground before it is let go [m]."""
-GLOVE = SolidMaterial(thickness=0.004)
-"""The two layers of a glove lie only 10 to 25 mm apart, so its contact thickness is smaller than the default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,34 +41,6 @@ class Drop:
     """How many particles moved; a shell has an inner side too."""
     error: str = ""
     """Why the simulation ended early; empty when it did not."""
-
-
-def add_garment(
-    builder: ModelBuilder,
-    garment: Garment,
-    start: np.ndarray,
-    *,
-    material: ClothMaterial | None = None,
-    pinned: np.ndarray | tuple[int, ...] = (),
-) -> None:
-    """Add a garment of the catalogue to a model: cloth as cloth, a shell as an elastic wall.
-
-    Args:
-        builder: Of the model.
-        garment: Its rest shape, and the thickness of its wall.
-        start: Where its vertices are at first [m], shape (V, 3). A shell is unstrained there.
-        material: Of cloth; the default when None. A shell has that of its category.
-        pinned: Vertices that do not move by themselves.
-    """
-    if garment.wall_thickness is None:
-        builder.add_garment(
-            start, garment.faces, rest=garment.rest_vertices, material=material, pinned=pinned
-        )
-    else:
-        solid = GLOVE if garment.category == "Glove" else SolidMaterial()
-        builder.add_solid(
-            start, garment.faces, thickness=garment.wall_thickness, material=solid, pinned=pinned
-        )
 
 
 def drop_garment(garment: Garment, *, frames: int = FRAMES, height: float = HEIGHT) -> Drop:

@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 
 from dexgarmentlab.bench_assets.attempts import STRAIN_LIMIT, Attempt
-from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics_bench.rows import Row
 
 __all__ = ["PARTICLE_RANGE", "group", "make_rows", "summarise"]
 

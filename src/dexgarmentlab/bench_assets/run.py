@@ -14,9 +14,10 @@ from dexgarmentlab.bench_assets.attempts import (
     read_attempts,
 )
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
-from dexgarmentlab.bench_assets.selection import choose_categories, find_partners, select_ids
-from dexgarmentlab.workers import check_continued, locked_folder, run_each
+from dexgarmentlab.bench_assets.selection import find_partners, select_ids
+from dgl_assets import choose_categories
 from dgl_collect.files import append_line, drop_unfinished_line, write_json
+from dgl_collect.processes import check_continued, locked_folder, run_each
 from dgl_collect.results import package_versions
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]

@@ -1,12 +1,11 @@
 """Which garments are dropped: as many of each category, of training and testing, within reach and of all sizes."""
 
-import difflib
 from collections.abc import Sequence
 from typing import Literal
 
-from dgl_assets import garment_ids, list_categories
+from dgl_assets import choose_categories, garment_ids
 
-__all__ = ["choose_categories", "find_partners", "select_ids"]
+__all__ = ["find_partners", "select_ids"]
 
 _POOLS: tuple[tuple[Literal["train", "test"], Literal["reach", "all"]], ...] = (
     ("train", "reach"),
@@ -14,21 +13,6 @@ _POOLS: tuple[tuple[Literal["train", "test"], Literal["reach", "all"]], ...] = (
     ("train", "all"),
     ("test", "all"),
 )
-
-
-def choose_categories(names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Look up categories, in the catalogue's order; all when none is named.
-
-    Raises:
-        ValueError: If one does not exist; the message names the closest.
-    """
-    known = list_categories()
-    for name in names:
-        if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"they are: {', '.join(known)}"
-            raise ValueError(f"unknown category {name!r}; {hint}")
-    return tuple(name for name in known if not names or name in names)
 
 
 def select_ids(count: int, categories: Sequence[str] = ()) -> tuple[str, ...]:

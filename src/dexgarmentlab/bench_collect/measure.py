@@ -14,9 +14,9 @@ from dexgarmentlab.bench_collect.rows import (
     make_worker_rows,
 )
 from dexgarmentlab.bench_collect.timed import FACTORY, AttemptTimes
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_collect import AttemptResult, CollectConfig, Progress, collect
 from dgl_collect.runner import check_task
+from dgl_physics_bench.rows import Row
 from dgl_tasks.tasks import task_ids
 
 __all__ = ["Plan", "make_attempts", "measure_collection"]

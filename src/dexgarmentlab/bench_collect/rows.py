@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dexgarmentlab.bench_collect.components import COMPONENTS, REST
 from dexgarmentlab.bench_collect.throughput import compare_throughput
 from dexgarmentlab.bench_collect.timed import AttemptTimes
-from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics_bench.rows import Row
 
 __all__ = [
     "find_worker_obstacle",

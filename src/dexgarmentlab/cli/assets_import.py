@@ -120,7 +120,7 @@ def _import(path: Path, options: ImportOptions) -> "ImportReport":
 def _lay_flat(
     vertices: "np.ndarray", faces: "np.ndarray", rest_vertices: "np.ndarray"
 ) -> "np.ndarray":
-    from dexgarmentlab.lay_flat import FRAMES, lay_flat
+    from dgl_physics.lay_flat import FRAMES, lay_flat
 
     # Warp announces itself on standard output, which is for the result.
     with redirect_stdout(sys.stderr), console.progress("laying it flat", FRAMES) as bar:

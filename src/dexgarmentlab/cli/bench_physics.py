@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
 
 if TYPE_CHECKING:
-    from dexgarmentlab.bench_physics import Row
+    from dgl_physics_bench import Row
 
 __all__ = ["PhysicsOptions", "measure_physics", "print_rows"]
 
@@ -40,11 +40,11 @@ class PhysicsOptions:
 
 def measure_physics(options: PhysicsOptions) -> int:
     """Measure and write the rows."""
-    from dexgarmentlab import bench_physics
+    import dgl_physics_bench
 
     try:
-        experiments = bench_physics.select(options.only)
-        bench = bench_physics.Bench(
+        experiments = dgl_physics_bench.select(options.only)
+        bench = dgl_physics_bench.Bench(
             effort=options.effort, seed=options.seed, newton_python=options.newton_python
         )
     except ValueError as err:
@@ -60,7 +60,7 @@ def measure_physics(options: PhysicsOptions) -> int:
             return EXIT_USAGE
     results = []
     console.info(f"measuring {experiments[0].name} ...")
-    for number, found in enumerate(bench_physics.run(experiments, bench), start=1):
+    for number, found in enumerate(dgl_physics_bench.run(experiments, bench), start=1):
         results.append(found)
         experiment, result, seconds = found
         judged = [row.ok for row in result.rows if row.ok is not None]
@@ -71,7 +71,9 @@ def measure_physics(options: PhysicsOptions) -> int:
         )
     rows = [row for _, result, _ in results for row in result.rows]
     if options.report is not None:
-        page = bench_physics.write_report(options.report, results, command=_command(options))
+        from dexgarmentlab.reports.physics import write_report
+
+        page = write_report(options.report, results, command=_command(options))
         console.info(f"report: {page}")
     print_rows(rows, as_json=options.json)
     return EXIT_OK
@@ -79,7 +81,7 @@ def measure_physics(options: PhysicsOptions) -> int:
 
 def print_rows(rows: "Sequence[Row]", *, as_json: bool) -> None:
     """Write rows as JSON or as a table."""
-    from dexgarmentlab.bench_physics.report import format_value
+    from dgl_physics_bench.rows import format_value
 
     if as_json:
         console.out_json([row.to_dict() for row in rows])

@@ -11,7 +11,7 @@ from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import format_duration
 
 if TYPE_CHECKING:
-    from dexgarmentlab.gam_data import DataConfig, Made
+    from dgl_collect.gam_data import DataConfig, Made
 
 __all__ = ["DataOptions", "make_data"]
 
@@ -52,7 +52,8 @@ class DataOptions:
 
 def make_data(options: DataOptions) -> int:
     """Make the garments that are left, and sum up."""
-    from dexgarmentlab.gam_data import DataConfig, draw_data_sheet
+    from dexgarmentlab.gam.data_sheet import draw_data_sheet
+    from dgl_collect.gam_data import DataConfig
 
     config = DataConfig(
         categories=options.category,
@@ -130,7 +131,7 @@ def _print(out: Path, summary: dict[str, Any]) -> None:
 
 def _generate(config: "DataConfig", options: DataOptions) -> tuple[list["Made"], bool]:
     """Make garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
-    from dexgarmentlab.gam_data import generate_data, list_garments
+    from dgl_collect.gam_data import generate_data, list_garments
 
     done: list[Made] = []
     total, began, made_now = len(list_garments(config)), time.monotonic(), 0

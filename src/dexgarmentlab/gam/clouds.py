@@ -16,14 +16,11 @@ if TYPE_CHECKING:
     from dgl_assets import Garment
     from dgl_assets.importing import ImportedGarment
 
-__all__ = ["Cloud", "load_cloud", "see_from_above"]
+__all__ = ["Cloud", "load_cloud"]
 
-POINTS = 2048
 _POINT_FILES = (".npy", ".ply", ".safetensors")
 _MESH_FILES = (".obj", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
-_DENSE = 100_000
-_CELL = 0.01  # raster that decides what is uppermost [m]
-_LAYER = 0.006  # points so far below the uppermost one still count as it [m]
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,48 +86,17 @@ def load_cloud(
     return _see(what, load_garment(what), seed)
 
 
-def see_from_above(
-    vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = POINTS
-) -> tuple[np.ndarray, np.ndarray]:
-    """Draw points of a surface that a camera above it would see.
-
-    Args:
-        vertices: Shape (V, 3) [m], z up.
-        faces: Shape (F, 3).
-        rng: Source of randomness.
-        count: How many points.
-
-    Returns:
-        Points, shape (count, 3) [m], and the nearest corner of the triangle that each is on, shape (count,).
-    """
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normals, axis=1)
-    face = rng.choice(len(faces), _DENSE, p=area / area.sum())
-    weights = rng.dirichlet(np.ones(3), _DENSE)
-    points = (corners[face] * weights[..., None]).sum(axis=1)
-    cell = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / _CELL).astype(np.int64)
-    key = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-    # Near a seam the layers are closer than any tolerance: what faces down is hidden by all that faces up there.
-    is_up = normals[face, 2] > 0
-    top, top_up = np.full((2, key.max() + 1), -np.inf)
-    np.maximum.at(top, key, points[:, 2])
-    np.maximum.at(top_up, key[is_up], points[is_up, 2])
-    is_uppermost = points[:, 2] >= top[key] - _LAYER
-    seen = np.flatnonzero(is_uppermost & (is_up | (points[:, 2] > top_up[key] + _LAYER)))
-    chosen = rng.choice(seen, count, replace=len(seen) < count)
-    return points[chosen], faces[face[chosen], weights[chosen].argmax(axis=1)]
-
-
 def _see(
     name: str, garment: Garment | ImportedGarment, seed: int, assumptions: tuple[str, ...] = ()
 ) -> Cloud:
     """A garment as a camera above it sees it."""
+    from dgl_collect.gam_data import see_surface
+
     vertices = garment.vertices.astype(np.float64)
     landmarks: Mapping[str, int] = garment.landmarks
     return Cloud(
         name=name,
-        points=see_from_above(vertices, garment.faces, np.random.default_rng(seed))[0],
+        points=see_surface(vertices, garment.faces, _UP, np.random.default_rng(seed)).points,
         category=garment.category,
         landmarks={name: vertices[vertex] for name, vertex in landmarks.items()},
         assumptions=assumptions,

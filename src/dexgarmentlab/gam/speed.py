@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.rows import Row
 from dgl_gam import GarmentAffordanceModel
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import get_network_config
 from dgl_gam.network import GarmentNetwork
 from dgl_gam.samples import load_samples
+from dgl_physics_bench.rows import Row
 
 __all__ = ["measure_speed"]
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from dexgarmentlab.bench_physics.rows import Row
+from dgl_physics_bench.rows import Row
 from dgl_sadp import (
     DiffusionPolicy,
     PolicyRunner,

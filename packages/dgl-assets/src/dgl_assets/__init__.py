@@ -9,6 +9,7 @@ from dgl_assets.errors import CacheError as CacheError
 from dgl_assets.errors import MeshingError as MeshingError
 from dgl_assets.garments.building import BuiltGarment as BuiltGarment
 from dgl_assets.garments.building import build_garments as build_garments
+from dgl_assets.garments.catalogue import choose_categories as choose_categories
 from dgl_assets.garments.catalogue import garment_ids as garment_ids
 from dgl_assets.garments.catalogue import list_categories as list_categories
 from dgl_assets.garments.catalogue import load_garment as load_garment

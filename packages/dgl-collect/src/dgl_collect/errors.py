@@ -45,7 +45,7 @@ class UnknownTaskError(CollectionError):
         self.task = task
 
 
-class OutputFolderError(CollectionError):
+class OutputFolderError(CollectionError, ValueError):
     """The output folder cannot be used: not writable, not empty, busy, or of another run."""
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import json
 import logging
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import append_line, drop_unfinished_line, sync_folder, write_json
+from dgl_collect.processes import check_continued, locked_folder
 from dgl_collect.results import (
     AttemptResult,
     Summary,
@@ -54,21 +55,19 @@ class RunFolder:
         self._identity = identity
         self._resume = resume
         self._command = command
-        self._lock: int | None = None
+        self._held = ExitStack()
 
     def __enter__(self) -> RunFolder:
         self._make()
-        try:
-            self._take_lock()
+        with ExitStack() as stack:
+            stack.enter_context(locked_folder(self.path))
             self._open_run()
-        except BaseException:
-            self._release()
-            raise
+            self._held = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         shutil.rmtree(self.path / STAGING, ignore_errors=True)
-        self._release()
+        self._held.close()
 
     @property
     def attempts_path(self) -> Path:
@@ -133,18 +132,6 @@ class RunFolder:
         except OSError as err:
             raise OutputFolderError(f"cannot write to {self.path}: {err.strerror}") from err
 
-    def _take_lock(self) -> None:
-        self._lock = os.open(self.path, os.O_RDONLY)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as err:
-            raise OutputFolderError(f"another run is writing to {self.path}") from err
-
-    def _release(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)  # which gives up the lock
-            self._lock = None
-
     def _open_run(self) -> None:
         run_path = self.path / RUN_FILE
         is_empty = not any(self.path.iterdir())
@@ -175,12 +162,7 @@ class RunFolder:
             versions = dict(found["versions"])
         except (ValueError, KeyError, TypeError) as err:
             raise OutputFolderError(f"{run_path} cannot be read: {err!r}") from err
-        for key, value in {"run_format": RUN_FORMAT, **self._identity}.items():
-            if found.get(key) != value:
-                raise OutputFolderError(
-                    f"cannot resume {self.path}: its {key} is {found.get(key)!r}, "
-                    f"this run's is {value!r}; choose another --out"
-                )
+        check_continued(self.path, found, {"run_format": RUN_FORMAT, **self._identity})
         if versions != self.versions:
             logger.warning("%s was begun with other package versions", self.path)
         return commands

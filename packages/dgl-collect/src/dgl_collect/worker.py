@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from dgl_collect.attempts import AttemptRunner, load_factory
+from dgl_collect.processes import end_with_parent
 from dgl_collect.results import AttemptResult
 
 logger = logging.getLogger(__name__)
@@ -159,7 +159,7 @@ def _interrupts_blocked() -> Iterator[None]:
 def _work(config: WorkerConfig, connection: Connection) -> None:
     """Run a worker process until it is told to stop."""
     _print_to(config.log_path)
-    _end_with_parent()
+    end_with_parent()
     runner = None
     try:
         with _kept_for_good():
@@ -245,15 +245,3 @@ def _print_to(path: Path) -> None:
     os.dup2(descriptor, 2)
     os.close(descriptor)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, however that ended."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -8,8 +8,8 @@ import numpy as np
 import sapien
 
 from dgl_assets.materials import FabricMaterial
+from dgl_physics.drawing.mesh import Image, Mesh, Surface
 from dgl_physics.sapien_bridge import GarmentVisual
-from dgl_tasks.drawing.mesh import Image, Mesh, Surface
 from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.scene import LIGHT, STUDIO, FloorLook, FloorPicture
 from dgl_tasks.shadows import FloorShadow, ShadowCaster

@@ -4,19 +4,18 @@ A camera pose looks along its +X with +Z up, as SAPIEN's do. Importing this modu
 simulator; only `CameraPlacement.build` does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import fpsample
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dgl_physics.drawing.camera import Axes, PinholeCamera, Vector3
 from dgl_tasks.rotations import to_quaternion
 
 if TYPE_CHECKING:
     from mani_skill.sensors.camera import CameraConfig
-
-Vector3 = tuple[float, float, float]
 
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
 """Horizontal field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
@@ -27,37 +26,19 @@ _OPENCV_TO_SAPIEN = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraPlacement:
-    """A fixed pinhole camera in the world."""
+class CameraPlacement(PinholeCamera):
+    """A named camera."""
 
     name: str
-    position: Vector3
-    """Optical centre [m], world frame."""
     euler_deg: Vector3
     """Roll, pitch, yaw [degrees], R = Rz(yaw) Ry(pitch) Rx(roll); pitch 90 looks straight down."""
-    width: int = 640
-    """Picture width [pixels]."""
-    height: int = 480
-    """Picture height [pixels]."""
+    axes: Axes = field(init=False, repr=False)
     horizontal_fov: float = float(HORIZONTAL_FOV)
-    """Horizontal field of view [rad], in (0, pi)."""
-    near: float = 0.1
-    """Near plane [m]."""
-    far: float = 30.0
-    """Far plane [m]."""
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"width and height must be positive; got {self.width}x{self.height}")
-        if not 0.0 < self.horizontal_fov < np.pi:
-            raise ValueError(f"horizontal_fov must lie in (0, pi); got {self.horizontal_fov}")
-        if not 0.0 < self.near < self.far:
-            raise ValueError(f"0 < near < far must hold; got near {self.near}, far {self.far}")
-
-    @property
-    def vertical_fov(self) -> float:
-        """Vertical field of view [rad] for square pixels."""
-        return float(2 * np.arctan(np.tan(self.horizontal_fov / 2) * self.height / self.width))
+        super().__post_init__()
+        columns = (self._rotation.as_matrix() @ _OPENCV_TO_SAPIEN).T.tolist()
+        object.__setattr__(self, "axes", tuple(tuple(column) for column in columns))
 
     @property
     def _rotation(self) -> Rotation:
@@ -67,20 +48,6 @@ class CameraPlacement:
     def quaternion(self) -> np.ndarray:
         """Orientation wxyz, shape (4,): +X is the optical axis, +Z is up in the picture."""
         return to_quaternion(self._rotation)
-
-    @property
-    def intrinsics(self) -> np.ndarray:
-        """Pinhole matrix [pixels], shape (3, 3), OpenCV convention."""
-        f = self.width / 2 / np.tan(self.horizontal_fov / 2)
-        return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1.0]])
-
-    @property
-    def transform_camera_to_world(self) -> np.ndarray:
-        """Pose of the OpenCV camera frame (x right, y down, z forward) in the world, shape (4, 4)."""
-        T = np.eye(4)
-        T[:3, :3] = self._rotation.as_matrix() @ _OPENCV_TO_SAPIEN
-        T[:3, 3] = self.position
-        return T
 
     def build(self) -> "CameraConfig":
         """Make ManiSkill's configuration of this camera."""

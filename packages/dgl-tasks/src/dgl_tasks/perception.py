@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks.cameras import farthest_point_sample, is_in_workspace
-from dgl_tasks.drawing.rasteriser import Picture
 from dgl_tasks.errors import PerceptionError
 
 if TYPE_CHECKING:

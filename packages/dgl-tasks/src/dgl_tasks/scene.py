@@ -23,7 +23,7 @@ from dgl_assets.materials import (
     sample_fabric_material,
     sample_floor_material,
 )
-from dgl_tasks.drawing.light import Studio
+from dgl_physics.drawing.light import Studio
 from dgl_tasks.shadows import CORNERS, FloorShadow, ShadowCaster
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
+from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks import perception as see
-from dgl_tasks.drawing.rasteriser import Picture
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.observation import Observation

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +25,21 @@ _SPLITS = ("train", "test")
 def list_categories() -> tuple[str, ...]:
     """Names of the categories of garments."""
     return tuple(CATEGORIES)
+
+
+def choose_categories(names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Look up categories, in the catalogue's order; all when none is named.
+
+    Raises:
+        ValueError: If one does not exist; the message names the closest.
+    """
+    known = list_categories()
+    for name in names:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"they are: {', '.join(known)}"
+            raise ValueError(f"unknown category {name!r}; {hint}")
+    return tuple(name for name in known if not names or name in names)
 
 
 def garment_ids(

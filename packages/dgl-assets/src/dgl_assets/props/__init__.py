@@ -8,7 +8,6 @@ from dgl_assets.props.meshes import WOODS as WOODS
 from dgl_assets.props.obj import save_obj as save_obj
 from dgl_assets.props.person import PersonParameters as PersonParameters
 from dgl_assets.props.person import make_person_prop as make_person_prop
-from dgl_assets.props.picture import draw_prop as draw_prop
 from dgl_assets.props.prop import Finish as Finish
 from dgl_assets.props.prop import Prop as Prop
 from dgl_assets.props.prop import PropPart as PropPart
@@ -16,7 +15,6 @@ from dgl_assets.props.registry import PROP_KINDS as PROP_KINDS
 from dgl_assets.props.registry import PropParameters as PropParameters
 from dgl_assets.props.registry import make_prop as make_prop
 from dgl_assets.props.shapes import PropShape as PropShape
-from dgl_assets.props.sheet import draw_prop_sheet as draw_prop_sheet
 from dgl_assets.props.stands import HatStandParameters as HatStandParameters
 from dgl_assets.props.stands import PothookParameters as PothookParameters
 from dgl_assets.props.stands import make_hat_stand as make_hat_stand

@@ -1,1 +1,1 @@
-"""Pictures of triangle meshes, drawn on the processor."""
+"""SAPIEN's scenes, as the rasteriser draws them."""

@@ -4,7 +4,7 @@ import numpy as np
 import sapien
 from sapien import render
 
-from dgl_tasks.drawing.mesh import Image, Mesh, Surface
+from dgl_physics.drawing.mesh import Image, Mesh, Surface
 
 _STRAIGHT = 0.08  # SAPIEN's unit of specular reflection
 

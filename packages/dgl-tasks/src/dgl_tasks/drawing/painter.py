@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import sapien
 
+from dgl_physics.drawing.light import Studio
+from dgl_physics.drawing.mesh import SHADOW, Mesh, Surface
+from dgl_physics.drawing.rasteriser import Picture, Rasteriser
 from dgl_tasks.cameras import CameraPlacement
 from dgl_tasks.drawing.bodies import read_meshes
-from dgl_tasks.drawing.light import Studio
-from dgl_tasks.drawing.mesh import SHADOW, Mesh, Surface
-from dgl_tasks.drawing.rasteriser import Picture, Rasteriser
 from dgl_tasks.shadows import HEIGHT
 
 

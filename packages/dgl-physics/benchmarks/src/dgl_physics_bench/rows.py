@@ -1,0 +1,65 @@
+"""One measured number, what it should be, and how it is written."""
+
+from dataclasses import dataclass
+
+__all__ = ["Row", "format_value"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One measured number."""
+
+    name: str
+    value: float | None
+    """None when it could not be measured; `note` says why."""
+    unit: str
+    bar: str = ""
+    """What the value should be, such as "<= 10"; empty when nothing is asked of it."""
+    note: str = ""
+    """How it was measured where that is not the usual way, or why it was not."""
+    is_skipped: bool = False
+    """Not measured because this machine cannot; what failed is not skipped."""
+
+    def __post_init__(self) -> None:
+        if self.is_skipped and (self.value is not None or not self.note):
+            raise ValueError(
+                f"a skipped row must have no value and a note; got {self.value}, {self.note!r}"
+            )
+        if self.bar:
+            relation, _, bound = self.bar.partition(" ")
+            if relation not in ("<=", ">="):
+                raise ValueError(f"bar must start with <= or >=; got {self.bar!r}")
+            float(bound)
+
+    @property
+    def limit(self) -> float | None:
+        """The number in `bar`."""
+        return float(self.bar.split()[1]) if self.bar else None
+
+    @property
+    def ok(self) -> bool | None:
+        """Whether the value is as it should be; None when nothing is asked of it, or it was skipped."""
+        if not self.bar or self.is_skipped:
+            return None
+        if self.value is None:
+            return False
+        bound = float(self.bar.split()[1])
+        return self.value <= bound if self.bar.startswith("<") else self.value >= bound
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the row as `name, value, unit, bar, ok, note`."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "unit": self.unit,
+            "bar": self.bar or None,
+            "ok": self.ok,
+            "note": self.note or None,
+        }
+
+
+def format_value(value: float | None) -> str:
+    """Write a value with three significant digits."""
+    if value is None:
+        return "-"
+    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:,.0f}"

@@ -1,0 +1,1 @@
+"""Pictures of triangle meshes, drawn on the processor; and what their pixels show."""
