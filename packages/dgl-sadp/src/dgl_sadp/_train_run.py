@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
+from datetime import timedelta
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,13 +32,16 @@ from dgl_sadp.validation import Validation, compute_validation
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-__all__ = ["CONFIG_FILE", "TrainJob", "run_job"]
+__all__ = ["CONFIG_FILE", "PATIENCE", "TrainJob", "run_job"]
 
 POLICY_FILE = "policy.safetensors"
 STATE_FILE = "state.safetensors"
 CONFIG_FILE = "config.json"
 LOG_FOLDER = "logs"
 KEPT_FOLDER = "policies"
+
+PATIENCE = timedelta(hours=2)
+"""For how long processes wait for the first one, which validates and saves. One that ends is noticed at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
