@@ -77,16 +77,21 @@ class TrainRun:
 
     def __init__(self, job: TrainJob) -> None:
         from accelerate import Accelerator
+        from accelerate.utils import InitProcessGroupKwargs
         from diffusers.optimization import get_cosine_schedule_with_warmup
         from diffusers.training_utils import EMAModel
 
         self.out, self.config, self.data, self.workers = job.out, job.config, job.data, job.workers
         config = job.config
-        self.accelerator = Accelerator(cpu=job.device == "cpu", mixed_precision=config.precision)
+        self.accelerator = Accelerator(
+            cpu=job.device == "cpu",
+            mixed_precision=config.precision,
+            kwargs_handlers=[InitProcessGroupKwargs(timeout=PATIENCE)],
+        )
         if self.accelerator.num_processes != job.devices:
             raise ValueError(
-                f"training starts its {job.devices} process(es) itself; "
-                f"got {self.accelerator.num_processes}, started by another program"
+                f"devices must be the {self.accelerator.num_processes} process(es) that a launcher "
+                f"has started; got {job.devices}"
             )
         self.batches = Batches(
             windows=len(job.data.train),
