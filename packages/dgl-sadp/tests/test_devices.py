@@ -6,6 +6,8 @@ import multiprocessing
 import os
 import shutil
 import signal
+import subprocess
+import sys
 
 import pytest
 import torch
@@ -229,9 +231,39 @@ def test_what_goes_wrong_in_a_process_is_raised_and_ends_all(train, tmp_path):
     def kill(progress):
         max(multiprocessing.active_children(), key=lambda process: process.pid).kill()
 
-    with pytest.raises(TrainingProcessError, match=r"device 1 ended unexpectedly \(exit status -9"):
+    with pytest.raises(TrainingProcessError, match="process 1 terminated with signal SIGKILL"):
         train("killed", devices=2, on_progress=kill)
     assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
+def test_processes_of_torchrun_train_as_those_that_are_started_here(train, episodes, tmp_path):
+    policy = train("here", devices=2).policy
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import sys\n"
+        "from dgl_sadp import TrainConfig, load_policy, train_policy\n"
+        "episodes, out, policy, devices = sys.argv[1:]\n"
+        "train_policy(\n"
+        "    episodes, out, load_policy(policy).config, stage=1, devices=int(devices),\n"
+        "    config=TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, validate_every=1),\n"
+        "    on_progress=lambda progress: print(progress.step),\n"
+        ")\n"
+    )
+
+    def launch(out, devices):
+        launcher = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
+        words = [script, episodes, tmp_path / out, policy, devices]
+        return subprocess.run(
+            [*launcher, *map(str, words)], check=False, capture_output=True, text=True
+        )
+
+    run = launch("launched", 2)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == ["1", "2", "3", "4"]
+    launched, here = (read_state(tmp_path / out) for out in ("launched", "here"))
+    assert all(torch.equal(tensor, launched[name]) for name, tensor in here.items())
+    assert "must be the 2 process(es) that a launcher has started; got 1" in launch("one", 1).stderr
 
 
 @pytest.mark.slow

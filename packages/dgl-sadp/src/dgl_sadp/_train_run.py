@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
+from datetime import timedelta
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,13 +32,16 @@ from dgl_sadp.validation import Validation, compute_validation
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-__all__ = ["CONFIG_FILE", "TrainJob", "run_job"]
+__all__ = ["CONFIG_FILE", "PATIENCE", "TrainJob", "run_job"]
 
 POLICY_FILE = "policy.safetensors"
 STATE_FILE = "state.safetensors"
 CONFIG_FILE = "config.json"
 LOG_FOLDER = "logs"
 KEPT_FOLDER = "policies"
+
+PATIENCE = timedelta(hours=2)
+"""For how long processes wait for the first one, which validates and saves. One that ends is noticed at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,16 +77,21 @@ class TrainRun:
 
     def __init__(self, job: TrainJob) -> None:
         from accelerate import Accelerator
+        from accelerate.utils import InitProcessGroupKwargs
         from diffusers.optimization import get_cosine_schedule_with_warmup
         from diffusers.training_utils import EMAModel
 
         self.out, self.config, self.data, self.workers = job.out, job.config, job.data, job.workers
         config = job.config
-        self.accelerator = Accelerator(cpu=job.device == "cpu", mixed_precision=config.precision)
+        self.accelerator = Accelerator(
+            cpu=job.device == "cpu",
+            mixed_precision=config.precision,
+            kwargs_handlers=[InitProcessGroupKwargs(timeout=PATIENCE)],
+        )
         if self.accelerator.num_processes != job.devices:
             raise ValueError(
-                f"training starts its {job.devices} process(es) itself; "
-                f"got {self.accelerator.num_processes}, started by another program"
+                f"devices must be the {self.accelerator.num_processes} process(es) that a launcher "
+                f"has started; got {job.devices}"
             )
         self.batches = Batches(
             windows=len(job.data.train),

@@ -146,10 +146,13 @@ class Interrupts:
 
 
 @contextmanager
-def hold_interrupts() -> Iterator[Interrupts]:
+def hold_interrupts(*, is_repeated: bool = False) -> Iterator[Interrupts]:
     """Note the first SIGINT instead of raising it, so that a step can be finished and saved; the second one raises.
 
     Only the main thread can do so; elsewhere signals do not arrive anyway.
+
+    Args:
+        is_repeated: Whether both the terminal and a launcher tell of one interruption. Then none raises.
     """
     held = Interrupts()
     if threading.current_thread() is not threading.main_thread():
@@ -157,7 +160,7 @@ def hold_interrupts() -> Iterator[Interrupts]:
         return
 
     def note(number: int, frame: FrameType | None) -> None:
-        if held.is_asked:
+        if held.is_asked and not is_repeated:
             raise KeyboardInterrupt
         held.is_asked = True
 

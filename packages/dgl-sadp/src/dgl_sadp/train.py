@@ -1,5 +1,6 @@
 """Training: a run is a folder with its configuration, its log, the state to go on from, and the policy."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,6 +42,8 @@ def train_policy(
     On several devices each has a process of its own, with the same weights and its share of each batch. What is drawn for a
     window depends on its place in the batch, so that the gradients, but for their rounding, are those of one device. A script
     that does so needs `if __name__ == "__main__":`, since the processes import it. The calling process itself does not train.
+    Where `torchrun` or `accelerate launch` has started the processes, each calls this with their number as `devices`; the
+    first alone tells progress and writes.
 
     Ctrl-C ends the step in progress, or the one after it, saves, and raises `KeyboardInterrupt`; a second one stops at once.
 
@@ -91,10 +94,11 @@ def train_policy(
         is_resumed=is_resumed,
         stop_after=stop_after,
     )
-    if count > 1:
+    is_launched = "LOCAL_RANK" in os.environ  # Then this is one of the processes already.
+    if count > 1 and not is_launched:
         result = run_in_processes(job, on_progress)
     else:
-        with hold_interrupts() as interrupts, _own_accelerator():
+        with hold_interrupts(is_repeated=is_launched) as interrupts, _own_accelerator():
             result = run_job(job, on_progress, lambda: interrupts.is_asked)
     if result is None:
         raise KeyboardInterrupt
