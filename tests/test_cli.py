@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from dexgarmentlab import cli
-from dexgarmentlab.cli import VERBS, Verb, main
+from dexgarmentlab.cli import VERBS, Verb, console, main
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +80,21 @@ def test_the_verbs_exit_status_is_returned(failing):
     failing.run = lambda options: 3 + options.times
     assert main(["fail"]) == 4
     assert main(["fail", "--times", "5"]) == 8
+
+
+def test_what_libraries_print_is_no_result(failing, capsys):
+    def run(options):
+        print("Warp greets")
+        console.out_json({"times": options.times})
+        return 0
+
+    failing.run = run
+    assert main(["fail"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out) == {"times": 1}
+    assert captured.err == "Warp greets\n"
+    console.out("after it")
+    assert capsys.readouterr().out == "after it\n"
 
 
 def test_a_wrong_option_is_a_usage_error(failing, capsys):

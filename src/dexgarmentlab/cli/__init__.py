@@ -141,7 +141,8 @@ def _dispatch(arguments: list[str]) -> int:
 
     module = verb.load()
     options = tyro.cli(module.Options, prog=f"dgl {verb.name}", args=rest)
-    return int(module.run(options))
+    with console.keep_results_alone():
+        return int(module.run(options))
 
 
 def _help() -> str:

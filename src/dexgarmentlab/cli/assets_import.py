@@ -1,7 +1,5 @@
 """`dgl assets import`."""
 
-import sys
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -122,8 +120,7 @@ def _lay_flat(
 ) -> "np.ndarray":
     from dgl_physics.lay_flat import FRAMES, lay_flat
 
-    # Warp announces itself on standard output, which is for the result.
-    with redirect_stdout(sys.stderr), console.progress("laying it flat", FRAMES) as bar:
+    with console.progress("laying it flat", FRAMES) as bar:
         return lay_flat(vertices, faces, rest_vertices, on_frame=bar.advance)
 
 

@@ -7,11 +7,22 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
 from datetime import timedelta
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TextIO, TypeVar
 
-__all__ = ["Progress", "error", "info", "out", "out_json", "out_table", "progress", "track"]
+__all__ = [
+    "Progress",
+    "error",
+    "info",
+    "keep_results_alone",
+    "out",
+    "out_json",
+    "out_table",
+    "progress",
+    "track",
+]
 
 T = TypeVar("T")
 
@@ -27,14 +38,29 @@ class Progress(Protocol):
         ...
 
 
+# Where results go while all else that prints is sent elsewhere.
+_results: ContextVar[TextIO | None] = ContextVar("results", default=None)
+
+
+@contextmanager
+def keep_results_alone() -> Iterator[None]:
+    """Send what libraries print to standard error: Warp's greeting is no result."""
+    token = _results.set(sys.stdout)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _results.reset(token)
+
+
 def out(text: str) -> None:
     """Write a result."""
-    print(text)
+    print(text, file=_results.get())
 
 
 def out_json(value: Any) -> None:
     """Write a result as JSON. NaN and infinity are refused: they are not JSON."""
-    print(json.dumps(value, indent=2, allow_nan=False))
+    out(json.dumps(value, indent=2, allow_nan=False))
 
 
 def out_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -42,9 +68,7 @@ def out_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     lines = [[str(cell) for cell in row] for row in [columns, *rows]]
     widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
     for line in lines:
-        print(
-            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        )
+        out("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
 
 
 def info(text: str) -> None:

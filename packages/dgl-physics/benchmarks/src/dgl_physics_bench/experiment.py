@@ -1,6 +1,5 @@
 """What an experiment is: a function of a bench, which gives rows and figures."""
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -50,7 +49,6 @@ class Bench:
     def __post_init__(self) -> None:
         if not self.effort > 0:
             raise ValueError(f"effort must be > 0; got {self.effort}")
-        wp.config.log_level = logging.WARNING  # Warp greets on standard output, where rows go
 
     def scale(self, count: int, *, least: int = 1) -> int:
         """Scale a number of repetitions by the effort."""
