@@ -5,12 +5,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, Protocol
 
 from dgl_collect import AttemptResult, wilson_interval
-
-if TYPE_CHECKING:
-    from dexgarmentlab.evaluation.comparison import Episode
 
 __all__ = [
     "RESULTS_FILE",
@@ -81,7 +78,14 @@ class Results:
     """Reason of failure to count, most frequent first."""
 
 
-def count(results: "Sequence[AttemptResult | Episode]") -> Count:
+class _Judged(Protocol):
+    @property
+    def success(self) -> bool: ...
+    @property
+    def first_try(self) -> bool: ...
+
+
+def count(results: Sequence[_Judged]) -> Count:
     """Count successes."""
     succeeded = sum(result.success for result in results)
     return Count(
