@@ -235,7 +235,8 @@ def _show(options: Options, results: "Results") -> None:
     console.out_table(("", "episodes", "first try", "with retries", "rate", "95 % interval"), rows)
     if results.value_median is not None:
         console.out(
-            f"value: median {results.value_median:.3f}, largest {results.value_largest:.3f}"
+            f"value: median {results.value_median:.3f}, "
+            f"from {results.value_least:.3f} to {results.value_largest:.3f}"
         )
     for reason, number in results.reasons.items():
         console.out(f"  failed, {reason}: {number}")

@@ -70,6 +70,8 @@ class Results:
     """Standard deviation of these rates, with n - 1; None for fewer than two seeds."""
     value_median: float | None
     """Median of the quantity that the rule judges, over the episodes that were judged."""
+    value_least: float | None
+    """Its least, which is the best where the rule wants little of it."""
     value_largest: float | None
     """Its largest."""
     seconds_median: float | None
@@ -112,6 +114,7 @@ def summarize(runs: Sequence[Run]) -> Results:
         mean=statistics.fmean(rates) if rates else None,
         std=statistics.stdev(rates) if len(rates) > 1 else None,
         value_median=statistics.median(values) if values else None,
+        value_least=min(values, default=None),
         value_largest=max(values, default=None),
         seconds_median=statistics.median(r.seconds for r in everything) if everything else None,
         reasons=dict(reasons.most_common()),
@@ -134,7 +137,11 @@ def to_json(
         "success": {"mean": results.mean, "std": results.std, **asdict(results.total)},
         "by_seed": {str(seed): asdict(item) for seed, item in results.by_seed.items()},
         "by_split": {split: asdict(item) for split, item in results.by_split.items()},
-        "value": {"median": results.value_median, "largest": results.value_largest},
+        "value": {
+            "median": results.value_median,
+            "least": results.value_least,
+            "largest": results.value_largest,
+        },
         "seconds_median": results.seconds_median,
         "reasons": dict(results.reasons),
         "runs": [_record(run, result) for run in runs for result in run.results],
