@@ -42,7 +42,7 @@ class World:
         self.listener = None  # of commands and marks, as a driver has one
         self.looks = []  # whether the arms were out of the way, look after look at the garment
         self.loses = lambda stage, number, side: False
-        self.hanging = lambda span: Hanging(sag=0.0, length=0.6, area=0.3)
+        self.hanging = lambda span: Hanging(sag=0.0, length=0.6)
         self._begun = Counter()
         self._stage = None
         self.hands = Handling(motion, self)

@@ -97,9 +97,7 @@ def test_a_file_says_all_that_is_done(demonstration):
     """One of each kind of fact, with what is taken where the file says nothing."""
     assert isinstance(demonstration, Demonstration)
     first, _, last = demonstration.stages
-    assert (demonstration.rounds, demonstration.turns_over, demonstration.flat_area) == (
-        1, False, None,
-    )  # fmt: skip
+    assert (demonstration.rounds, demonstration.turns_over) == (1, False)
     assert (first.hands, last.hands) == (("left",), ("left", "right"))
     assert last.grasp["right"].points == ("right_hem",)
     assert (first.on_loss, first.again, first.when, first.moved_at_most) == (
@@ -425,20 +423,10 @@ def test_a_demonstration_is_of_one_task(content):
         check_demonstration(demonstration, get_task("FoldDress-v1"), source="top.json")
 
 
-@pytest.mark.parametrize("formula", ["left_cuf.x", "garment.max.x", "round"])
-def test_the_flat_area_is_of_points_and_of_what_was_seen(content, formula):
-    content["flat_area"] = "2 * half_span * hanging + hanging_area + left_cuff.x"
-    check_demonstration(parse_demonstration(content, source="t"), TASK, source="t")
-    content["flat_area"] = formula
-    demonstration = parse_demonstration(content, source="top.json")
-    with pytest.raises(DemonstrationError, match=r"^top\.json: .*unknown name"):
-        check_demonstration(demonstration, TASK, source="top.json")
-
-
 def test_what_a_stretch_sees_is_known_after_it(content):
     content["stages"][0]["grasp"] = {"left": "left_cuff", "right": "right_cuff"}
     content["stages"][0]["steps"][2] = STRETCH
-    content["stages"][0]["steps"][3]["left"][0] = "half_span + hanging + hanging_area"
+    content["stages"][0]["steps"][3]["left"][0] = "half_span + hanging"
     check_demonstration(parse_demonstration(content, source="t"), TASK, source="t")
 
 

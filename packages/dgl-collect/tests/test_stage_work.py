@@ -250,7 +250,7 @@ def stretch(world, **changes):
 
 def hang_until(taut):
     """A garment that is taut when the hands are this far apart [m]."""
-    return lambda span: Hanging(sag=max(taut - span, 0.0), length=0.7, area=0.25)
+    return lambda span: Hanging(sag=max(taut - span, 0.0), length=0.7)
 
 
 @pytest.mark.parametrize(("taut", "each"), [(0.5, 0.04), (0.43, 0.0), (0.9, 0.15), (9.0, 0.0)])
@@ -262,7 +262,6 @@ def test_hands_move_apart_until_the_garment_is_taut(make_world, taut, each):
     assert work.seen == {
         "half_span": pytest.approx(0.2 + each, abs=1e-6),
         "hanging": 0.7,
-        "hanging_area": 0.25,
     }
     for side, outwards in (("left", -1), ("right", 1)):
         expected = HELD[side] + [outwards * each, 0, 0]

@@ -70,8 +70,6 @@ class _Course:
         self.runner, self.hands = runner, hands
         self.stages = runner.demonstration.stages
         self.finder = PointFinder(runner.demonstration, runner.demo_cloud)
-        self._seen: dict[str, float] = {}
-        self._flat_areas: dict[int, float] = {}
         self._carried_out: set[str] = set()
         self._skipped: set[str] = set()
         self._round = 1
@@ -140,28 +138,10 @@ class _Course:
     def _believe(self) -> PartOf[Verdict]:
         """Apply the task's rule to what is believed of the scene, once it is at rest."""
         yield from self.hands.settle()
-        view = BelievedView(
-            self.hands.sensed, landmarks=self.finder.points, flat_area=self._tell_flat_area()
-        )
+        view = BelievedView(self.hands.sensed, landmarks=self.finder.points)
         verdict = self.runner.rule(view)
-        values = {**self._seen, "value": verdict.value}
-        if np.isfinite(view.flat_area):
-            values["flat_area"] = view.flat_area
-        yield from self.hands.mark(Believes(values=values))
+        yield from self.hands.mark(Believes(values={"value": verdict.value}))
         return verdict
-
-    def _tell_flat_area(self) -> float:
-        """Tell what the garment covers lying flat [m^2]: the median of what the rounds so far have shown, inf before."""
-        if self.runner.demonstration.flat_area is not None:
-            names: dict[str, Value] = dict(self._seen)
-            try:  # where its points lie now: the flatter it is, the better it tells how large it is
-                cloud = self.hands.sensed.see_garment()
-                names |= self.finder.find_points(cloud, self.runner.get_matcher())
-                area = evaluate_formula(self.runner.demonstration.flat_area, names)
-                self._flat_areas[self._round] = area
-            except (PerceptionError, ValueError):  # it has been carried away, or not been stretched
-                pass
-        return float(np.median(list(self._flat_areas.values()) or [np.inf]))
 
     def _look(self) -> None:
         self.finder.look(self.hands.sensed.see_garment(), self.runner.get_matcher())
@@ -219,7 +199,6 @@ class _Course:
             yield from actor.act(work)
         for step in work.iterate_scripted(is_after=True):
             yield from work.perform(step)
-        self._seen |= {name: v for name, v in work.seen.items() if isinstance(v, float)}
         yield from self._end(stage, counts=True)
         if work.hold != "all":
             yield from self.hands.settle()

@@ -284,7 +284,6 @@ class StageWork:
         self.seen |= {
             "half_span": span / 2,
             "hanging": hanging.length,
-            "hanging_area": hanging.area,
         }
 
 

@@ -92,9 +92,8 @@ class Move(Step):
 class Stretch(Step):
     """Both hands move apart until what hangs between them is seen to be taut.
 
-    Then `half_span`, half the distance of the hands [m], `hanging`, how far the garment hangs below them [m], and
-    `hanging_area`, what it covers of the upright plane through both [m^2], are what is seen, whatever the stage's
-    definitions have expected.
+    Then `half_span`, half the distance of the hands [m], and `hanging`, how far the garment hangs below them [m], are what is
+    seen, whatever the stage's definitions have expected.
     """
 
     sag: float
@@ -113,7 +112,7 @@ class Stretch(Step):
             _check_positive(name, getattr(self, name))
 
 
-SEEN_NAMES = ("half_span", "hanging", "hanging_area")
+SEEN_NAMES = ("half_span", "hanging")
 """What a stretch sees, by its name in formulas."""
 
 
@@ -269,9 +268,6 @@ class Demonstration:
     """How often the stages are gone through at most, while the task is believed not to be done."""
     turns_over: bool = False
     """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
-    flat_area: str | None = None
-    """Area that the garment is believed to cover lying flat [m^2], as a formula over its points where they lie then, and over
-    what stretches have seen."""
 
     def __post_init__(self) -> None:
         if not self.stages:

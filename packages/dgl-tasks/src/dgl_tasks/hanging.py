@@ -6,8 +6,6 @@ import numpy as np
 
 MIDDLE = 0.3
 """Share of the span on either side of its middle in which the upper edge is looked at, in half spans."""
-AREA_CELL = 0.02
-"""Side of the cells in which the area is counted [m]: two pixels of a camera that looks down steeply."""
 _LOWEST = 0.005
 # quantile of the heights that counts as the lower end: a few stray points do not
 
@@ -20,8 +18,6 @@ class Hanging:
     """How far its upper edge midway between the hands is below them [m]; infinite if nothing is seen there."""
     length: float
     """How far it reaches below the hands [m]."""
-    area: float
-    """What it covers of the upright plane through both hands, seen at a right angle to it [m^2]."""
 
 
 def measure_hanging(points: np.ndarray, left: np.ndarray, right: np.ndarray) -> Hanging:
@@ -47,9 +43,7 @@ def measure_hanging(points: np.ndarray, left: np.ndarray, right: np.ndarray) -> 
     height = (left[2] + right[2]) / 2
     at = (points[:, :2] - (left + right)[:2] / 2) @ along / span
     middle = points[np.abs(at) < MIDDLE * span / 2, 2]
-    cells = np.unique(np.floor(np.column_stack([at, points[:, 2]]) / AREA_CELL).astype(int), axis=0)
     return Hanging(
         sag=float(height - middle.max()) if len(middle) else np.inf,
         length=float(height - np.quantile(points[:, 2], _LOWEST)),
-        area=len(cells) * AREA_CELL**2,
     )
