@@ -218,7 +218,7 @@ def test_what_decides_is_what_is_seen_and_found(make_world):
     assert [mark.values for mark in world.get_marks(Believes)] == [{"value": 0.5}, {"value": 0.9}]
 
 
-@pytest.mark.parametrize(("height", "rounds"), [(0.0144, 1), (0.04, 3)])
+@pytest.mark.parametrize(("height", "rounds"), [(0.0148, 1), (0.04, 3)])
 def test_rounds_end_when_the_garment_is_seen_to_lie_as_low_as_what_lies_flat(
     make_world, height, rounds
 ):
