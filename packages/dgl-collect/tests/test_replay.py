@@ -16,8 +16,8 @@ from dgl_tasks.driver import Driver
 from dgl_tasks.handling import Handling
 
 COMPARED = {
-    "garment_point_cloud", "joint_state", "ee_pose", "image", "env_point_cloud", "action",
-    FINAL_PARTICLES,
+    "garment_point_cloud", "object_point_cloud", "joint_state", "ee_pose", "image", "env_point_cloud",
+    "action", FINAL_PARTICLES,
 }  # fmt: skip
 
 
@@ -28,6 +28,7 @@ def close_and_open(hands):
         name="left_sleeve",
         garment_point_cloud=hands.sensed.see_garment(),
         points_affordance_feature=np.zeros((2048, 2), np.float32),
+        object_point_cloud=hands.sensed.see_objects(),
         points={"left_cuff": np.array([-0.4, 0.7, 0.01])},
         seen_at=hands.sensed.step,
     )
@@ -49,6 +50,7 @@ def perform(attempts, fakes, *, seed):
     assert (stage.frame_count, stage.approach_frames) == (6, 2)
     verdict = env.judge()
     return fakes.make_episode(
+        task=env.task.id,
         seed=seed,
         garment_id=env.garment.name,
         stages=(stage,),
@@ -62,7 +64,7 @@ def perform(attempts, fakes, *, seed):
 
 @pytest.fixture(scope="module")
 def attempts():
-    made = DemonstrationAttempts("FoldTops-v1")
+    made = DemonstrationAttempts("HangTrousers-v1")
     yield made
     made.close()
 

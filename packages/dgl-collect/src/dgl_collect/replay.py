@@ -25,9 +25,10 @@ _UNITS = {
     "ee_pose": "m",
     "env_point_cloud": "m",
     "garment_point_cloud": "m",
+    "object_point_cloud": "m",
     FINAL_PARTICLES: "m",
 }
-_PICTURES = ("image", "env_point_cloud", "garment_point_cloud")
+_PICTURES = ("image", "env_point_cloud", "garment_point_cloud", "object_point_cloud")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,8 +198,10 @@ class _Comparison:
     def before_step(self, command: Command, sensed: Sensed) -> None:
         del command
         if sensed.step in self._clouds:
-            recorded = self._clouds[sensed.step].garment_point_cloud
-            self._compare("garment_point_cloud", recorded, sensed.see_garment())
+            stage = self._clouds[sensed.step]
+            self._compare("garment_point_cloud", stage.garment_point_cloud, sensed.see_garment())
+            if stage.object_point_cloud is not None:
+                self._compare("object_point_cloud", stage.object_point_cloud, sensed.see_objects())
         if sensed.step in self._frames:
             stage, k = self._frames[sensed.step]
             seen = sensed.observe()
