@@ -84,7 +84,7 @@ def test_the_verbs_exit_status_is_returned(failing):
 
 def test_what_libraries_print_is_no_result(failing, capsys):
     def run(options):
-        print("Warp greets")
+        print("Warp greets")  # noqa: T201 - as Warp does
         console.out_json({"times": options.times})
         return 0
 

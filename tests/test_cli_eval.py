@@ -143,6 +143,13 @@ def test_refusals_come_before_any_work(fake, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_folder_of_a_collection_is_refused(fake, tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"the folder of an evaluation; .* has a collection"):
+        verb.run(options(tmp_path, resume=True))
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
 def test_the_command_asks_for_the_same(tmp_path):
     asked = options(tmp_path / "out", friction=0.0, garments="test", workers=2)
     assert asked.command == (

@@ -3,6 +3,7 @@
 import json
 
 from dexgarmentlab.cli import main
+from dgl_collect import DemonstrationError
 from dgl_collect.demonstration import load_demonstration
 from dgl_tasks import get_task, task_ids
 
@@ -20,7 +21,8 @@ def test_every_task_is_described_as_it_is_declared(capsys):
             assert set(stage["grasp"]) == set(declared.grasp)
             assert stage["orientation"] == declared.approach.orientation
             assert stage["learned"] == declared.is_learned
-        assert shown["objects"] == [item.name for item in task.objects]
+        assert [item["name"] for item in shown["objects"]] == [o.name for o in task.objects]
+        assert shown["lacks"] is None
         assert shown["success"] == task.success_text
         assert shown["robot_bases"] == {
             "left": list(task.left_base),
@@ -37,6 +39,26 @@ def test_the_text_says_what_is_done_where_and_what_counts(capsys):
     assert "3. bottom_up: left hand at left_hem, right hand at right_hem" in text
     assert "at least 85 %" in text
     assert "left (-0.8, 0, 0.5) m, yaw 0 rad; right (0.8, 0, 0.5) m, yaw 0 rad" in text
+
+
+def test_a_task_without_a_demonstration_is_listed_with_what_it_lacks(monkeypatch, capsys):
+    def load(task):
+        if task == "FoldTops-v1":
+            raise DemonstrationError("there is no demonstration of 'FoldTops-v1'")
+        return load_demonstration(task)
+
+    monkeypatch.setattr("dgl_collect.demonstration.load_demonstration", load)
+    assert main(["tasks"]) == 0
+    text = capsys.readouterr().out
+    assert "stages    there is no demonstration of 'FoldTops-v1'" in text
+    assert "FlingTops-v1  Fling Tops" in text
+
+
+def test_where_objects_and_what_lies_on_them_may_be_is_told(capsys):
+    assert main(["tasks"]) == 0
+    text = capsys.readouterr().out
+    assert "position  on stand.seat" in text
+    assert "hanger (hanger), x -0.15 to 0.15 m, y 0.8 to 0.9 m" in text
 
 
 def test_an_option_that_is_not_there_is_a_usage_error(capsys):

@@ -272,7 +272,7 @@ FAULTS = {
         _set([*STAGE, "repeats"], True),
         IN_STAGE + r"Stage has .*again.*; got \['repeats'\]",
     ),
-    "no approach": (_drop(*STEPS, 0), IN_STAGE + "steps must have an approach"),
+    "no approach": (_drop(*STEPS, 0), IN_STAGE + "steps must have one approach; got 0"),
     "no hands": (_set([*STAGE, "grasp"], {}), IN_STAGE + "grasp must be of some of"),
     "a third hand": (
         _set([*STAGE, "grasp"], {"middle": "left_cuff"}),
@@ -287,7 +287,7 @@ FAULTS = {
     "no steps": (_drop(*STEPS), "missing 'steps'"),
     "a step without a kind": (_drop(*MOVE, "step"), "missing 'step'"),
     "a stretch without steps": (_step(3, {"step": "stretch", "sag": 0.03}), "'by'"),
-    "a spacing in words": (_set([*MOVE, "spacing"], "fast"), "not supported between"),
+    "a spacing in words": (_set([*MOVE, "spacing"], "fast"), "spacing must be float; got 'fast'"),
 }
 FAULTS_OF_STEPS = {
     "a move of a hand that rests": (_set([*MOVE, "right"], ["0", "0.8", "0.3"]), "right"),
@@ -336,6 +336,34 @@ FAULTS_OF_STEPS = {
     "a place of two coordinates": (
         _set([*STAGE, "grasp", "left"], {"at": ["0", "0.8"]}),
         "x, y, z",
+    ),
+    "a height in words": (
+        _set([*STEPS, 0, "height"], "low"),
+        r"height must be float \| None; got 'low'",
+    ),
+    "words for whether it is recorded": (
+        _set([*MOVE, "recorded"], "no"),
+        "recorded must be bool; got 'no'",
+    ),
+    "half a frame": (
+        _step(3, {"step": "wait", "frames": 1.5}),
+        "frames must be int; got 1.5",
+    ),
+    "words for a place": (
+        _set([*MOVE, "left"], "abc"),
+        "left must have formulas for x, y, z|targets",
+    ),
+    "an unknown reaction": (
+        _set([*STAGE, "on_loss"], "giveup"),
+        "on_loss must be .*; got 'giveup'",
+    ),
+    "a negative distance": (
+        _set([*STAGE, "moved_at_most"], -1.0),
+        "moved_at_most must be positive",
+    ),
+    "a way in of two numbers": (
+        _set([*STEPS, 0, "come_from"], [0.0, 0.1]),
+        r"come_from must be three numbers; got \(0.0, 0.1\)",
     ),
     "a grasp of nothing": (
         _set([*STAGE, "grasp", "left"], []),

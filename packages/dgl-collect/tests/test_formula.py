@@ -90,6 +90,8 @@ def test_the_horizontal_distance_ignores_the_height():
         ("1 / 0", "formula '1 / 0' cannot be evaluated: .*division by zero"),
         ("1 / (lift - 0.3)", "division by zero"),
         ("sqrt(2)", "unknown function 'sqrt'; known: abs, distance_xy, max, min"),
+        ("min(cuff, 1)", "arithmetic is for numbers; 'cuff' is none"),
+        ("-" * 5000 + "1", "cannot be evaluated|must be an arithmetic expression"),
         ("distance_xy(cuff)", "missing 1 required positional argument"),
         ("distance_xy(1, 2)", "distance_xy takes two points"),
         ("distance_xy(cuff, hanger)", "distance_xy takes two points"),

@@ -153,9 +153,10 @@ def test_a_missing_mark_is_not_ignored(task_id):
 PLACES = {"bar": {"target": np.array([0.1, 1.0, 0.8])}, "head": {"top": np.array([0.0, 1.0, 1.2])}}
 
 
-def hang(down, x=0.1):
-    """Of 2048 points, so many lie on the ground."""
+def hang(down, x=0.1, top=(1.0, 0.82)):
+    """Of 2048 points, so many lie on the ground, and ten at the top, whose y and z are given."""
     points = np.tile([x, 1.0, 0.5], (2048, 1))
+    points[-10:, 1:] = top
     points[:down, 2] = 0.009
     return Scene(points, frames=PLACES)
 
@@ -177,7 +178,21 @@ def test_what_hangs_over_a_bar_is_off_the_ground_and_in_the_middle(down, x, reas
     assert rule.frames == ("bar.target",)
     verdict = rule(hang(down, x))
     assert verdict.reason == reason
-    assert [c.value for c in verdict.criteria] == pytest.approx([down / 2048, abs(x - 0.1)])
+    assert [c.value for c in verdict.criteria[:2]] == pytest.approx([down / 2048, abs(x - 0.1)])
+
+
+@pytest.mark.parametrize(
+    ("top", "reason"),
+    [
+        ((1.0, 0.879), None),
+        ((1.0, 0.881), "not over the bar"),
+        ((1.079, 0.8), None),
+        ((0.919, 0.8), "not over the bar"),
+        ((3.0, 0.02), "not over the bar"),  # it lies on something low, far away
+    ],
+)
+def test_the_top_of_what_hangs_over_a_bar_is_at_the_bar(top, reason):
+    assert HangsOver(place="bar.target", sideways=0.05)(hang(0, top=top)).reason == reason
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Tasks by id, and that their declarations fit robots, garments and cameras."""
 
+import dataclasses
 import importlib
 from pathlib import Path
 
@@ -13,11 +14,12 @@ from dgl_assets.props import make_prop
 from dgl_tasks import tasks
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Start
-from dgl_tasks.errors import UnknownTaskError
+from dgl_tasks.errors import DeclarationError, UnknownTaskError
 from dgl_tasks.success import Verdict, compute_covered_area
 from dgl_tasks.views import TrueView
 
 TASKS = [dgl_tasks.get_task(task_id) for task_id in dgl_tasks.task_ids()]
+DECLARED = "from dgl_tasks import get_task\nfrom dgl_tasks.declaration import Task\nTASK = "
 each_task = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.id)
 
 
@@ -45,6 +47,34 @@ def test_every_file_of_tasks_is_found_by_itself():
         assert dgl_tasks.get_task(declared.id) is declared
         # the file is named like the task
         assert declared.id.removesuffix("-v1").lower() == path.stem.replace("_", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("vest_a", "TASK = ", "vest_a.py: SyntaxError: "),
+        ("vest_b", "NAME = 1", "vest_b.py: AttributeError: .*'TASK'"),
+        ("vest_c", DECLARED + "Task(titel='a')", "vest_c.py: TypeError: .*'titel'"),
+        (
+            "vest_d",
+            DECLARED + "get_task('FoldTops-v1')",
+            "another file declares 'FoldTops-v1', too",
+        ),
+    ],
+)
+def test_a_file_that_declares_no_new_task_is_named(tmp_path, monkeypatch, name, text, message):
+    (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.setattr(tasks, "__path__", [*tasks.__path__, str(tmp_path)])
+    with pytest.raises(DeclarationError, match=message):
+        tasks._find_tasks()
+
+
+@pytest.mark.parametrize(
+    "change", [{"cameras": {}}, {"picture_camera": "phone"}], ids=["no cameras", "another camera"]
+)
+def test_a_task_has_its_three_cameras(change):
+    with pytest.raises(ValueError, match=r"cameras must be garment_camera, .*; got"):
+        dataclasses.replace(TASKS[0], **change)
 
 
 @each_task
@@ -132,6 +162,8 @@ def test_category_and_place_are_as_specified(task_id):
         ({"y_range": (0.9, 0.7)}, r"y_range must be \(low, high\) .*got \(0.9, 0.7\)"),
         ({"roll_range": (1.0, 0.5)}, r"roll_range must be \(low, high\) .*got \(1.0, 0.5\)"),
         ({"roll_range": (np.nan, 0.5)}, r"roll_range must be \(low, high\)"),
+        ({"x_range": (0.0, np.inf)}, r"x_range must be \(low, high\)"),
+        ({"height": -0.1}, "height must be at least 0, and yaw finite; got -0.1"),
         ({"settle_frames": -1}, "settle_frames must be at least 0; got -1"),
     ],
 )

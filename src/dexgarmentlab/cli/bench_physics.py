@@ -59,6 +59,7 @@ def measure_physics(options: PhysicsOptions) -> int:
             )
             return EXIT_USAGE
     results = []
+    console.quieten_warp()
     console.info(f"measuring {experiments[0].name} ...")
     for number, found in enumerate(dgl_physics_bench.run(experiments, bench), start=1):
         results.append(found)

@@ -103,6 +103,8 @@ def run(options: Options) -> int:
         resume=options.resume,
         command=options.command + (" --resume" if options.resume else ""),
     )
+    if options.rounds is not None and options.rounds < 1:
+        raise ValueError(f"--rounds must be at least 1; got {options.rounds}")
     told = {
         "look": options.look if options.look != "studio" else None,
         "matcher": options.matcher if options.matcher != "exact" else None,
@@ -142,11 +144,15 @@ def collect_with_progress(
     """
     from dexgarmentlab.reports.collection import write_report
     from dgl_collect import WorkerError, collect
+    from dgl_collect.demonstration import load_demonstration
     from dgl_collect.runner import check_task
-    from dgl_tasks.tasks import task_ids
+    from dgl_tasks.scene_check import check_scene
+    from dgl_tasks.tasks import get_task, task_ids
 
     known_tasks = task_ids()
     check_task(config.task, known_tasks)
+    check_scene(get_task(config.task))  # before there is a folder
+    load_demonstration(config.task)
     shown = 0
     with console.progress(f"collecting {config.task}", config.episodes) as bar:
 

@@ -21,6 +21,7 @@ __all__ = [
     "out_json",
     "out_table",
     "progress",
+    "quieten_warp",
     "track",
 ]
 
@@ -51,6 +52,15 @@ def keep_results_alone() -> Iterator[None]:
             yield
     finally:
         _results.reset(token)
+
+
+def quieten_warp() -> None:
+    """Keep Warp from telling of each kernel that it loads."""
+    import logging
+
+    import warp
+
+    warp.config.log_level = logging.WARNING
 
 
 def out(text: str) -> None:

@@ -111,7 +111,7 @@ def run(options: Options) -> int:
     from dgl_collect import collect, package_versions
     from dgl_collect.files import write_json
     from dgl_collect.results import read_results
-    from dgl_collect.run_folder import ATTEMPTS_FILE
+    from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE
     from dgl_collect.runner import check_task
     from dgl_tasks.tasks import get_task, task_ids
 
@@ -123,6 +123,10 @@ def run(options: Options) -> int:
     if ":" in options.policy and (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
     check_method(options.policy, get_task(options.task), _tell_method(options))
+    if (options.out / RUN_FILE).exists():
+        raise ValueError(
+            f"--out must be the folder of an evaluation; {options.out} has a collection"
+        )
     configs = {seed: _configure(options, seed) for seed in seeds}
     status: Literal["complete", "interrupted"] = "complete"
     runs: list[Run] = []

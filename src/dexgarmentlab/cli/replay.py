@@ -48,6 +48,7 @@ def run(options: Options) -> int:
         raise ValueError(f"--tolerance must be at least 0; got {options.tolerance:g}")
     episode = read_episode(options.episode)
     steps = None if episode.commands is None else len(episode.commands)
+    console.quieten_warp()
     with ExitStack() as stack:
         film = None
         if options.video is not None:

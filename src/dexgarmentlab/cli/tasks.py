@@ -1,5 +1,6 @@
 """Verb `dgl tasks`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -39,29 +40,46 @@ def run(options: Options) -> int:
 def describe_task(task: "Task") -> dict[str, Any]:
     """Put what a user wants to know of a task into plain values; lengths [m], angles [rad]."""
     from dgl_assets import garment_ids
+    from dgl_assets.props import make_prop
+    from dgl_collect import DemonstrationError
     from dgl_collect.demonstration import load_demonstration
 
+    stages, lacks = (), None
+    try:
+        stages = load_demonstration(task.id).stages
+    except DemonstrationError as err:  # of a task that is being added
+        lacks = str(err)
     return {
         "id": task.id,
         "title": task.title,
         "description": task.description,
         "category": task.category,
         "garments": {split: len(garment_ids(task.category, split)) for split in SPLITS},
-        "objects": [item.name for item in task.objects],
+        "objects": [
+            {
+                "name": item.name,
+                "kind": make_prop(item.prop).kind,
+                "x": [item.position[0] + dx for dx in item.x_range],
+                "y": [item.position[1] + dy for dy in item.y_range],
+            }
+            for item in task.objects
+        ],
         "stages": [
             {
                 "name": stage.name,
-                "grasp": {
-                    side: list(grasp.points or ("where its shape says",))
-                    for side, grasp in stage.grasp.items()
-                },
+                "grasp": {side: list(grasp.points) for side, grasp in stage.grasp.items()},
                 "orientation": stage.approach.orientation,
                 "learned": stage.is_learned,
             }
-            for stage in load_demonstration(task.id).stages
+            for stage in stages
         ],
+        "lacks": lacks,
         "success": task.success_text,
-        "garment_position": {"x": list(task.start.x_range), "y": list(task.start.y_range)},
+        "garment_position": {
+            "x": list(task.start.x_range),
+            "y": list(task.start.y_range),
+            "on": task.start.on,
+        },
         "robot_bases": {"left": list(task.left_base), "right": list(task.right_base)},
     }
 
@@ -70,22 +88,24 @@ def _lines(task: dict[str, Any]) -> list[str]:
     garments = ", ".join(f"{count:,} for {split}ing" for split, count in task["garments"].items())
     stages = [
         f"{number}. {stage['name']}: "
-        + ", ".join(f"{side} hand at {' / '.join(names)}" for side, names in stage["grasp"].items())
+        + ", ".join(
+            f"{side} hand at {' / '.join(names) or 'a place that the shape tells'}"
+            for side, names in stage["grasp"].items()
+        )
         for number, stage in enumerate(task["stages"], start=1)
     ]
     bases = [
         f"{side} ({x:g}, {y:g}, {z:g}) m, yaw {yaw:g} rad"
         for side, (x, y, z, yaw) in task["robot_bases"].items()
     ]
-    place = ", ".join(
-        f"{axis} {low:g} to {high:g} m" for axis, (low, high) in task["garment_position"].items()
-    )
+    start = task["garment_position"]
+    place = _place(start) if start["on"] is None else f"on {start['on']}"
+    objects = [f"{item['name']} ({item['kind']}), {_place(item)}" for item in task["objects"]]
     rows = [
         ("garments", f"{task['category']}, {garments}"),
         ("position", place),
-        *((("objects", ", ".join(task["objects"])),) if task["objects"] else ()),
-        ("stages", stages[0]),
-        *(("", stage) for stage in stages[1:]),
+        *_label("objects", objects),
+        *_label("stages", stages or [task["lacks"]]),
         ("success", task["success"]),
         ("robots", "; ".join(bases)),
     ]
@@ -94,3 +114,13 @@ def _lines(task: dict[str, Any]) -> list[str]:
         f"  {task['description']}",
         *(f"  {name:<8}  {text}" for name, text in rows),
     ]
+
+
+def _place(item: dict[str, Any]) -> str:
+    """Describe the ranges of a place."""
+    return ", ".join(f"{axis} {item[axis][0]:g} to {item[axis][1]:g} m" for axis in ("x", "y"))
+
+
+def _label(label: str, texts: Sequence[str]) -> list[tuple[str, str]]:
+    """Give rows of texts, of which the first has a label."""
+    return [(label if k == 0 else "", text) for k, text in enumerate(texts)]

@@ -7,10 +7,12 @@ the paper describes. The files lie in `demonstrations/`.
 
 import dataclasses
 import json
+import typing
 from collections.abc import Mapping
 from importlib import resources
 
 import numpy as np
+import typeguard
 
 from dgl_assets.props import make_prop
 from dgl_assets.robots import SIDES
@@ -49,7 +51,11 @@ def load_demonstration(task: str) -> Demonstration:
     if not file.is_file():
         raise DemonstrationError(f"there is no demonstration of {task!r} (looked for {stem}.json)")
     source = f"{stem}.json"
-    demonstration = parse_demonstration(json.loads(file.read_text(encoding="utf-8")), source=source)
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as err:
+        raise DemonstrationError(f"{source}: {err}") from err
+    demonstration = parse_demonstration(content, source=source)
     check_demonstration(demonstration, get_task(task), source=source)
     return demonstration
 
@@ -93,6 +99,8 @@ def check_demonstration(demonstration: Demonstration, task: Task, *, source: str
         **demonstration.points,
     }
     try:
+        if demonstration.garment.partition("/")[0] != task.category:
+            raise ValueError(f"garment must be of {task.category}; got {demonstration.garment!r}")
         for name in task.success.landmarks:
             if name not in demonstration.points:
                 raise ValueError(f"the points must have {name!r}, which the rule judges by")
@@ -146,8 +154,14 @@ def _parse_stage(content: Mapping) -> Stage:
 
 def _parse_grasp(content: object) -> Grasp:
     if isinstance(content, Mapping):
-        return _make(Grasp, content)
-    return Grasp(points=(content,) if isinstance(content, str) else tuple(content))  # pyright: ignore[reportArgumentType]
+        at = {"at": _to_formulas(content["at"])} if "at" in content else {}
+        return _make(Grasp, {**content, **at})
+    return _make(Grasp, {"points": [content] if isinstance(content, str) else content})
+
+
+def _to_formulas(content: object) -> object:
+    """Make formulas of a list of formulas and numbers; anything else is for others to refuse."""
+    return tuple(map(str, content)) if isinstance(content, list) else content
 
 
 def _parse_step(content: Mapping) -> Step:
@@ -157,17 +171,36 @@ def _parse_step(content: Mapping) -> Step:
         raise ValueError(f"a step is one of {sorted(STEPS)}; got {kind!r}")
     if STEPS[kind] is Move:
         content["targets"] = {
-            side: tuple(str(formula) for formula in content.pop(side))
-            for side in SIDES
-            if side in content
+            side: _to_formulas(content.pop(side)) for side in SIDES if side in content
         }
     return _make(STEPS[kind], content)
 
 
 def _make(kind: type, content: Mapping):
-    """Make a dataclass of decoded JSON: lists become tuples, and unknown keys are refused."""
-    known = {item.name for item in dataclasses.fields(kind)}
-    unknown = set(content) - known
+    """Make a dataclass of decoded JSON: lists become tuples; unknown and missing keys and other types are refused."""
+    items = {item.name: item for item in dataclasses.fields(kind)}
+    unknown = set(content) - set(items)
     if unknown:
-        raise ValueError(f"{kind.__name__} has {', '.join(sorted(known))}; got {sorted(unknown)}")
-    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in content.items()})
+        raise ValueError(f"{kind.__name__} has {', '.join(sorted(items))}; got {sorted(unknown)}")
+    needed = [n for n, i in items.items() if i.default is i.default_factory is dataclasses.MISSING]
+    missing = [name for name in needed if name not in content]
+    if missing:
+        raise ValueError(f"{kind.__name__} needs {missing}")
+    made = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    try:
+        result = kind(**made)
+    except TypeError:  # of a value that cannot be compared
+        _check_types(kind, made)
+        raise
+    _check_types(kind, made)
+    return result
+
+
+def _check_types(kind: type, content: Mapping) -> None:
+    types = typing.get_type_hints(kind)
+    for name, value in content.items():
+        try:
+            typeguard.check_type(value, types[name])
+        except typeguard.TypeCheckError as err:
+            wanted = types[name].__name__ if isinstance(types[name], type) else str(types[name])
+            raise ValueError(f"{name} must be {wanted}; got {value!r}") from err

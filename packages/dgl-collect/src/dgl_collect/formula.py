@@ -95,7 +95,7 @@ def _forget(names: Mapping[str, Value]) -> dict[str, Value]:
 def _parse(text: str | float) -> ast.expr:
     try:
         return ast.parse(str(text), mode="eval").body
-    except SyntaxError as err:
+    except (SyntaxError, RecursionError) as err:
         raise ValueError(f"formula must be an arithmetic expression; got {text!r}") from err
 
 
@@ -103,7 +103,7 @@ def _compute(text: str | float, names: Mapping[str, Value]) -> float:
     tree = _parse(text)
     try:
         value = _evaluate(tree, names)
-    except (ValueError, ZeroDivisionError, TypeError) as err:
+    except (ValueError, ZeroDivisionError, TypeError, RecursionError) as err:
         raise ValueError(f"formula {text!r} cannot be evaluated: {err}") from err
     if not isinstance(value, float):
         kind = "a point" if isinstance(value, np.ndarray) else "several things"
@@ -139,7 +139,8 @@ def _evaluate(node: ast.expr, names: Mapping[str, Value]) -> Value:
             if name not in _FUNCTIONS:
                 known = ", ".join(sorted(_FUNCTIONS))
                 raise ValueError(f"unknown function {name!r}; known: {known}")
-            return float(_FUNCTIONS[name](*(_evaluate(part, names) for part in parts)))
+            take = _evaluate if name == "distance_xy" else _number
+            return float(_FUNCTIONS[name](*(take(part, names) for part in parts)))
     raise ValueError(f"{ast.unparse(node)!r} is not allowed")
 
 

@@ -163,7 +163,7 @@ def replay_in(
         changed_draws=_compare_draws(episode.randomisation, env.draws),
         recorded=(episode.success, episode.success_value),
         replayed=(verdict.success, verdict.value),
-        picture=take_picture(env, "garment_camera").rgb,
+        picture=take_picture(env, env.task.picture_camera).rgb,
     )
 
 

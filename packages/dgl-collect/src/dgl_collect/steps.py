@@ -44,6 +44,8 @@ class Approach(Step):
     def __post_init__(self) -> None:
         _check_name("orientation", self.orientation, GRASP_ORIENTATIONS)
         _check_positive("spacing", self.spacing)
+        if len(self.come_from) != 3:
+            raise ValueError(f"come_from must be three numbers; got {self.come_from}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +209,11 @@ class Stage:
         marks = "".join("r" if step.recorded else "-" for step in self.steps).strip("-")
         if "-" in marks:
             raise ValueError(f"recorded steps must follow each other; got {marks}")
-        if not any(isinstance(step, Approach) for step in self.steps):
-            raise ValueError("steps must have an approach")
+        approaches = sum(isinstance(step, Approach) for step in self.steps)
+        if approaches != 1:
+            raise ValueError(f"steps must have one approach; got {approaches}")
+        if self.moved_at_most is not None:
+            _check_positive("moved_at_most", self.moved_at_most)
         has_closed = has_released = False
         for step in self.steps:
             if getattr(step, "checked", False) and (has_released or not has_closed):

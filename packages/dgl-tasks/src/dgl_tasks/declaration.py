@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+import numpy as np
+
 from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
 from dgl_physics import ClothMaterial, SolidMaterial
@@ -18,6 +20,11 @@ Range = tuple[float, float]
 Vector3 = tuple[float, float, float]
 SolidTo = Literal["robot", "hands", "garment"]
 """What collides with an object: the whole robot, its palms and fingers, or the garment alone; the garment always does."""
+
+CAMERAS = ("garment_camera", "environment_camera", "video_camera")
+"""What every task has: a camera that looks down on the garment, one that policies see by, and one for people."""
+RESERVED_NAMES = ("garment", "now", "ground")
+"""Names that formulas and the scene have for other things than objects."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +49,14 @@ class SceneObject:
     """What collides with it besides the garment: the whole robot, its palms and fingers alone, or nothing else."""
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier():
-            raise ValueError(f"name of an object must be an identifier; got {self.name!r}")
+        if not self.name.isidentifier() or self.name in RESERVED_NAMES:
+            raise ValueError(
+                f"name of an object must be an identifier other than {', '.join(RESERVED_NAMES)}; got {self.name!r}"
+            )
+        if len(self.position) != 3 or not np.isfinite((*self.position, self.yaw)).all():
+            raise ValueError(
+                f"position and yaw must be three finite numbers and one; got {self.position} and {self.yaw}"
+            )
         _check_ranges(self, "x_range", "y_range")
         if not self.friction >= 0.0:
             raise ValueError(f"friction must be >= 0; got {self.friction}")
@@ -92,6 +105,10 @@ class Start:
 
     def __post_init__(self) -> None:
         _check_ranges(self, "x_range", "y_range", "roll_range")
+        if not 0 <= self.height < np.inf or not np.isfinite(self.yaw):
+            raise ValueError(
+                f"height must be at least 0, and yaw finite; got {self.height} and {self.yaw}"
+            )
         if self.settle_frames < 0:
             raise ValueError(f"settle_frames must be at least 0; got {self.settle_frames}")
 
@@ -115,6 +132,9 @@ class Task:
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     cameras: Mapping[str, CameraPlacement]
+    """Of the names `CAMERAS`."""
+    picture_camera: str = "garment_camera"
+    """Which of them takes the picture of an episode's end."""
     workspace: Workspace = field(default_factory=Workspace)
     material: ClothMaterial | SolidMaterial = field(default_factory=ClothMaterial)
     """Of the garment: of cloth, or of the wall of an elastic shell."""
@@ -125,6 +145,11 @@ class Task:
     """Friction of the ground (original code), a factor on the material's."""
 
     def __post_init__(self) -> None:
+        if set(self.cameras) != set(CAMERAS) or self.picture_camera not in CAMERAS:
+            raise ValueError(
+                f"cameras must be {', '.join(CAMERAS)}, and picture_camera one of them; "
+                f"got {sorted(self.cameras)} and {self.picture_camera!r}"
+            )
         names = [item.name for item in self.objects]
         if len(set(names)) < len(names):
             raise ValueError(f"objects must have different names; got {names}")
@@ -133,5 +158,5 @@ class Task:
 def _check_ranges(declared: object, *names: str) -> None:
     for name in names:
         low, high = getattr(declared, name)
-        if not low <= high:
+        if not -np.inf < low <= high < np.inf:
             raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")

@@ -235,6 +235,12 @@ class GarmentEnv(BaseEnv):
         for _ in range(self.task.start.settle_frames if self._is_built else 0):
             self.cloth.step()
         positions = self.get_particles()
+        unknown = set(self.task.success.landmarks) - set(self.garment.landmarks)
+        if unknown:
+            raise ValueError(
+                f"task {self.task.id}: the rule judges by {sorted(unknown)}; "
+                f"{self.task.category} has {sorted(self.garment.landmarks)}"
+            )
         self._landmarks = {
             name: positions[self.garment.landmarks[name]] for name in self.task.success.landmarks
         }

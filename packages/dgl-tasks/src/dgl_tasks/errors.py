@@ -9,6 +9,10 @@ class UnknownTaskError(TaskError, ValueError):
     """There is no task of that id."""
 
 
+class DeclarationError(TaskError, ValueError):
+    """A file of the package's tasks does not declare one, or one that there is already."""
+
+
 class PerceptionError(TaskError):
     """A camera sees nothing of what it should see."""
 

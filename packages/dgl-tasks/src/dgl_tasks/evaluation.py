@@ -112,7 +112,7 @@ def run_episode(
         garment=env.garment.name,
         verdict=verdict,
         first_try=driver.first_try or verdict,
-        picture=take_picture(env, "garment_camera").rgb,
+        picture=take_picture(env, env.task.picture_camera).rgb,
         commands=np.stack(driver.commands),
         measurements=dict(driver.measurements),
         beliefs=dict(driver.beliefs),

@@ -10,6 +10,9 @@ import numpy as np
 AREA_CELL = 0.01
 """Side of the cells in which covered area is counted [m]."""
 
+TOP = 0.02
+"""What is lower than the highest point by less than this counts as a garment's highest part [m]."""
+
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 
 Box = tuple[float, float, float, float]
@@ -259,7 +262,7 @@ class AtPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class HangsOver(AtPlace):
-    """The garment hangs at the place: hardly any of it is near the ground, and it hangs in its middle."""
+    """The garment hangs over a bar at the place: hardly any of it is near the ground, and in the bar's middle."""
 
     sideways: float
     """How far the garment's middle may be from the place in x [m]."""
@@ -267,16 +270,22 @@ class HangsOver(AtPlace):
     """What is lower counts as lying on the ground [m] (original code)."""
     on_ground: float = 15 / 2048
     """Largest share of the garment that may lie there (original code)."""
+    over: float = 0.08
+    """How far the garment's highest part may be from the place in y and z [m]."""
 
     def __call__(self, view: SceneView) -> Verdict:
-        """Measure what lies on the ground, and how far off the middle hangs."""
-        points = view.surface if len(view.surface) else np.full((1, 3), -np.inf)
-        off = abs(points[:, 0].mean() - self.get_target(view)[0])
+        """Measure what lies on the ground, how far off the middle hangs, and where the garment's top is."""
+        points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
+        target = self.get_target(view)
+        off = abs(points[:, 0].mean() - target[0])
+        top = points[points[:, 2] > points[:, 2].max() - TOP].mean(axis=0)
         return _require_at_most(
             ("share of the garment on the ground", float((points[:, 2] < self.height).mean()),
              self.on_ground, "", "on the ground"),
-            ("distance of the garment's middle from the bar's, sideways", float(min(off, 1e3)),
+            ("distance of the garment's middle from the bar's, sideways", float(off),
              self.sideways, " m", "off the middle"),
+            ("distance of the garment's highest part from the bar",
+             float(np.linalg.norm((top - target)[1:])), self.over, " m", "not over the bar"),
         )  # fmt: skip
 
 

@@ -85,7 +85,7 @@ def make_hanger(parameters: HangerParameters | None = None) -> Prop:
         for side in (-1, 1)
     ]  # fmt: skip
     at = half - 0.025
-    cables = [_move(cylinder("steel", 0.0011, r, CABLE_TOP - z, segments=8), side * at, 0.0, z)
+    cables = [_move(cylinder("steel", 0.003, r, CABLE_TOP - z, segments=8), side * at, 0.0, z)
               for side in (-1, 1)]  # fmt: skip
     ferrules = [_move(cylinder("brass", 0.0042, r, r + 0.022, bevel=0.0012, segments=16),
                       side * at, 0.0, z) for side in (-1, 1)]  # fmt: skip

@@ -5,13 +5,22 @@ import importlib
 import pkgutil
 
 from dgl_tasks.declaration import Task
-from dgl_tasks.errors import UnknownTaskError
+from dgl_tasks.errors import DeclarationError, UnknownTaskError
 
 
 def _find_tasks() -> dict[str, Task]:
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
-    tasks = [importlib.import_module(f"{__name__}.{name}").TASK for name in names]
-    return {task.id: task for task in tasks}
+    found: dict[str, Task] = {}
+    for name in sorted(m.name for m in pkgutil.iter_modules(__path__)):
+        if name.startswith("_"):
+            continue
+        try:
+            task = importlib.import_module(f"{__name__}.{name}").TASK
+        except Exception as err:
+            raise DeclarationError(f"{name}.py: {type(err).__name__}: {err}") from err
+        if task.id in found:
+            raise DeclarationError(f"{name}.py: another file declares {task.id!r}, too")
+        found[task.id] = task
+    return found
 
 
 _TASKS = _find_tasks()

@@ -26,6 +26,7 @@ TASK = Task(
     left_base=HANG_LEFT_BASE,
     right_base=HANG_RIGHT_BASE,
     cameras=HANG_CAMERAS,
+    picture_camera="video_camera",
     # what hangs by its waistband alone slips out with less
     hand_friction=HandFriction(fingers=25.0),
     success=HangsOver(place="hanger.target", sideways=0.05),

@@ -38,6 +38,7 @@ TASK = Task(
     left_base=WEAR_LEFT_BASE,
     right_base=WEAR_RIGHT_BASE,
     cameras=WEAR_CAMERAS,
+    picture_camera="video_camera",
     material=SolidMaterial(youngs_modulus=3e5, rest_offset=0.003),
     success=SitsOn(place="person.head_top", within=0.10, leaning=float(np.radians(35))),
 )
