@@ -71,7 +71,7 @@ class TrainSadpOptions(TrainPolicyOptions):
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
     named and left out.
 
-    Example: dgl train sadp --data out/hang_tops/episodes --out runs/hang_tops --stage 1
+    Example: dgl train sadp --data out/hang_trousers/episodes --out runs/hang_trousers --stage 1
     """
 
     method: ClassVar[str] = "sadp"

@@ -10,7 +10,7 @@ TASK = Task(
     category="Trousers",
     description="Hang trousers that lie flat over the bar of a hanger.",
     success_text=(
-        "no more than 0.7 % of the garment is less than 1 cm above the ground, and its middle is within 5 cm of the bar's"
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 5 cm of the bar's, and its top at the bar"
     ),
     start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
     objects=(
