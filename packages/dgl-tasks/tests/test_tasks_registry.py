@@ -54,7 +54,7 @@ def test_every_file_of_tasks_is_found_by_itself():
     [
         ("vest_a", "TASK = ", "vest_a.py: SyntaxError: "),
         ("vest_b", "NAME = 1", "vest_b.py: AttributeError: .*'TASK'"),
-        ("vest_c", DECLARED + "Task(titel='a')", "vest_c.py: TypeError: .*'titel'"),
+        ("vest_c", DECLARED + "Task(colour='red')", "vest_c.py: TypeError: .*'colour'"),
         (
             "vest_d",
             DECLARED + "get_task('FoldTops-v1')",
