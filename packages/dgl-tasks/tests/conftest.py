@@ -103,6 +103,7 @@ class FakeEnv:
     """Arms that come half way to each target, hands and cloth where a test puts them, and a verdict."""
 
     def __init__(self, *, value=0.9, grasp_points=((-0.4, 0.7, 0.4), (0.4, 0.7, 0.4))):
+        self.task = SimpleNamespace(picture_camera="video_camera")
         self.agent = SimpleNamespace(
             model=DEFAULT_ROBOT,
             get_joint_state=lambda: torch.from_numpy(self.joints)[None],
