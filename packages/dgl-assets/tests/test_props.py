@@ -150,17 +150,16 @@ def test_hanger_has_the_original_measures(props):
 
 
 def test_pothook_has_the_original_measures(props):
-    arm, bar = props["pothook"].shapes
+    arm, bar, post = props["pothook"].shapes
     # relative to the middle of the cross-bar at (dx, 0.985 + dy, 1.0)
     np.testing.assert_allclose(np.array(arm.half_size) * 2, [0.025, 0.20, 0.025])
     np.testing.assert_allclose(arm.xyz, [0, 1.075 - 0.985, 1.0])
     np.testing.assert_allclose(np.array(bar.half_size) * 2, [0.12, 0.025, 0.025])
     np.testing.assert_allclose(bar.xyz, [0, 0, 1.0])
-    post = next(part for part in props["pothook"].parts if part.name == "post")
-    assert not post.is_solid
-    low, high = post.vertices.min(axis=0), post.vertices.max(axis=0)
-    np.testing.assert_allclose(low, [-0.025, 1.2 - 0.985 - 0.025, 0.3], atol=1e-6)
-    np.testing.assert_allclose(high, [0.025, 1.2 - 0.985 + 0.025, 1.1], atol=1e-6)
+    np.testing.assert_allclose(np.array(post.half_size) * 2, [0.05, 0.05, 0.8])
+    np.testing.assert_allclose(post.xyz, [0, 1.2 - 0.985, 0.7])
+    rod = next(part for part in props["pothook"].parts if part.name == "rod")
+    assert not rod.is_solid
 
 
 def test_platform_and_table_have_the_original_tops(props):

@@ -423,7 +423,8 @@ UNFIT = {
     ),
     "what is seen before a stretch": (_set([*MOVE, "left", 0], "half_span"), "unknown name 'half_span'"),
     "a stretch with one hand": (_step(2, STRETCH), r"a stretch needs both hands; got \['left'\]"),
-    "a condition over a point": (_set([*STAGE, "when"], "left_cuff.x > 0"), "unknown name 'left_cuff'"),
+    "a condition over an unknown point": (_set([*STAGE, "when"], "left_knee.x > 0"), "unknown name 'left_knee'"),
+    "a condition over an expectation": (_set([*STAGE, "when"], "now.max.z > 0"), "unknown name 'now'"),
     "a condition that is none": (_set([*STAGE, "when"], "held and"), "arithmetic expression"),
 }  # fmt: skip
 

@@ -470,6 +470,26 @@ def test_the_garment_is_looked_at_only_for_conditions_that_name_what_is_measured
     assert len(world.get_marks(Believes)) == asks + 1
 
 
+@pytest.mark.parametrize(("higher", "begun"), [(0.09, 1), (0.11, 2)])
+def test_a_condition_may_name_the_garment_as_it_lies_now_objects_and_points(
+    make_world, higher, begun
+):
+    """The first of two stages lifts the garment towards a bar."""
+    world, actor = make_world(), Scripted({})
+    world.frames = {"bar": {"target": np.array([0.0, 0.8, world.cloud[:, 2].max() + 0.1])}}
+    when = "garment.max.z > bar.target.z and left_cuff.x < 0"
+    stages = (make_stage("one"), make_stage("two", when=when))
+    act = actor.act
+
+    def lift(work):
+        world.cloud = world.cloud + np.float32([0, 0, higher])
+        yield from act(work)
+
+    actor.act = lift
+    world.run(make_runner(make_demonstration(*stages), actor=actor))
+    assert actor.course == ["one", "two"][:begun]
+
+
 def test_a_round_begins_with_a_garment_that_is_held(make_world):
     """Whatever the round before has lost."""
     actor = Scripted({("two", 1): "none"})

@@ -442,3 +442,17 @@ def test_before_it_is_looked_at_the_garment_is_expected_as_it_was_grasped(make_w
     with pytest.raises(UnreachableError):
         work.choose_turns(must_do_all=True)
     work.choose_turns(must_do_all=False)
+
+
+@pytest.mark.parametrize(("slips", "turn"), [(0.0, 0), (0.06, 15)])
+def test_hands_are_turned_where_what_is_seen_leads_out_of_reach(make_world, slips, turn):
+    """At z = 0.3 m and y = 0.7 m the left hand reaches x = 0.53 m, and 0.62 m turned inward by 15 degrees."""
+    world = make_world()
+    lift = Move(targets={"left": (str(POINT[0]), "0.7", "0.3")})
+    across = Move(targets={"left": ("0.5 + now.centre.x", "0.7", "0.3")})
+    work = make_work(world, make_stage(HandPose(pose="close"), lift, Look(), across))
+    world.see_garment = lambda: world.cloud + np.float32([slips, 0, 0])
+    carry_out(world, work)
+    assert np.degrees(work._turns["left"]) == pytest.approx(turn)
+    expected = (0.5 + slips, 0.7, 0.3)
+    np.testing.assert_allclose(world.get_grasp_point("left"), expected, atol=2e-3)

@@ -209,7 +209,8 @@ def test_what_is_sensed_is_what_the_cameras_see_and_the_joints_feel(env):
     np.testing.assert_array_equal(seen.joint_state, env.agent.get_joint_state()[0].numpy())
     np.testing.assert_array_equal(seen.ee_pose, env.agent.get_ee_poses()[0].numpy())
     assert set(seen.as_arrays()) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
-    np.testing.assert_array_equal(sensed.see_mask(), from_above.segments == env.garment_segment)
+    segments = np.stack([from_above.segments, from_afar.segments])
+    np.testing.assert_array_equal(sensed.see_mask(), segments == env.garment_segment)
     np.testing.assert_array_equal(sensed.see_points(), get_garment_points(env, from_afar))
     above = sensed.see_points("garment_camera")
     np.testing.assert_array_equal(above, get_garment_points(env, from_above))

@@ -11,6 +11,7 @@ from dgl_tasks.success import (
     CoversFlatArea,
     Criterion,
     HangsOver,
+    RestsOn,
     SitsOn,
     Verdict,
     compute_box_share,
@@ -195,6 +196,35 @@ def test_the_top_of_what_hangs_over_a_bar_is_at_the_bar(top, reason):
     assert HangsOver(place="bar.target", sideways=0.05)(hang(0, top=top)).reason == reason
 
 
+@pytest.mark.parametrize(("z", "reason"), [(0.301, None), (0.299, "too low")])
+def test_the_middle_of_what_hangs_may_not_be_too_low(z, reason):
+    rule = HangsOver(place="bar.target", sideways=0.05, below=0.5)
+    points = np.tile([0.1, 1.0, z], (2048, 1))
+    points[:2] = [[0.1, 1.0, 0.8], [0.1, 1.0, 2 * z - 0.8]]
+    assert rule(Scene(points, frames=PLACES)).reason == reason
+    assert HangsOver(place="bar.target", sideways=0.05)(Scene(points, frames=PLACES)).success
+
+
+@pytest.mark.parametrize(
+    ("x", "lower", "reason"),
+    [
+        (0.19, 0, None),
+        (0.21, 0, "not in its place"),
+        (0.01, 0, None),
+        (0.1, 40, None),
+        (0.1, 41, "fallen off"),
+        (0.1, 100, "fallen off"),
+    ],
+)
+def test_what_rests_on_a_top_is_near_its_middle_and_hardly_hangs_over(x, lower, reason):
+    """Of 100 points, so many are lower by more than a centimetre."""
+    rule = RestsOn(place="bar.target", within=0.1)
+    assert rule.frames == ("bar.target",)
+    points = np.tile([x, 1.0, 0.791], (100, 1))
+    points[:lower, 2] = 0.789
+    assert rule(Scene(points, frames=PLACES)).reason == reason
+
+
 @pytest.mark.parametrize(
     ("middle", "reason"),
     [
@@ -217,7 +247,8 @@ def test_what_is_worn_is_near_its_place_and_no_higher(middle, reason):
 @pytest.mark.parametrize(
     "rule",
     [
-        HangsOver(place="bar.target", sideways=0.05),
+        HangsOver(place="bar.target", sideways=0.05, below=0.5),
+        RestsOn(place="bar.target", within=0.1),
         SitsOn(place="head.top", within=0.1, leaning=0.6),
     ],
 )

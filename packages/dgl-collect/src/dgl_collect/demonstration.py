@@ -37,7 +37,7 @@ _POINT = np.zeros(3)
 GARMENT_NAMES = ("min", "max", "centre")
 """Corners and centre of what is seen of the garment: `garment.min.x` and so on in formulas."""
 CONDITION_NAMES = ("round", "held", "skipped", "value")
-"""What a stage's condition may name."""
+"""What a stage's condition may name besides what its formulas may."""
 
 
 def load_demonstration(task: str) -> Demonstration:
@@ -136,7 +136,7 @@ def _check_stage(
                     for formula in formulas:
                         check_formula(formula, known)
         if stage.when is not None:
-            check_formula(stage.when, dict.fromkeys(CONDITION_NAMES, 1.0))
+            check_formula(stage.when, {**names, **dict.fromkeys(CONDITION_NAMES, 1.0)})
     except ValueError as err:
         raise ValueError(f"stage {stage.name!r}: {err}") from err
 

@@ -127,12 +127,18 @@ class _Course:
 
     def _meets(self, stage: Stage, condition: str) -> PartOf[bool]:
         names: dict[str, Value] = {
+            **self.hands.sensed.get_frames(),
+            **self.finder.points,
             "round": self._round,
             "held": float(self._is_held),
             "skipped": float(stage.name in self._skipped),
         }
-        if "value" in find_names(condition):
+        named = find_names(condition)
+        if "value" in named:
             names["value"] = (yield from self._believe()).value
+        if "garment" in named:
+            yield from self.hands.settle()
+            names["garment"] = describe_cloud(self.hands.sensed.see_garment())
         return bool(evaluate_formula(condition, names))
 
     def _believe(self) -> PartOf[Verdict]:

@@ -121,18 +121,21 @@ class StageWork:
             counts = list(range(counts[0], first - 1, -1))
 
         def rehearse(count: int, side: Side, turn: float) -> None:
-            self._rehearse(self.stage.steps[:count], side, turn)
+            self._rehearse(self.stage.steps[:count], side, turn, at=self.grasp[side])
 
         self._turns = self.hands.motion.choose_turns(
             tuple(self.grasp), *(lambda s, t, n=n: rehearse(n, s, t) for n in counts)
         )
 
-    def _rehearse(self, steps: Sequence[Step], side: Side, turn: float) -> None:
-        """Plan one hand's way through steps; raises `UnreachableError`."""
-        motion, name, at = self.hands.motion, self.stage.approach.orientation, self.grasp[side]
+    def _rehearse(
+        self, steps: Sequence[Step], side: Side, turn: float, *, at: np.ndarray
+    ) -> None:
+        """Plan one hand's way through steps, from `at`; raises `UnreachableError`."""
+        motion, name = self.hands.motion, self._orientation
         for step in steps:
             match step:
                 case Approach():
+                    name = step.orientation
                     self._plan_coming(side, turn)
                 case Move(targets=targets) if side in targets:
                     name, at = step.orientation or name, self._compute(targets[side])
@@ -211,7 +214,7 @@ class StageWork:
                 targets = {side: self._compute(f) for side, f in step.targets.items()}
                 rows = motion.move(targets, self.orientations, spacing=step.spacing)
                 yield from hands.send(rows, recorded=recorded)
-                self._targets = targets
+                self._targets |= targets
                 if self._has_closed and not self._has_released:
                     yield from self._check(step, f"move {self._lifts + 1}")
                     self._lifts += 1
@@ -221,6 +224,7 @@ class StageWork:
                     yield from self._check(step, "stretch")
             case Look():
                 self.seen["now"] = self._look()
+                self._turn_further(after=step)
             case Wait(frames=frames):
                 yield from hands.send(motion.hold(frames), recorded=recorded)
             case Retreat():
@@ -239,6 +243,18 @@ class StageWork:
         sensed = self.hands.sensed
         hands = {f"{side}_hand": sensed.get_grasp_point(side) for side in SIDES}
         return {**describe_cloud(sensed.see_garment()), **hands}
+
+    def _turn_further(self, *, after: Step) -> None:
+        """Turn the hands so that the steps after one are within reach: what was seen has changed where they lead."""
+        steps = self.stage.steps
+        to_come = steps[next(k for k, step in enumerate(steps) if step is after) + 1 :]
+        places = self.grasp | self._targets
+
+        def rehearse(side: Side, more: float) -> None:
+            self._rehearse(to_come, side, self._turns[side] + more, at=places[side])
+
+        further = self.hands.motion.choose_turns(tuple(self._turns), rehearse)
+        self._turns = {side: turn + further[side] for side, turn in self._turns.items()}
 
     def find_empty(self) -> set[Side]:
         """See which working hands are up and hold nothing; none where nothing is seen of the garment."""

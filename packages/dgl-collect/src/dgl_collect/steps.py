@@ -199,9 +199,9 @@ class Stage:
     again: bool = True
     """Whether further rounds go through it too; what has been done by one that they leave out stays done."""
     when: str | None = None
-    """A condition for it to be begun: a formula over `round`, its number from 1; `held`, whether the stage before has kept
-    hold of the garment; `skipped`, whether the last round left this stage out; and `value`, what the task's rule measures
-    on what is believed of the scene once it is at rest."""
+    """A condition for it to be begun: a formula over points, objects, what is seen of the garment once it is at rest, and
+    `round`, its number from 1; `held`, whether the stage before has kept hold of the garment; `skipped`, whether the last
+    round left this stage out; and `value`, what the task's rule measures on what is believed of the scene."""
 
     def __post_init__(self) -> None:
         if not self.grasp or set(self.grasp) - set(SIDES):

@@ -20,6 +20,7 @@ GraspName = Literal[
     "trousers_2",
     "hems",
     "store_lift",
+    "store_sides",
     "cap",
     "bowl",
     "scarf",
@@ -31,8 +32,8 @@ HEAP_PITCH = np.radians(30)
 """How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
 stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
 SIDE_TURN = np.radians(45)
-"""How far the hands of "sides" and "heap_sides" are turned inwards: they take the cloth from its sides, and spread it as
-they draw back along their fingers [rad]."""
+"""How far the hands of "sides", "heap_sides" and "store_sides" are turned inwards: they take the cloth from its sides, and
+pull apart as they draw back along their fingers [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
@@ -85,7 +86,11 @@ def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     pitched: dict[GraspName, GraspName] = {"heap": "standard", "hems": "trousers_2"}
     for name, level in pitched.items():
         found[name] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found[level].items()}
-    turned: dict[GraspName, GraspName] = {"sides": "standard", "heap_sides": "heap"}
+    turned: dict[GraspName, GraspName] = {
+        "sides": "standard",
+        "heap_sides": "heap",
+        "store_sides": "store_lift",
+    }
     for name, ahead in turned.items():
         found[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in found[ahead].items()}
     return found

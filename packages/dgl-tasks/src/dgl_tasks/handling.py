@@ -42,12 +42,12 @@ PARKED_FRAMES = 30
 take a hand that has been at rest for longer to be further on its way."""
 SETTLE_FRAMES = 50
 """Control steps in which a garment comes to rest once the hands are out of the way."""
-SETTLE_WAITS = 4
+SETTLE_WAITS = 8
 """How often these are waited for at most, while the garment is seen to move."""
 STILL_LOOK_FRAMES = 10
 """Control steps between the two looks that tell whether the garment moves."""
 STILL_SHARE = 0.01
-"""Share of the garment's pixels that may change between them."""
+"""Share of the garment's pixels, from above and from the front, that may change between them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,8 +90,9 @@ class Sensed:
         return see.get_garment_points(self._env, self.take_picture(camera))
 
     def see_mask(self) -> np.ndarray:
-        """Tell which pixels of the garment camera show the garment, shape (H, W), bool."""
-        return self.take_picture("garment_camera").segments == self._env.garment_segment
+        """Tell which pixels of the garment and the environment camera show the garment, shape (2, H, W), bool."""
+        segments = [self.take_picture(camera).segments for camera in ("garment_camera", "environment_camera")]
+        return np.stack(segments) == self._env.garment_segment
 
     def see_objects(self) -> np.ndarray:
         """Look at the objects of the scene: their cloud [m], shape (2048, 3), float32.

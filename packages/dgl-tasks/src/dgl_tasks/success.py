@@ -262,10 +262,12 @@ class AtPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class HangsOver(AtPlace):
-    """The garment hangs over a bar at the place: hardly any of it is near the ground, and in the bar's middle."""
+    """The garment hangs over a bar or a hook at the place, in its middle, and hardly any of it is near the ground."""
 
     sideways: float
     """How far the garment's middle may be from the place in x [m]."""
+    below: float | None = None
+    """How far the garment's middle may be below the place [m]; as far as may be when None."""
     height: float = 0.01
     """What is lower counts as lying on the ground [m] (original code)."""
     on_ground: float = 15 / 2048
@@ -277,15 +279,47 @@ class HangsOver(AtPlace):
         """Measure what lies on the ground, how far off the middle hangs, and where the garment's top is."""
         points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
         target = self.get_target(view)
-        off = abs(points[:, 0].mean() - target[0])
+        middle = points.mean(axis=0)
         top = points[points[:, 2] > points[:, 2].max() - TOP].mean(axis=0)
-        return _require_at_most(
+        limits = [
             ("share of the garment on the ground", float((points[:, 2] < self.height).mean()),
              self.on_ground, "", "on the ground"),
-            ("distance of the garment's middle from the bar's, sideways", float(off),
-             self.sideways, " m", "off the middle"),
+            ("distance of the garment's middle from the bar's, sideways",
+             float(abs(middle[0] - target[0])), self.sideways, " m", "off the middle"),
             ("distance of the garment's highest part from the bar",
              float(np.linalg.norm((top - target)[1:])), self.over, " m", "not over the bar"),
+        ]  # fmt: skip
+        if self.below is not None:
+            drop = float(target[2] - middle[2])
+            limits.append(
+                ("distance of the garment's middle below the bar", drop, self.below, " m", "too low")
+            )
+        return _require_at_most(*limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestsOn(AtPlace):
+    """The garment lies on the level top of an object: its middle is near the place, and little of it is lower."""
+
+    within: float
+    """How far the middle of what is seen of the garment from above may be from the place, horizontally [m]."""
+    lower: float = 0.4
+    """Largest share of the garment that may be lower than the place: what is wider than the object hangs over its edges."""
+    margin: float = 0.01
+    """By how much it may be lower without being counted [m]."""
+
+    def __call__(self, view: SceneView) -> Verdict:
+        """Measure how far off the garment's middle is, and how much of it is lower than the place."""
+        target = self.get_target(view)
+        top = view.top if len(view.top) else np.full((1, 3), 1e3)
+        points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
+        off = np.linalg.norm((top.mean(axis=0) - target)[:2])
+        lower = (points[:, 2] < target[2] - self.margin).mean()
+        return _require_at_most(
+            ("horizontal distance of the garment's middle from its place", float(off),
+             self.within, " m", "not in its place"),
+            ("share of the garment that is lower than its place", float(lower),
+             self.lower, "", "fallen off"),
         )  # fmt: skip
 
 

@@ -29,8 +29,8 @@ _POST_LOW, _POST_HIGH = 0.3, 1.1  # of the pothook (original code) [m]
 class PothookParameters:
     """An arm with a cross-bar that reaches out of a post, as a coat rack's hook.
 
-    The post is picture only and ends above the floor, where the garment lies; it hangs from a
-    thin rod. Source: the original code's figures.
+    The post ends above the floor, where the garment lies; it hangs from a thin rod, which is
+    picture only. Source: the original code's figures; its post is picture only, too.
     """
 
     height: float = 1.0
@@ -122,7 +122,7 @@ def make_pothook(parameters: PothookParameters | None = None) -> Prop:
         [
             make_part("arm", _move(arm, 0.0, (near + far) / 2, z), wood),
             make_part("cross_bar", _move(bar, 0.0, 0.0, z), wood),
-            make_part("post", post, wood, is_solid=False),
+            make_part("post", post, wood),
             make_part("plate", _move(plate, 0.0, middle - w - 0.006, z), FINISHES["brass"],
                       is_solid=False),
             make_part("rod", _move(rod, 0.0, middle, 0.0), FINISHES["steel"], is_solid=False),
@@ -132,6 +132,7 @@ def make_pothook(parameters: PothookParameters | None = None) -> Prop:
         [
             make_box((-r, near, z - r), (r, far, z + r)),
             make_box((-p.bar_length / 2, -r, z - r), (p.bar_length / 2, r, z + r)),
+            make_box((-w, middle - w, low), (w, middle + w, high)),
         ],
         {
             "target": (0.0, 0.0, z),

@@ -1,0 +1,34 @@
+"""Hang Dress: over the bar of a hanger, by the shoulders."""
+
+from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.success import HangsOver
+from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE
+
+TASK = Task(
+    id="HangDress-v1",
+    title="Hang Dress",
+    category="Dress_LongSleeve",
+    description="Hang a dress that lies flat over the bar of a hanger.",
+    success_text=(
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 5 cm of the bar's, "
+        "and its top at the bar"
+    ),
+    start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
+    objects=(
+        SceneObject(
+            name="hanger",
+            prop="hanger",
+            position=(0.0, 0.85, 0.0),
+            x_range=(-0.15, 0.15),
+            y_range=(-0.05, 0.05),
+            friction=1.0,
+        ),
+    ),
+    left_base=HANG_LEFT_BASE,
+    right_base=HANG_RIGHT_BASE,
+    cameras=HANG_CAMERAS,
+    picture_camera="video_camera",
+    # what hangs by its shoulders slips out with less
+    hand_friction=HandFriction(fingers=25.0),
+    success=HangsOver(place="hanger.target", sideways=0.05),
+)
