@@ -127,9 +127,7 @@ class StageWork:
             tuple(self.grasp), *(lambda s, t, n=n: rehearse(n, s, t) for n in counts)
         )
 
-    def _rehearse(
-        self, steps: Sequence[Step], side: Side, turn: float, *, at: np.ndarray
-    ) -> None:
+    def _rehearse(self, steps: Sequence[Step], side: Side, turn: float, *, at: np.ndarray) -> None:
         """Plan one hand's way through steps, from `at`; raises `UnreachableError`."""
         motion, name = self.hands.motion, self._orientation
         for step in steps:

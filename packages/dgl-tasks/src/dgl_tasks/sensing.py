@@ -91,7 +91,10 @@ class Sensed:
 
     def see_mask(self) -> np.ndarray:
         """Tell which pixels of the garment and the environment camera show the garment, shape (2, H, W), bool."""
-        segments = [self.take_picture(camera).segments for camera in ("garment_camera", "environment_camera")]
+        segments = [
+            self.take_picture(camera).segments
+            for camera in ("garment_camera", "environment_camera")
+        ]
         return np.stack(segments) == self._env.garment_segment
 
     def see_objects(self) -> np.ndarray:

@@ -292,7 +292,13 @@ class HangsOver(AtPlace):
         if self.below is not None:
             drop = float(target[2] - middle[2])
             limits.append(
-                ("distance of the garment's middle below the bar", drop, self.below, " m", "too low")
+                (
+                    "distance of the garment's middle below the bar",
+                    drop,
+                    self.below,
+                    " m",
+                    "too low",
+                )
             )
         return _require_at_most(*limits)
 
