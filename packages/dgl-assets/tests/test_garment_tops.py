@@ -25,8 +25,11 @@ from dgl_assets import (
     sample_sleeveless_top,
     sample_top,
 )
+from dgl_assets.errors import MeshingError
+from dgl_assets.garments import assembly
 from dgl_assets.garments.dresses.garment import cut_dress
 from dgl_assets.garments.meshing import compute_boundary_loops, compute_edges
+from dgl_assets.garments.sewing import sew_panels
 from dgl_assets.garments.tops.garment import cut_front_open, cut_sleeveless, cut_top
 from dgl_assets.garments.uppers.half import HalfPattern
 from dgl_assets.garments.uppers.parameters import (
@@ -311,6 +314,28 @@ def test_a_given_spacing_is_followed(spacing):
     ends = top.rest_vertices[edges]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     assert np.median(lengths) == pytest.approx(spacing, rel=0.08)
+
+
+def test_what_cannot_be_filled_is_filled_at_a_spacing_near_to_it(monkeypatch):
+    asked = []
+
+    def sew(curves, panels, *, spacing):
+        asked.append(spacing)
+        if len(asked) < 3:
+            raise MeshingError(f"no. {len(asked)}")
+        return sew_panels(curves, panels, spacing=spacing)
+
+    monkeypatch.setattr(assembly, "sew_panels", sew)
+    top = make_top(TopParameters(), spacing=0.02)
+    assert asked == pytest.approx([0.02, 0.0196, 0.0204])
+    assert len(compute_boundary_loops(top.faces)) == 4  # hem, neck and two cuffs
+
+    def refuse(curves, panels, *, spacing):
+        raise MeshingError(f"at {spacing}")
+
+    monkeypatch.setattr(assembly, "sew_panels", refuse)
+    with pytest.raises(MeshingError, match=r"^at 0\.02$"):
+        make_top(TopParameters(), spacing=0.02)
 
 
 def test_no_gap_gives_a_flat_garment():

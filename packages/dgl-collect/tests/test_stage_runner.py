@@ -384,7 +384,8 @@ def test_what_has_been_carried_out_once_stays_carried_out(make_world):
         (3, {("one", 1)}, [0.9], 2),
         (3, {("one", 2)}, [0.5, 0.9], 2),  # it was carried out in the first round
         (2, {("one", 1), ("two", 1), ("three", 1)}, [], None),  # nothing changes for the next round
-        (2, {("two", 2)}, [0.5], None),  # there is no further round
+        (2, {("two", 2)}, [0.5, 0.5], 2),  # what was done before may be enough, and is judged
+        (3, {("one", 2), ("two", 2), ("three", 2)}, [0.5], 2),  # nothing changes for the next round
         (1, {("one", 1)}, [], None),
     ],
 )

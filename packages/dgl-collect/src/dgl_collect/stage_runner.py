@@ -89,15 +89,21 @@ class _Course:
                 ):  # else how the garment lay at first says where it has to go
                     self._look()
             is_last = self._round == rounds
-            yield from self._go_through(stages, is_last=is_last)
-            is_whole = self._carried_out.issuperset(stage.name for stage in self.stages)
-            if (is_last or is_whole) and (yield from self._believe()).success:
+            if not (yield from self._go_through(stages, is_last=is_last)):
+                return
+            if (is_last or self._is_whole) and (yield from self._believe()).success:
                 return
 
-    def _go_through(self, stages: Sequence[Stage], *, is_last: bool) -> Part:
-        """Run the stages of a round.
+    @property
+    def _is_whole(self) -> bool:
+        """Whether all stages have been carried out, in one round or another."""
+        return self._carried_out.issuperset(stage.name for stage in self.stages)
 
-        What is out of reach now is left out while there are further rounds: the stages after it may bring the garment nearer.
+    def _go_through(self, stages: Sequence[Stage], *, is_last: bool) -> PartOf[bool]:
+        """Run the stages of a round; says whether a further one could be different.
+
+        What is out of reach now is left out where a round before has carried it out, or while there are further rounds: the
+        stages after it may bring the garment nearer.
         """
         refused: list[UnreachableError] = []
         skipped: set[str] = set()
@@ -109,7 +115,7 @@ class _Course:
             try:
                 hold = yield from self._run_stage(stage)
             except UnreachableError as err:
-                if is_last or not stage.again:
+                if (is_last or not stage.again) and stage.name not in self._carried_out:
                     raise
                 refused.append(err)
                 if (
@@ -121,9 +127,12 @@ class _Course:
             self._is_held = hold == "all"
             if hold is not None:
                 self._carried_out.add(stage.name)
-        if len(refused) == len(stages):
-            raise refused[0]  # and would be again: the next round begins with the same
         self._skipped = skipped
+        if len(refused) < len(stages):
+            return True
+        if not self._is_whole:
+            raise refused[0]
+        return False  # all is out of reach, and would be again
 
     def _meets(self, stage: Stage, condition: str) -> PartOf[bool]:
         names: dict[str, Value] = {

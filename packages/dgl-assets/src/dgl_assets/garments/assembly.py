@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
+from dgl_assets.errors import MeshingError
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.measures import flatten_measures
 from dgl_assets.garments.meshing import resample_polyline
@@ -26,6 +27,8 @@ DEFAULT_SPACING = 0.013
 """Edge length of garments of usual size [m]."""
 SPACING_LIMITS = (0.0112, 0.0141)
 """Edge lengths that small and large garments may get [m]; beyond, too many edges would leave 8 to 18 mm."""
+_SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04)
+"""Factors tried in turn: an edge of an outline may chance to be lost."""
 _VERTEX_LIMITS = (1650, 7700)  # aimed at, within the 1,500 to 8,000 that a garment may have
 _COUNT_LIMITS = (
     1620,
@@ -119,7 +122,7 @@ def assemble(
 
     Raises:
         ValueError: If spacing or gap are out of range.
-        MeshingError: If a panel cannot be filled.
+        MeshingError: If a panel cannot be filled, at this spacing or one within 4 % of it.
     """
     if spacing is None:
         spacing = choose_spacing(measure_area(cut.curves, cut.panels))
@@ -127,7 +130,7 @@ def assemble(
         raise ValueError(f"spacing must be in [0.006, 0.025] m; got {spacing}")
     if not 0.0 <= layer_gap <= 0.03:
         raise ValueError(f"layer_gap must be in [0, 0.03] m; got {layer_gap}")
-    surface = sew_panels(divide_curves(cut.curves, spacing=spacing), cut.panels, spacing=spacing)
+    surface, spacing = _sew(cut, spacing)
     low, high = surface.flat.min(axis=0), surface.flat.max(axis=0)
     flat = (surface.flat - (low + high) / 2).astype(np.float32)
     height = _compute_heights(surface, cut, spacing=spacing, layer_gap=layer_gap)
@@ -143,6 +146,20 @@ def assemble(
         landmarks=dict(sorted({**surface.pins, **cut.landmarks(surface)}.items())),
         parameters=flatten_measures(parameters),
     )
+
+
+def _sew(cut: Cut, spacing: float) -> tuple[SewnSurface, float]:
+    """Sew a cut garment at a spacing, or at the first of those near it at which all panels can be filled [m]."""
+    refused: MeshingError | None = None
+    for near in (factor * spacing for factor in _SPACINGS):
+        try:
+            return sew_panels(
+                divide_curves(cut.curves, spacing=near), cut.panels, spacing=near
+            ), near
+        except MeshingError as err:
+            refused = refused or err
+    assert refused is not None
+    raise refused
 
 
 def _compute_heights(
