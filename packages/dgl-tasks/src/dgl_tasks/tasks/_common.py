@@ -1,15 +1,25 @@
-"""What several tasks share: cameras, and how steeply a garment falls that is to lie in a heap."""
+"""What several tasks share: cameras, where the robots stand, the hanger, and how steeply a garment falls that is to lie in a heap."""
 
 import numpy as np
 
 from dgl_assets.robots import BasePlacement
 from dgl_tasks.cameras import CameraPlacement, Vector3, look_at
-from dgl_tasks.declaration import Range
+from dgl_tasks.declaration import Range, SceneObject
 
 STEEP: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
 
-_VIDEO_EYE: Vector3 = (1.37, 2.36, 2.21)
+
+def _film_from(eye: Vector3, towards: Vector3) -> CameraPlacement:
+    """Place the camera for people [m]."""
+    return CameraPlacement(
+        name="video_camera",
+        position=eye,
+        euler_deg=look_at(eye, towards),
+        horizontal_fov=float(np.radians(51.5)),
+    )
+
+
 FOLD_CAMERAS: dict[str, CameraPlacement] = {
     "garment_camera": CameraPlacement(
         name="garment_camera", position=(0.0, 1.0, 6.75), euler_deg=(0, 90, 90)
@@ -19,13 +29,8 @@ FOLD_CAMERAS: dict[str, CameraPlacement] = {
         position=(0.0, 4.0, 6.0),
         euler_deg=(0, 60, -90),
     ),
-    "video_camera": CameraPlacement(
-        name="video_camera",
-        position=_VIDEO_EYE,
-        # Just wide enough for both parked arms, whose hands point outwards.
-        euler_deg=look_at(_VIDEO_EYE, (-0.09, 0.04, 0.30)),
-        horizontal_fov=float(np.radians(51.5)),
-    ),
+    # just wide enough for both parked arms, whose hands point outwards
+    "video_camera": _film_from((1.37, 2.36, 2.21), (-0.09, 0.04, 0.30)),
 }
 """Cameras of the folding tasks; the first two as in the original, the third for people."""
 
@@ -43,9 +48,33 @@ HANG_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.6, 0.0)
 HANG_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
 """Cameras of the hanging tasks, which reach as high and as far as flings."""
 
+HANGER = SceneObject(
+    name="hanger",
+    prop="hanger",
+    position=(0.0, 0.85, 0.0),
+    x_range=(-0.15, 0.15),
+    y_range=(-0.05, 0.05),
+    friction=1.0,
+)
+"""The bar that tops, dresses and trousers are hung over, and where it may be (original code, but for the friction)."""
+
+HOOK_CAMERAS: dict[str, CameraPlacement] = HANG_CAMERAS | {
+    "video_camera": _film_from((2.1, 1.9, 1.9), (-0.1, 0.3, 0.4))
+}
+"""The same where something hangs before a post: people look past it."""
+
 WEAR_LEFT_BASE: BasePlacement = (-0.6, 0.0, 0.5, 0.0)
 WEAR_RIGHT_BASE: BasePlacement = (0.6, 0.0, 0.5, 0.0)
 """Where the robots stand to put a hat on (original code)."""
 
 WEAR_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
 """Cameras of the hats' tasks, which reach as high as flings."""
+
+STORE_LEFT_BASE: BasePlacement = (-0.9, 0.0, 0.5, 0.0)
+STORE_RIGHT_BASE: BasePlacement = (0.9, 0.0, 0.5, 0.0)
+"""Where the robots stand to store something (original code)."""
+
+STORE_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS | {
+    "video_camera": _film_from((1.55, 2.85, 2.3), (-0.05, 0.3, 0.2))
+}
+"""Cameras of storing, as far as flings go; people see the whole of the platform."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
 from dgl_tasks.success import HangsOver
-from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE
+from dgl_tasks.tasks._common import HANG_LEFT_BASE, HANG_RIGHT_BASE, HOOK_CAMERAS
 
 TASK = Task(
     id="HangCoat-v1",
@@ -28,7 +28,7 @@ TASK = Task(
     ),
     left_base=HANG_LEFT_BASE,
     right_base=HANG_RIGHT_BASE,
-    cameras=HANG_CAMERAS,
+    cameras=HOOK_CAMERAS,
     picture_camera="video_camera",
     # what hangs by its shoulders slips out with less
     hand_friction=HandFriction(fingers=25.0),

@@ -1,8 +1,8 @@
 """Hang Trousers: over the bar of a hanger, by the waistband."""
 
-from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.declaration import HandFriction, Start, Task
 from dgl_tasks.success import HangsOver
-from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE
+from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
 
 TASK = Task(
     id="HangTrousers-v1",
@@ -13,16 +13,7 @@ TASK = Task(
         "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 5 cm of the bar's, and its top at the bar"
     ),
     start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
-    objects=(
-        SceneObject(
-            name="hanger",
-            prop="hanger",
-            position=(0.0, 0.85, 0.0),
-            x_range=(-0.15, 0.15),
-            y_range=(-0.05, 0.05),
-            friction=1.0,
-        ),
-    ),
+    objects=(HANGER,),
     left_base=HANG_LEFT_BASE,
     right_base=HANG_RIGHT_BASE,
     cameras=HANG_CAMERAS,

@@ -3,7 +3,7 @@
 from dgl_physics import ClothMaterial
 from dgl_tasks.declaration import SceneObject, Start, Task
 from dgl_tasks.success import RestsOn
-from dgl_tasks.tasks._common import FLING_CAMERAS
+from dgl_tasks.tasks._common import STORE_CAMERAS, STORE_LEFT_BASE, STORE_RIGHT_BASE
 
 TASK = Task(
     id="StoreTops-v1",
@@ -25,9 +25,9 @@ TASK = Task(
             solid_to="hands",
         ),
     ),
-    left_base=(-0.9, 0.0, 0.5, 0.0),
-    right_base=(0.9, 0.0, 0.5, 0.0),
-    cameras=FLING_CAMERAS,
+    left_base=STORE_LEFT_BASE,
+    right_base=STORE_RIGHT_BASE,
+    cameras=STORE_CAMERAS,
     # four layers are taken in one pinch
     material=ClothMaterial(particle_friction_scale=1.0),
     success=RestsOn(place="platform.top", within=0.10),
