@@ -249,7 +249,7 @@ def test_props_are_drawn_and_their_meshes_written(tmp_path, capsys):
     hanger, pothook = result["props"]
     assert (hanger["kind"], pothook["kind"]) == ("hanger", "pothook")
     assert hanger["landmarks"]["target"] == [0.0, 0.0, 0.8]
-    assert pothook["shapes"] == ["box", "box"]
+    assert pothook["shapes"] == ["box", "box", "box"]
     assert out.stat().st_size > 5_000
     assert {p.name for p in meshes.iterdir()} == {
         f"{kind}.{end}" for kind in ("hanger", "pothook") for end in ("obj", "mtl")

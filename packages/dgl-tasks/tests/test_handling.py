@@ -371,7 +371,7 @@ ENOUGH = int(1000 * STILL_SHARE) + 1
         ([ENOUGH - 1], 1),
         ([ENOUGH, 0], 2),
         ([500, ENOUGH, 0], 3),
-        ([500] * 4, SETTLE_WAITS),
+        ([500] * SETTLE_WAITS, SETTLE_WAITS),
     ],
 )
 def test_what_is_seen_to_move_is_waited_for(jumping_world, changes, waits):

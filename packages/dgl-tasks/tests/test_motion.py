@@ -252,7 +252,10 @@ def test_an_orientation_is_named_and_turned_inward(side):
     assert measure_angle(turned, STANDARD[side]) == pytest.approx(0.4, abs=1e-6)
 
 
-@pytest.mark.parametrize(("name", "ahead"), [("sides", "standard"), ("heap_sides", "heap")])
+@pytest.mark.parametrize(
+    ("name", "ahead"),
+    [("sides", "standard"), ("heap_sides", "heap"), ("scoop_sides", "scoop")],
+)
 def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name, ahead):
     for side, inwards in (("left", 1), ("right", -1)):
         x, y, z = to_rotation(GRASP_ORIENTATIONS[name][side]).as_matrix()[:, 0]

@@ -19,8 +19,8 @@ GraspName = Literal[
     "heap_sides",
     "trousers_2",
     "hems",
-    "store_lift",
-    "store_sides",
+    "scoop",
+    "scoop_sides",
     "cap",
     "bowl",
     "scarf",
@@ -32,13 +32,13 @@ HEAP_PITCH = np.radians(30)
 """How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
 stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
 SIDE_TURN = np.radians(45)
-"""How far the hands of "sides", "heap_sides" and "store_sides" are turned inwards: they take the cloth from its sides, and
+"""How far the hands of "sides", "heap_sides" and "scoop_sides" are turned inwards: they take the cloth from its sides, and
 pull apart as they draw back along their fingers [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
     "trousers_2": {"right": (0.0, 0.0, 0.707, -0.707)},
-    "store_lift": {
+    "scoop": {
         "left": (0.7010574, 0.5609855, 0.4304593, 0.092296),
         "right": (0.4304593, 0.092296, 0.7010574, 0.5609855),
     },
@@ -89,7 +89,7 @@ def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     turned: dict[GraspName, GraspName] = {
         "sides": "standard",
         "heap_sides": "heap",
-        "store_sides": "store_lift",
+        "scoop_sides": "scoop",
     }
     for name, ahead in turned.items():
         found[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in found[ahead].items()}
