@@ -123,7 +123,8 @@ class Look(Step):
     """The garment is looked at from above, as the hands hold it.
 
     Then formulas may name `now.min`, `now.max` and `now.centre`, corners and centre of what is seen of it, and
-    `now.left_hand` and `now.right_hand`, where the hands' grasp points are [m].
+    `now.left_hand` and `now.right_hand`, where the hands' grasp points are [m]. Where that leads out of reach, the hands are
+    turned about the vertical, as at the beginning.
     """
 
 

@@ -1,4 +1,4 @@
-"""Hang Dress: over the bar of a hanger, by the shoulders."""
+"""Hang Dress: over the bar of a hanger, held where its sleeves begin."""
 
 from dgl_tasks.declaration import HandFriction, Start, Task
 from dgl_tasks.success import HangsOver
@@ -19,7 +19,7 @@ TASK = Task(
     right_base=HANG_RIGHT_BASE,
     cameras=HANG_CAMERAS,
     picture_camera="video_camera",
-    # what hangs by its shoulders slips out with less
+    # what hangs from both hands slips out with less
     hand_friction=HandFriction(fingers=25.0),
     success=HangsOver(place="hanger.target", sideways=0.05),
 )
