@@ -393,7 +393,7 @@ def check_refusal(content, change, message):
 
 
 UNFIT = {
-    "what is seen before it is looked at": (
+    "what a stage never looks at": (
         _set([*MOVE, "left"], ["now.centre.x", "0.8", "0.3"]),
         "unknown name 'now'",
     ),

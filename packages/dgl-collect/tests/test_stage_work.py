@@ -423,11 +423,20 @@ AFTER_A_LOOK = Move(
 )
 
 
+AFTER_A_LOOK_DEFINED = Move(
+    targets={"left": ("now.left_hand.x + 0.1", "now.left_hand.y + dy", "0.3")}
+)
+"""The same, with a definition that names what is seen."""
+
+
+@pytest.mark.parametrize("after", [AFTER_A_LOOK, AFTER_A_LOOK_DEFINED])
 @pytest.mark.parametrize("shift", [0.0, 0.05])
-def test_hands_that_look_put_right_how_the_garment_lies_in_them(make_world, shift):
+def test_hands_that_look_put_right_how_the_garment_lies_in_them(make_world, shift, after):
     world = make_world()
     lift = Move(targets={"left": (str(POINT[0]), str(POINT[1]), "0.3")})
-    work = make_work(world, make_stage(HandPose(pose="close"), lift, Look(), AFTER_A_LOOK))
+    definitions = {"dy": "0.8 - now.centre.y"}
+    stage = make_stage(HandPose(pose="close"), lift, Look(), after, definitions=definitions)
+    work = make_work(world, stage)
     middle = (world.cloud.min(axis=0) + world.cloud.max(axis=0)) / 2
     world.cloud = world.cloud + np.float32([0.0, shift, 0.0])  # it has slipped since
     carry_out(world, work)

@@ -254,7 +254,7 @@ def test_an_orientation_is_named_and_turned_inward(side):
 
 @pytest.mark.parametrize(
     ("name", "ahead"),
-    [("sides", "standard"), ("heap_sides", "heap"), ("scoop_sides", "scoop")],
+    [("sides", "standard"), ("heap_sides", "heap")],
 )
 def test_hands_that_come_from_the_sides_point_45_degrees_more_at_each_other(name, ahead):
     for side, inwards in (("left", 1), ("right", -1)):

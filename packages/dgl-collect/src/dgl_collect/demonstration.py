@@ -121,6 +121,8 @@ def _check_stage(
                 raise ValueError(f"unknown points {sorted(unknown)}; known: {sorted(points)}")
             for formula in grasp.at or ():
                 check_formula(formula, known)
+        if any(isinstance(step, Look) for step in stage.steps):
+            known["now"] = dict.fromkeys((*GARMENT_NAMES, "left_hand", "right_hand"), _POINT)
         for name, formula in stage.definitions.items():
             check_formula(formula, known)
             known[name] = 1.0
@@ -129,8 +131,6 @@ def _check_stage(
                 if len(stage.grasp) < len(SIDES):
                     raise ValueError(f"a stretch needs both hands; got {sorted(stage.grasp)}")
                 known |= dict.fromkeys(SEEN_NAMES, 1.0)
-            if isinstance(step, Look):
-                known["now"] = dict.fromkeys((*GARMENT_NAMES, "left_hand", "right_hand"), _POINT)
             if isinstance(step, Move):
                 for formulas in step.targets.values():
                     for formula in formulas:

@@ -122,9 +122,10 @@ SEEN_NAMES = ("half_span", "hanging")
 class Look(Step):
     """The garment is looked at from above, as the hands hold it.
 
-    Then formulas may name `now.min`, `now.max` and `now.centre`, corners and centre of what is seen of it, and
-    `now.left_hand` and `now.right_hand`, where the hands' grasp points are [m]. Where that leads out of reach, the hands are
-    turned about the vertical, as at the beginning.
+    Formulas and definitions of a stage with a look may name `now.min`, `now.max` and `now.centre`, corners and centre of
+    what was seen of it last, and `now.left_hand` and `now.right_hand`, where the hands' grasp points were [m]; before the
+    first look, where the hands have taken hold of it. Where that leads out of reach, the hands are turned about the
+    vertical, as at the beginning.
     """
 
 

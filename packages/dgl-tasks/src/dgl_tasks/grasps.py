@@ -20,9 +20,8 @@ GraspName = Literal[
     "trousers_2",
     "hems",
     "scoop",
-    "scoop_sides",
     "cap",
-    "bowl",
+    "tray",
     "scarf",
     "glove",
     "glove_retreat",
@@ -32,7 +31,7 @@ HEAP_PITCH = np.radians(30)
 """How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
 stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
 SIDE_TURN = np.radians(45)
-"""How far the hands of "sides", "heap_sides" and "scoop_sides" are turned inwards: they take the cloth from its sides, and
+"""How far the hands of "sides" and "heap_sides" are turned inwards: they take the cloth from its sides, and
 pull apart as they draw back along their fingers [rad]."""
 
 _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
@@ -43,7 +42,7 @@ _GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
         "right": (0.4304593, 0.092296, 0.7010574, 0.5609855),
     },
     "cap": {"right": (0.5, 0.5, 0.5, 0.5)},
-    "bowl": {"left": (0.653, 0.653, 0.271, 0.271), "right": (0.271, 0.271, 0.653, 0.653)},
+    "tray": {"left": (0.653, 0.653, 0.271, 0.271), "right": (0.271, 0.271, 0.653, 0.653)},
     "scarf": {"left": (0.707, -0.707, 0.0, 0.0), "right": (0.0, 0.0, -0.707, 0.707)},
     "glove": {"left": (-0.129, 0.837, 0.483, -0.224), "right": (0.483, -0.224, -0.129, 0.837)},
     "glove_retreat": {"left": (0.0, 0.866, 0.5, 0.0), "right": (0.5, 0.0, 0.0, 0.866)},
@@ -89,7 +88,6 @@ def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
     turned: dict[GraspName, GraspName] = {
         "sides": "standard",
         "heap_sides": "heap",
-        "scoop_sides": "scoop",
     }
     for name, ahead in turned.items():
         found[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in found[ahead].items()}

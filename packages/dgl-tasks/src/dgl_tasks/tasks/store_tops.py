@@ -1,7 +1,7 @@
 """Store Tops: folded, and carried onto a platform."""
 
 from dgl_physics import ClothMaterial
-from dgl_tasks.declaration import SceneObject, Start, Task
+from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
 from dgl_tasks.success import RestsOn
 from dgl_tasks.tasks._common import STORE_CAMERAS, STORE_LEFT_BASE, STORE_RIGHT_BASE
 
@@ -30,5 +30,7 @@ TASK = Task(
     cameras=STORE_CAMERAS,
     # four layers are taken in one pinch
     material=ClothMaterial(particle_friction_scale=1.0),
+    # fingers slide under what lies, and out again; the thumb holds it
+    hand_friction=HandFriction(fingers=1.0, thumb=10.0),
     success=RestsOn(place="platform.top", within=0.10),
 )
