@@ -1,5 +1,7 @@
 """The dense reward as a function of numbers."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -18,11 +20,13 @@ def compute(
     start=START,
     comparison=">=",
     others=(),
+    others_start=None,
 ):
     share = Criterion(name="share", value=value, comparison=comparison, threshold=THRESHOLD)
+    share_then = dataclasses.replace(share, value=start)
     return compute_reward_terms(
         Verdict(criteria=(share, *others)),
-        start=start,
+        start=Verdict(criteria=(share_then, *(others if others_start is None else others_start))),
         distances=np.array(distances),
         is_released=is_released,
         speed=speed,
@@ -76,10 +80,21 @@ def test_a_rule_is_met_once_all_its_criteria_are():
         Criterion(name="height", value=value, comparison="<", threshold=0.3) for value in (0.4, 0.2)
     )
     partly, wholly = (compute(THRESHOLD, others=(other,)) for other in (high, low))
-    assert partly.progress == wholly.progress == wholly.rest == wholly.reach == 1.0
+    assert wholly.progress == wholly.rest == wholly.reach == 1.0
     assert partly.rest == 0.0
     assert partly.reach < 0.5
     assert partly.normalized < 0.75 < wholly.normalized
+
+
+@pytest.mark.parametrize(("height", "share"), [(0.7, 0.0), (0.5, 0.5), (0.4, 0.75), (0.2, 1.0)])
+def test_progress_is_the_mean_of_all_criteria(height, share):
+    """What is off the ground has still to be brought to its place."""
+    now, then = (
+        Criterion(name="height", value=value, comparison="<", threshold=0.3)
+        for value in (height, 0.7)
+    )
+    terms = compute(THRESHOLD, others=(now,), others_start=(then,))
+    assert terms.progress == pytest.approx((1.0 + share) / 2)
 
 
 def test_the_sum_is_bounded_and_highest_for_what_is_done():

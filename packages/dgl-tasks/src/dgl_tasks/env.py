@@ -110,7 +110,7 @@ class GarmentEnv(BaseEnv):
         self._appearance: Appearance
         self._landmarks: dict[str, np.ndarray] = {}
         self._flat_area = 0.0
-        self._start_value = 0.0
+        self._start_verdict: Verdict
         self.cloth: SapienCloth
         self.garment: Garment
         self.body: SoftBody
@@ -214,7 +214,12 @@ class GarmentEnv(BaseEnv):
         while True:
             self.draws["roll"] = float(roll)
             self._drop(garment, float(x), float(y), float(roll))
-            if not self._is_built or limit is None or self._start_value < limit or roll >= steepest:
+            if (
+                not self._is_built
+                or limit is None
+                or self._start_verdict.value < limit
+                or roll >= steepest
+            ):
                 break
             roll = min(roll + STEEPER, steepest)
 
@@ -247,7 +252,7 @@ class GarmentEnv(BaseEnv):
         self._flat_area = compute_covered_area(
             sample_visible_surface(self.garment.vertices, self.garment.faces)
         )
-        self._start_value = self.apply_rule().value
+        self._start_verdict = self.apply_rule()
 
     def _load_garment(self, garment: Garment, x: float, y: float, roll: float) -> None:
         body = SoftBody(garment, self.task.material, self.task.stiffness)
@@ -412,7 +417,7 @@ class GarmentEnv(BaseEnv):
             distances.append(np.linalg.norm(particles - point, axis=1).min())
         return compute_reward_terms(
             self.apply_rule(),
-            start=self._start_value,
+            start=self._start_verdict,
             distances=np.array(distances),
             is_released=self.count_touching() == 0,
             speed=self.measure_speed(),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_tasks.success import Verdict
+from dgl_tasks.success import Criterion, Verdict
 
 REACH_SCALE = 0.5
 """Distance at which `reach` has fallen to a quarter [m]."""
@@ -20,7 +20,7 @@ class RewardTerms:
     reach: float
     """How near the hands are to the garment; 1 once the rule is met, so that they may leave."""
     progress: float
-    """How far the rule's value has come from where it was at the start towards its threshold."""
+    """How far each criterion's value has come from where it was at the start towards its threshold, on average."""
     rest: float
     """Of a garment for which the rule is met: whether the hands have let go of it, and how calm it lies."""
 
@@ -38,7 +38,7 @@ class RewardTerms:
 def compute_reward_terms(
     verdict: Verdict,
     *,
-    start: float,
+    start: Verdict,
     distances: np.ndarray,
     is_released: bool,
     speed: float,
@@ -47,7 +47,7 @@ def compute_reward_terms(
 
     Args:
         verdict: What the task's rule says now.
-        start: The rule's value before the robots touched the garment.
+        start: What it said before the robots touched the garment.
         distances: From each hand's grasp point to the nearest of the garment [m], shape (2,).
         is_released: Whether no hand touches the garment.
         speed: RMS speed of the garment's particles [m/s].
@@ -56,17 +56,24 @@ def compute_reward_terms(
         ValueError: If a number is negative or not finite.
     """
     distances = np.asarray(distances, dtype=float)
-    main = verdict.criteria[0]
-    numbers = np.array([*distances, speed, main.value, start])
+    values = [(c.value, s.value) for c, s in zip(verdict.criteria, start.criteria, strict=True)]
+    numbers = np.array([*distances, speed, *np.ravel(values)])
     if not np.isfinite(numbers).all() or (distances < 0).any() or speed < 0:
         raise ValueError(
             "distances and speed must be finite and not negative, values finite; "
-            f"got {distances}, {speed}, {main.value}, {start}"
+            f"got {distances}, {speed}, {values}"
         )
-    sign = 1.0 if main.comparison in (">", ">=") else -1.0
-    way = max(sign * (main.threshold - start), 1e-6)
-    progress = 1.0 if main.is_met else float(np.clip(sign * (main.value - start) / way, 0, 1))
+    progress = float(
+        np.mean([_measure_progress(*p) for p in zip(verdict.criteria, start.criteria, strict=True)])
+    )
     near = float(np.mean(1.0 - np.tanh(distances / REACH_SCALE)))
     is_met = verdict.success
     rest = float(np.exp(-speed / CALM_SPEED)) if is_met and is_released else 0.0
     return RewardTerms(reach=1.0 if is_met else near, progress=progress, rest=rest)
+
+
+def _measure_progress(now: Criterion, start: Criterion) -> float:
+    """Say what share of the way from a criterion's value at the start to its threshold is done, in [0, 1]."""
+    sign = 1.0 if now.comparison in (">", ">=") else -1.0
+    way = max(sign * (now.threshold - start.value), 1e-6)
+    return 1.0 if now.is_met else float(np.clip(sign * (now.value - start.value) / way, 0, 1))

@@ -30,8 +30,8 @@ TASK = Task(
     right_base=HANG_RIGHT_BASE,
     cameras=HOOK_CAMERAS,
     picture_camera="video_camera",
-    # what hangs by its shoulders slips out with less
-    hand_friction=HandFriction(fingers=25.0),
+    # what hangs by its shoulders slips out of fingers with less; the thumb lies inside as the hand leaves
+    hand_friction=HandFriction(fingers=25.0, thumb=3.0),
     # the hook's arm reaches 0.2 m behind its cross-bar
     success=HangsOver(place="hook.target", sideways=0.10, over=0.15, below=0.5),
 )
