@@ -9,6 +9,7 @@ import pytest
 import dgl_tasks
 from dgl_assets.props import PlatformParameters
 from dgl_tasks.declaration import SceneObject, Start
+from dgl_tasks.success import Criterion, Verdict
 
 WIDE_TOP = "Tops_LongSleeve/001754"
 """So wide and short that it lands flat from every tilt of the declared range."""
@@ -90,7 +91,8 @@ def test_it_is_dropped_until_it_is_a_heap_or_stands_upright(env, monkeypatch, va
 
     def drop(garment, x, y, roll):
         rolls.append(np.degrees(roll))
-        env._start_value = left.pop(0)
+        share = Criterion(name="share", value=left.pop(0), comparison=">", threshold=0.8)
+        env._start_verdict = Verdict(criteria=(share,))
 
     monkeypatch.setattr(env, "_drop", drop)
     env.reset(seed=SEED, options={"garment": WIDE_TOP})
