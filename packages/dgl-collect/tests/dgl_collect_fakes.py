@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -70,6 +71,10 @@ class FakeRunner:
             raise RuntimeError("the cloth exploded")
         if attempt_index in self.options.get("exit_at", ()):
             os._exit(3)
+        if self._is_first("die_once_at", attempt_index):
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self._is_first("use_up_memory_once_at", attempt_index):
+            raise MemoryError
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
         if attempt_index not in self.options.get("forget_file_at", ()):
             stages = (make_stage(seed, frames=1),)
@@ -94,6 +99,17 @@ class FakeRunner:
             beliefs={"value": 0.7},
         )
 
+    def _is_first(self, option, attempt_index):
+        """Whether an option names the attempt, which is made for the first time."""
+        if attempt_index not in self.options.get(option, ()):
+            return False
+        sys.stdout.flush()
+        try:
+            (Path(self.options["marks"]) / f"mark-{attempt_index}").touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        return True
+
     def close(self):
         sys.stdout.write("closed\n")
 
@@ -107,7 +123,7 @@ def make_runner(task, options):
 
 
 if __name__ == "__main__":  # a run for the tests that interrupt one
-    from dgl_collect import CollectConfig, collect
+    from dgl_collect import CollectConfig, Workers, collect
 
     def tell(progress):
         sys.stdout.write(f"{len(progress.results)}\n")
@@ -117,7 +133,7 @@ if __name__ == "__main__":  # a run for the tests that interrupt one
         CollectConfig(
             task="FoldTops-v1",
             episodes=200,
-            workers=2,
+            workers=Workers(count=2),
             out=Path(sys.argv[1]),
             attempt_factory=FACTORY,
             options={"seconds": 0.05},

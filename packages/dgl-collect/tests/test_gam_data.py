@@ -12,10 +12,11 @@ from dgl_assets import MeshingError, garment_ids, list_categories, load_garment
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.gam_data import DataConfig, Made, generate, generate_data, list_garments
 from dgl_collect.gam_data import garment as garment_module
-from dgl_collect.gam_data.garment import find_path, make_garment_data
+from dgl_collect.gam_data.garment import Entry, find_path, make_garment_data
 from dgl_collect.gam_data.handling import Handling, find_grip
 from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
 from dgl_collect.gam_data.views import TOLERANCE, make_direction, see_surface
+from dgl_collect.workers import Outcome
 from dgl_gam.data import read_garment
 from dgl_physics import PhysicsError
 
@@ -28,11 +29,16 @@ def top():
     return load_garment("Tops_LongSleeve/000000", spacing=0.025)
 
 
+def make(garment_id, folder, *, seed=0, is_flat=False):
+    entry = Entry(id=garment_id, split="train", is_flat=is_flat)
+    return make_garment_data(entry, seed=seed, path=find_path(folder, garment_id))
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     for garment_id in (SCARF, GLOVE):
-        made = make_garment_data(garment_id, "train", seed=0, folder=folder)
+        made = make(garment_id, folder)
         assert not made.error
     return folder
 
@@ -205,7 +211,7 @@ def test_a_file_is_read_and_its_points_are_near_their_vertices(data):
 
 
 def test_another_seed_makes_other_data(data, tmp_path):
-    make_garment_data(GLOVE, "train", seed=1, folder=tmp_path)
+    make(GLOVE, tmp_path, seed=1)
     assert not is_same(find_path(tmp_path, GLOVE), find_path(data, GLOVE))
 
 
@@ -214,7 +220,7 @@ def test_a_garment_that_fails_has_a_reason_and_no_file(tmp_path, monkeypatch):
         raise PhysicsError("dropped: it burst")
 
     monkeypatch.setattr(garment_module, "make_states", fail)
-    made = make_garment_data(SCARF, "train", seed=0, folder=tmp_path)
+    made = make(SCARF, tmp_path)
     assert made.error == "dropped: it burst"
     assert not list(tmp_path.rglob("*"))
 
@@ -236,7 +242,7 @@ def test_all_kinds_of_garments_of_all_categories_come_by_turns():
 
 
 def test_a_flat_garment_is_the_flat_state_of_the_whole_one(data, tmp_path):
-    made = make_garment_data(GLOVE, "train", seed=0, folder=tmp_path, is_flat=True)
+    made = make(GLOVE, tmp_path, is_flat=True)
     assert not made.error
     flat, whole = (read_garment(find_path(folder, GLOVE)) for folder in (tmp_path, data))
     assert flat.header.state_names == ("flat",)
@@ -252,12 +258,12 @@ def test_a_garment_that_cannot_be_meshed_as_usual_has_other_edges(tmp_path, monk
         return load_garment(garment_id, spacing=spacing)
 
     monkeypatch.setattr(garment_module, "load_garment", load)
-    made = make_garment_data(SCARF, "train", seed=0, folder=tmp_path, is_flat=True)
+    made = make(SCARF, tmp_path, is_flat=True)
     assert (made.error, made.note) == ("", "edges of 22 mm: an outline cannot be filled")
     kept = read_garment(find_path(tmp_path, SCARF))
     assert kept.states.shape[1] == len(load_garment(SCARF, spacing=0.022).vertices)
     monkeypatch.setattr(garment_module, "_OTHER_SPACINGS", ())
-    failed = make_garment_data(SCARF, "train", seed=0, folder=tmp_path, is_flat=True)
+    failed = make(SCARF, tmp_path, is_flat=True)
     assert failed.error == "an outline cannot be filled"
 
 
@@ -269,11 +275,11 @@ def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path):
     path = find_path(out, GLOVE)
     assert is_same(path, find_path(data, GLOVE))  # of another process
     before = path.stat().st_mtime_ns
-    (out / "Glove" / ".x.safetensors.1.part").write_bytes(b"killed")
+    (out / ".staging" / "Glove-x").mkdir(parents=True)
     [made] = generate_data(config, out, resume=True)
     assert (made.error, made.seconds) == ("", 0.0)
     assert path.stat().st_mtime_ns == before
-    assert not list(out.glob("*/.*"))
+    assert not (out / ".staging").exists()
     with pytest.raises(ValueError, match="is not empty; add --resume"):
         list(generate_data(config, out))
     for change, message in (
@@ -295,11 +301,12 @@ def test_a_run_keeps_files_and_failures_and_resumes(data, tmp_path):
 
 
 def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
-    def fail(calls, workers):
-        for call in calls:
-            yield Made(id=call.args[0], error="flung: it burst", seconds=1.0)
+    def fail(dispatcher):
+        for job in dispatcher._left:
+            made = Made(id=job.request.id, error="flung: it burst")
+            yield Outcome(job=job, result=made, failure=None, seconds=1.0, folder=tmp_path / "none")
 
-    monkeypatch.setattr(generate, "run_each", fail)
+    monkeypatch.setattr(generate.Dispatcher, "run", fail)
     config = DataConfig(categories=("Scarf",), train=1, test=1)
     ids = sorted(made.id for made in generate_data(config, tmp_path))
     lines = (tmp_path / "failures.jsonl").read_text(encoding="utf-8").splitlines()
@@ -325,7 +332,3 @@ def test_wrong_options_are_refused(change, message):
         DataConfig(**change)
 
 
-def test_no_workers_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="workers must be at least 1; got 0"):
-        list(generate_data(DataConfig(), tmp_path / "x", workers=0))
-    assert not (tmp_path / "x").exists()

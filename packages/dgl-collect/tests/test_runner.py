@@ -13,9 +13,11 @@ import pytest
 
 from dgl_collect import (
     CollectConfig,
+    Limits,
     OutputFolderError,
     UnknownTaskError,
     WorkerError,
+    Workers,
     collect,
     read_episode,
 )
@@ -108,7 +110,7 @@ def test_the_garbage_collector_passes_over_what_a_worker_has_imported(finished):
 
 def test_results_do_not_depend_on_the_number_of_workers(run, finished, tmp_path):
     one, three = finished[0], tmp_path / "out"
-    run(episodes=4, workers=3)
+    run(episodes=4, workers=Workers(count=3))
     for a, b in zip(results_of(one), results_of(three), strict=True):
         assert facts(a) == facts(b)
         if a.success:
@@ -131,7 +133,7 @@ def test_resume_makes_only_what_is_missing(run, finished, tmp_path):
 
 def test_resume_of_a_finished_run_starts_no_worker(run, finished_out):
     options = {"tell_garbage": True}
-    assert run(episodes=4, options=options, resume=True, build_seconds=1e-9).attempted == 4
+    assert run(episodes=4, options=options, resume=True, limits=Limits(build_seconds=1e-9)).attempted == 4
     assert len(json.loads((finished_out / "run.json").read_text())["commands"]) == 2
 
 
@@ -178,30 +180,46 @@ def test_an_exception_is_a_result_and_the_run_goes_on(run, tmp_path):
     assert "Traceback" in (tmp_path / "out/logs/worker-0.log").read_text()
 
 
-def test_a_crash_is_a_result_and_the_worker_is_replaced(run, tmp_path):
+def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_path):
     summary = run(episodes=4, options={"exit_at": [1]})
     result = results_of(tmp_path / "out")[1]
     assert result.reason == "worker crashed"
-    assert "exit status 3" in result.detail
-    assert "logs/worker-0.log" in result.detail
+    assert result.detail == "exit status 3, 3 times (see logs/worker-0.log)"
     assert (summary.attempted, summary.status) == (4, "complete")
     assert not (tmp_path / "out/.staging").exists()
 
 
+def test_an_attempt_whose_worker_was_lost_is_made_again(run, finished, tmp_path):
+    run(episodes=4, options={"die_once_at": [1, 2], "marks": str(tmp_path)})
+    assert [facts(a) for a in results_of(tmp_path / "out")] == [
+        facts(b) for b in results_of(finished[0])
+    ]
+    log = (tmp_path / "out/logs/worker-0.log").read_text()
+    assert [log.count(f"attempt {index} speaks") for index in range(4)] == [1, 2, 2, 1]
+
+
+def test_memory_that_is_used_up_is_no_result_of_the_attempt(run, finished, tmp_path):
+    run(episodes=2, options={"use_up_memory_once_at": [0], "marks": str(tmp_path)})
+    assert [facts(a) for a in results_of(tmp_path / "out")] == [
+        facts(b) for b in results_of(finished[0])[:2]
+    ]
+
+
 def test_an_attempt_that_hangs_is_ended(run, tmp_path):
-    run(episodes=2, options={"hang_at": [0]}, attempt_seconds=1.5)
+    run(episodes=2, options={"hang_at": [0]}, limits=Limits(job_seconds=1.5))
     late, fine = results_of(tmp_path / "out")
     assert (late.reason, fine.reason == "time limit") == ("time limit", False)
 
 
 def test_an_environment_that_is_never_ready_ends_the_run(run):
     with pytest.raises(WorkerError, match=r"building took longer than 0\.01 s"):
-        run(build_seconds=0.01, crashes_in_a_row=1)
+        run(limits=Limits(build_seconds=0.01, crashes_in_a_row=1))
 
 
 def test_crash_after_crash_gives_up_and_keeps_the_results(run, tmp_path):
+    limits = Limits(crashes=1, crashes_in_a_row=2)
     with pytest.raises(WorkerError, match="2 workers in a row ended early"):
-        run(episodes=9, options={"exit_at": [1, 2]}, crashes_in_a_row=2)
+        run(episodes=9, options={"exit_at": [1, 2]}, limits=limits)
     assert [result.index for result in results_of(tmp_path / "out")] == [0, 1, 2]
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert (summary["status"], summary["attempted"]) == ("failed", 3)
@@ -211,7 +229,7 @@ def test_an_environment_that_cannot_be_built_ends_the_run(run, tmp_path):
     with pytest.raises(WorkerError, match="cannot be built: RuntimeError: no Vulkan device"):
         run(options={"fail_when_built": True})
     with pytest.raises(WorkerError, match="exit status 4"):
-        run(out=tmp_path / "b", options={"exit_when_built": True}, crashes_in_a_row=1)
+        run(out=tmp_path / "b", options={"exit_when_built": True}, limits=Limits(crashes_in_a_row=1))
 
 
 def test_a_success_without_its_episode_is_not_a_success(run, tmp_path):
@@ -229,10 +247,15 @@ def test_an_evaluation_leaves_no_episodes(run, tmp_path):
     assert set(result.files) == {"video", "picture"}
 
 
-@pytest.mark.parametrize("name", ["episodes", "workers"])
-def test_numbers_are_checked(run, name):
-    with pytest.raises(ValueError, match=f"{name} must be at least 1; got 0"):
-        run(**{name: 0})
+def test_numbers_are_checked(run):
+    with pytest.raises(ValueError, match="episodes must be at least 1; got 0"):
+        run(episodes=0)
+    with pytest.raises(ValueError, match="workers must be at least 1; got 0"):
+        Workers(count=0)
+    with pytest.raises(ValueError, match="address is for engine ray; got engine local"):
+        Workers(address="auto")
+    with pytest.raises(ValueError, match="job_seconds must be positive; got 0"):
+        Limits(job_seconds=0)
 
 
 def test_an_unknown_task_names_the_closest(run):

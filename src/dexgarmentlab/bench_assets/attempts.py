@@ -10,13 +10,18 @@ import numpy as np
 
 from dexgarmentlab.bench_assets.drop import drop_garment
 from dexgarmentlab.bench_assets.measures import describe_mesh, measure_landmarks
-from dgl_assets import Garment, load_garment
+from dgl_assets import AssetError, Garment, load_garment
+from dgl_collect.files import written_beside
+from dgl_physics import PhysicsError
 
 __all__ = [
     "EDGE_CHANGE_LIMIT",
     "POSITIONS",
+    "POSITIONS_FILE",
     "STRAIN_LIMIT",
     "Attempt",
+    "DropRequest",
+    "Drops",
     "find_positions",
     "make_attempt",
     "read_attempts",
@@ -29,6 +34,8 @@ EDGE_CHANGE_LIMIT = 0.5
 with up to 0.1, so this tells spikes, not strain."""
 POSITIONS = "final"
 """Folder, in that of a run, with where each garment came to lie."""
+POSITIONS_FILE = "positions.npy"
+"""Name of the same in the folder of a garment's job."""
 _KEPT = 64  # garments that a worker remembers: a garment's partner is the one selected before it
 
 
@@ -123,22 +130,51 @@ class Attempt:
             raise ValueError(f"line must be a dropped garment; {err}") from err
 
 
-def make_attempt(
-    garment_id: str, partner_id: str, *, frames: int, height: float, folder: Path
-) -> Attempt:
+@dataclass(frozen=True, kw_only=True)
+class DropRequest:
+    """A garment to drop."""
+
+    id: str
+    """Which."""
+    partner: str
+    """The garment that its landmarks are mapped to."""
+
+
+class Drops:
+    """Builds, measures and drops garments as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
+
+    def __init__(self, *, frames: int, height: float) -> None:
+        """Remember how garments are dropped.
+
+        Args:
+            frames: How long each is simulated [1/60 s].
+            height: That each falls from [m].
+        """
+        self._frames, self._height = frames, height
+
+    def run(self, request: DropRequest, out_dir: Path) -> Attempt:
+        """Drop one garment, and save where it came to lie in `POSITIONS_FILE`."""
+        return make_attempt(
+            request, frames=self._frames, height=self._height, path=out_dir / POSITIONS_FILE
+        )
+
+    def close(self) -> None:
+        """Nothing is to be released."""
+
+
+def make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
     """Build, measure and drop a garment, and save where it came to lie.
 
     Args:
-        garment_id: Which.
-        partner_id: The garment that its landmarks are mapped to.
+        request: Which.
         frames: How long it is simulated [1/60 s].
         height: That it falls from [m].
-        folder: Of the run; the file of positions is whole or absent.
+        path: Where the file of positions belongs; it is whole or absent.
     """
     try:
-        return _make_attempt(garment_id, partner_id, frames=frames, height=height, folder=folder)
-    except Exception as err:  # a process boundary: one bad garment must not end the run
-        return Attempt(id=garment_id, error=f"{type(err).__name__}: {err}")
+        return _make_attempt(request, frames=frames, height=height, path=path)
+    except (AssetError, PhysicsError, ValueError, RuntimeError) as err:
+        return Attempt(id=request.id, error=f"{type(err).__name__}: {err}")
 
 
 def find_positions(folder: Path, garment_id: str) -> Path:
@@ -170,20 +206,18 @@ def read_attempts(path: Path) -> list[Attempt]:
     return list(found.values())
 
 
-def _make_attempt(
-    garment_id: str, partner_id: str, *, frames: int, height: float, folder: Path
-) -> Attempt:
-    garment, build_seconds = _build(garment_id)
+def _make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
+    garment, build_seconds = _build(request.id)
     mesh = describe_mesh(garment.rest_vertices, garment.faces)
-    miss, landmark, _ = measure_landmarks(garment, _build(partner_id)[0])
+    miss, landmark, _ = measure_landmarks(garment, _build(request.partner)[0])
     begin = time.process_time()
     drop = drop_garment(garment, frames=frames, height=height)
     drop_seconds = time.process_time() - begin
     if np.isfinite(drop.end).all():
-        _save(find_positions(folder, garment_id), drop.end)
+        _save(path, drop.end)
     worst = int(np.argmax(drop.strain))
     return Attempt(
-        id=garment_id,
+        id=request.id,
         error=drop.error,
         vertices=mesh.vertices,
         edges=mesh.edges,
@@ -197,7 +231,7 @@ def _make_attempt(
         edge_share=mesh.edge_share,
         angle_smallest=mesh.angle_smallest,
         angle_share=mesh.angle_share,
-        partner=partner_id,
+        partner=request.partner,
         landmark_miss=miss,
         landmark=landmark,
         strain_start=float(drop.strain[0]),
@@ -222,11 +256,8 @@ def _build(garment_id: str) -> tuple[Garment, float]:
 
 
 def _save(path: Path, positions: np.ndarray) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    with beside.open("wb") as file:
+    with written_beside(path) as partial, partial.open("wb") as file:
         np.save(file, positions)
-    beside.replace(path)
 
 
 def _percent(value: float | None) -> str:

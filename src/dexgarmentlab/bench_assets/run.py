@@ -1,24 +1,33 @@
-"""A run: many garments, by one or more processes, which can be interrupted and continued."""
+"""A run: many garments, by one or more workers, which can be interrupted and continued."""
 
 import json
 import logging
+import threading
 from collections.abc import Generator
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from dexgarmentlab.bench_assets.attempts import (
+    POSITIONS_FILE,
     Attempt,
-    make_attempt,
+    DropRequest,
+    find_positions,
     read_attempts,
 )
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
 from dexgarmentlab.bench_assets.selection import find_partners, select_ids
 from dgl_assets import choose_categories
-from dgl_collect.files import append_line, drop_unfinished_line, write_json
-from dgl_collect.processes import check_continued, locked_folder, run_each
+from dgl_collect.files import (
+    append_line,
+    check_continued,
+    disk_faults_told,
+    drop_unfinished_line,
+    locked_folder,
+    write_json,
+)
 from dgl_collect.results import package_versions
+from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
 
@@ -68,7 +77,13 @@ class RunConfig:
 
 
 def drop_garments(
-    config: RunConfig, folder: Path, *, workers: int = 1, resume: bool = False, command: str = ""
+    config: RunConfig,
+    folder: Path,
+    *,
+    workers: Workers | None = None,
+    resume: bool = False,
+    command: str = "",
+    stop: threading.Event | None = None,
 ) -> Generator[Attempt, None, None]:
     """Drop the garments of a run that are not there yet.
 
@@ -77,42 +92,65 @@ def drop_garments(
     Args:
         config: Which garments, and how.
         folder: Of the run; missing or empty, unless `resume`.
-        workers: Processes.
+        workers: How many, and where; one of this machine when None.
         resume: Continue the run in the folder.
         command: The command line, to be remembered.
+        stop: Ends the run when it is set; see `dgl_collect.workers.stop_signals`.
 
     Yields:
         Garments as they are finished; first those that an earlier run has left. Closing the generator ends the
-        workers, each after the garment that it has in hand.
+        workers.
 
     Raises:
-        ValueError: If `workers` is not positive, or the folder is not empty, busy, or of another run.
-        WorkerError: If a process died; what had finished is kept.
+        ValueError: If the folder is not empty, busy, or of another run.
+        WorkerError: If workers keep dying; what had finished is kept.
+        MachineError: If a disk is full, or fails; what had finished is kept.
     """
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1; got {workers}")
     with locked_folder(folder):
         done = _open_run(config, folder, resume=resume, command=command)
         yield from done
         ids = select_ids(config.count, config.categories)
         partners = find_partners(ids)
         known = {attempt.id for attempt in done}
-        calls = (
-            partial(
-                make_attempt,
-                garment_id,
-                partners[garment_id],
-                frames=config.frames,
-                height=config.height,
-                folder=folder,
-            )
-            for garment_id in ids
-            if garment_id not in known
+        dispatcher = Dispatcher(
+            (
+                Job(
+                    name=garment_id.replace("/", "-"),
+                    request=DropRequest(id=garment_id, partner=partners[garment_id]),
+                )
+                for garment_id in ids
+                if garment_id not in known
+            ),
+            work=Work(
+                factory="dexgarmentlab.bench_assets.attempts:Drops",
+                arguments={"frames": config.frames, "height": config.height},
+            ),
+            workers=workers or Workers(),
+            folder=folder,
+            stop=stop or threading.Event(),
         )
-        with closing(run_each(calls, workers)) as results:
-            for attempt in results:
-                append_line(folder / ATTEMPTS_FILE, attempt.to_line())
+        with closing(dispatcher.run()) as outcomes:
+            for outcome in outcomes:
+                with disk_faults_told():
+                    attempt = _take(outcome, folder)
                 yield attempt
+
+
+def _take(outcome: Outcome, folder: Path) -> Attempt:
+    """Take over where a garment came to lie, and write its line."""
+    attempt = outcome.result
+    if not isinstance(attempt, Attempt):
+        assert isinstance(outcome.job.request, DropRequest)
+        assert outcome.failure is not None
+        error = f"{outcome.failure.reason}: {outcome.failure.detail}"
+        attempt = Attempt(id=outcome.job.request.id, error=error)
+    positions = outcome.folder / POSITIONS_FILE
+    if positions.is_file():
+        path = find_positions(folder, attempt.id)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        positions.replace(path)
+    append_line(folder / ATTEMPTS_FILE, attempt.to_line())
+    return attempt
 
 
 def load_run(folder: Path) -> tuple[dict, list[Attempt]]:

@@ -14,7 +14,7 @@ from dexgarmentlab.bench_collect.rows import (
     make_worker_rows,
 )
 from dexgarmentlab.bench_collect.timed import FACTORY, AttemptTimes
-from dgl_collect import AttemptResult, CollectConfig, Progress, collect
+from dgl_collect import AttemptResult, CollectConfig, Progress, Workers, collect
 from dgl_collect.runner import check_task
 from dgl_physics_bench.rows import Row
 from dgl_tasks.tasks import task_ids
@@ -137,7 +137,7 @@ def make_attempts(
         episodes=count,
         out=folder,
         seed=seed,
-        workers=workers,
+        workers=Workers(count=workers),
         attempt_factory=FACTORY,
         options={"launched": time.time()},
     )

@@ -3,13 +3,14 @@
 import shlex
 import time
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 from dexgarmentlab.cli.collect import format_duration
+from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
     from dexgarmentlab.bench_assets import Attempt, RunConfig
@@ -37,14 +38,13 @@ class AssetsOptions:
     """Categories; all of them when none is named."""
     frames: int = _FRAMES
     """Simulated time, in sixtieths of a second."""
-    workers: int = 1
-    """Processes that drop garments at the same time."""
     resume: bool = False
     """Continue the run in the output folder."""
     report: bool = False
     """Write report.html, with pictures, and table.md into the folder, of what it holds by then."""
     drop: bool = True
     """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it goes on."""
+    workers: Flags = field(default_factory=WorkerFlags)
     json: bool = False
     """Print the rows as JSON."""
 
@@ -58,8 +58,7 @@ class AssetsOptions:
             words += ["--category", *self.category]
         if self.frames != _FRAMES:
             words += ["--frames", self.frames]
-        if self.workers != 1:
-            words += ["--workers", self.workers]
+        words += self.workers.words
         if self.report:
             words += ["--report"]
         return shlex.join(str(word) for word in words)
@@ -97,30 +96,34 @@ def _report(folder: Path, attempts: "list[Attempt]") -> Path:
 def _drop(config: "RunConfig", options: AssetsOptions) -> tuple[list["Attempt"], bool]:
     """Drop garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
     from dexgarmentlab.bench_assets import drop_garments
+    from dgl_collect.workers import stop_signals
 
     done: list[Attempt] = []
     whole, began, found = 0, time.monotonic(), 0
     command = options.command + (" --resume" if options.resume else "")
-    # An interruption inside of the block ends the workers, each after the garment that it has in hand.
     with (
+        stop_signals() as stop,
+        told_how_to_continue(options.command),
         closing(
             drop_garments(
-                config, options.out, workers=options.workers, resume=options.resume, command=command
+                config,
+                options.out,
+                workers=options.workers.make(),
+                resume=options.resume,
+                command=command,
+                stop=stop,
             )
         ) as running,
         console.progress("dropping garments", config.count) as bar,
     ):
-        try:
-            for attempt in running:
-                done.append(attempt)
-                whole += attempt.is_whole
-                seconds = time.monotonic() - began
-                if seconds < 0.5:  # an earlier run has left these
-                    found = len(done)
-                    bar.advance()
-                    continue
-                left = seconds / max(len(done) - found, 1) * (config.count - len(done))
-                bar.advance(note=f"{whole} whole, {format_duration(left)} left")
-        except KeyboardInterrupt:
-            return done, True
-    return done, False
+        for attempt in running:
+            done.append(attempt)
+            whole += attempt.is_whole
+            seconds = time.monotonic() - began
+            if seconds < 0.5:  # an earlier run has left these
+                found = len(done)
+                bar.advance()
+                continue
+            left = seconds / max(len(done) - found, 1) * (config.count - len(done))
+            bar.advance(note=f"{whole} whole, {format_duration(left)} left")
+        return done, stop.is_set()

@@ -3,13 +3,14 @@
 import dataclasses
 import shlex
 import statistics
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
+from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
     from dgl_collect import CollectConfig, Progress, Summary
@@ -36,8 +37,6 @@ class Options:
     """Attempts to make; how many of them succeed is a result."""
     seed: int = 0
     """Seed of the run; every attempt gets its own from it."""
-    workers: int = 1
-    """Processes that make attempts at the same time."""
     resume: bool = False
     """Continue the run in the output folder."""
     look: Literal["studio", "random"] = "studio"
@@ -55,8 +54,7 @@ class Options:
     """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
     robots: Path | None = None
     """Folder of imported robots; see `dgl assets import-robot`."""
-    engine: Literal["local"] = "local"
-    """What runs the workers: processes of this machine."""
+    workers: Flags = field(default_factory=WorkerFlags)
     json: bool = False
     """Write the summary as JSON."""
 
@@ -64,7 +62,7 @@ class Options:
     def command(self) -> str:
         """The command line that asks for the same, without --resume and --json."""
         words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
-        words += ["--workers", self.workers, "--out", self.out]
+        words += [*self.workers.words, "--out", self.out]
         words += ["--look", self.look] if self.look != "studio" else []
         words += ["--matcher", self.matcher] if self.matcher != "exact" else []
         words += ["--record", self.record] if self.record != "stages" else []
@@ -98,7 +96,7 @@ def run(options: Options) -> int:
         task=options.task,
         episodes=options.episodes,
         seed=options.seed,
-        workers=options.workers,
+        workers=options.workers.make(),
         out=options.out,
         resume=options.resume,
         command=options.command + (" --resume" if options.resume else ""),
@@ -114,7 +112,8 @@ def run(options: Options) -> int:
     }
     chosen = {name: value for name, value in told.items() if value is not None}
     config = dataclasses.replace(config, options={**config.options, **chosen})
-    summary, report = collect_with_progress(config)
+    with told_how_to_continue(options.command):
+        summary, report = collect_with_progress(config)
     if options.json:
         console.out_json({**dataclasses.asdict(summary), "report": str(report)})
     else:
@@ -180,8 +179,10 @@ def format_duration(seconds: float) -> str:
 
 def _note(progress: "Progress") -> str:
     """Describe how far a run is: successes, time per attempt, and the time that is left."""
+    waiting = progress.workers_waiting
     if not progress.results:
-        return "making the first attempt" if progress.workers_ready else "building the environment"
+        note = "making the first attempt" if progress.workers_ready else "building the environment"
+        return f"{note}, {waiting} workers wait for a place" if waiting else note
     succeeded = sum(result.success for result in progress.results)
     median = statistics.median(result.seconds for result in progress.results)
     note = f"{succeeded} succeeded, {format_duration(median)} each"
@@ -189,6 +190,8 @@ def _note(progress: "Progress") -> str:
     left = progress.requested - len(progress.results)
     if made > 0 and left > 0:
         note += f", {format_duration(progress.seconds / made * left)} left"
+    if waiting:
+        note += f", {waiting} workers wait for a place"
     return note
 
 

@@ -86,7 +86,8 @@ def clear_previous(folder: Path) -> None:
         ValueError: If the folder holds anything that a demonstration does not write.
     """
     from dexgarmentlab.reports.collection import REPORT_FILE
-    from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, STAGING, SUMMARY_FILE
+    from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, SUMMARY_FILE
+    from dgl_collect.workers.dispatch import STAGING
 
     if not folder.is_dir() or not any(folder.iterdir()):
         return

@@ -4,7 +4,7 @@ import dataclasses
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +12,7 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import format_duration
+from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
     from dexgarmentlab.evaluation.methods import MethodOptions
@@ -45,8 +46,6 @@ class Options:
     """Episodes for each seed."""
     seeds: str = "0,1,2"
     """Seeds of the evaluation, separated by commas."""
-    workers: int = 1
-    """Processes that run episodes at the same time."""
     resume: bool = False
     """Continue the evaluation in the output folder."""
     garments: Literal["both", "train", "test"] = "both"
@@ -68,6 +67,7 @@ class Options:
     """Where policies compute."""
     actions: int = 600
     """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
+    workers: Flags = field(default_factory=WorkerFlags)
     json: bool = False
     """Write the results as JSON."""
 
@@ -75,7 +75,7 @@ class Options:
     def command(self) -> str:
         """The command line that asks for the same, without --resume and --json."""
         words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
-        words += ["--episodes", self.episodes, "--seeds", self.seeds, "--workers", self.workers]
+        words += ["--episodes", self.episodes, "--seeds", self.seeds, *self.workers.words]
         for field in (
             "garments", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
         ):  # fmt: skip
@@ -143,7 +143,8 @@ def run(options: Options) -> int:
                 bar.advance(made - shown, note=f"seed {seed}: {succeeded} of {made} succeeded")  # noqa: B023 - called within this turn
                 shown = made
 
-            summary = collect(config, known_tasks=known_tasks, on_progress=show)
+            with told_how_to_continue(options.command):
+                summary = collect(config, known_tasks=known_tasks, on_progress=show)
             results = read_results(config.out / ATTEMPTS_FILE)
             runs.append(Run(seed=seed, folder=Path(config.out.name), results=results))
             if summary.status == "interrupted":
@@ -178,7 +179,7 @@ def _configure(options: Options, seed: int) -> "CollectConfig":
         task=options.task,
         episodes=options.episodes,
         seed=SEED_OFFSET + seed,
-        workers=options.workers,
+        workers=options.workers.make(),
         out=options.out / f"seed-{seed}",
         resume=options.resume,
         attempt_factory=FACTORY,

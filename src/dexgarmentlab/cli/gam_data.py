@@ -1,14 +1,16 @@
 """`dgl gam data`: training data, made by simulation."""
 
+import shlex
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import format_duration
+from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
     from dgl_collect.gam_data import DataConfig, Made
@@ -38,16 +40,26 @@ class DataOptions:
     """More garments of each category to train on, of which only the flat state is made: that needs no simulation."""
     flat_test: int = 60
     """More garments of each category to measure on, likewise."""
-    workers: int = 1
-    """Processes that make garments at the same time."""
     resume: bool = False
     """Continue the data set in the folder; the other options must be as they were."""
     seed: int = 0
     """Of everything drawn."""
     preview: Path | None = None
     """Write a picture (PNG) of the views of two garments of each category."""
+    workers: Flags = field(default_factory=WorkerFlags)
     json: bool = False
     """Write the summary as JSON."""
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same, without --resume and --json."""
+        words: list[object] = ["dgl", "gam", "data", "--out", self.out]
+        if self.category:
+            words += ["--category", *self.category]
+        for name in ("train", "test", "flat", "flat_test", "seed", "preview"):
+            if (value := getattr(self, name)) != getattr(type(self), name):
+                words += [f"--{name.replace('_', '-')}", value]
+        return shlex.join(str(word) for word in [*words, *self.workers.words])
 
 
 def make_data(options: DataOptions) -> int:
@@ -70,7 +82,9 @@ def make_data(options: DataOptions) -> int:
     else:
         _print(options.out, summary)
     if is_interrupted:
-        console.error(f"interrupted after {len(done)} garments; continue with --resume")
+        console.error(
+            f"interrupted after {len(done)} garments; continue with: {options.command} --resume"
+        )
         return EXIT_INTERRUPTED
     if not summary["garments"]:
         console.error(f"no garment could be made; the reasons are in {options.out}/failures.jsonl")
@@ -132,24 +146,30 @@ def _print(out: Path, summary: dict[str, Any]) -> None:
 def _generate(config: "DataConfig", options: DataOptions) -> tuple[list["Made"], bool]:
     """Make garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
     from dgl_collect.gam_data import generate_data, list_garments
+    from dgl_collect.workers import stop_signals
 
     done: list[Made] = []
     total, began, made_now = len(list_garments(config)), time.monotonic(), 0
     with (
+        stop_signals() as stop,
+        told_how_to_continue(options.command),
         closing(
-            generate_data(config, options.out, workers=options.workers, resume=options.resume)
+            generate_data(
+                config,
+                options.out,
+                workers=options.workers.make(),
+                resume=options.resume,
+                stop=stop,
+            )
         ) as running,
         console.progress("making garments", total) as bar,
     ):
-        try:
-            for made in running:
-                done.append(made)
-                made_now += made.seconds > 0
-                if not made_now:  # an earlier run has left these
-                    bar.advance()
-                    continue
-                left = (time.monotonic() - began) / made_now * (total - len(done))
-                bar.advance(note=f"{format_duration(left)} left")
-        except KeyboardInterrupt:
-            return done, True
-    return done, False
+        for made in running:
+            done.append(made)
+            made_now += made.seconds > 0
+            if not made_now:  # an earlier run has left these
+                bar.advance()
+                continue
+            left = (time.monotonic() - began) / made_now * (total - len(done))
+            bar.advance(note=f"{format_duration(left)} left")
+        return done, stop.is_set()

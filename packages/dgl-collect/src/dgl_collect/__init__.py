@@ -9,6 +9,7 @@ from dgl_collect.episodes import write_episode as write_episode
 from dgl_collect.errors import CollectionError as CollectionError
 from dgl_collect.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_collect.errors import DemonstrationError as DemonstrationError
+from dgl_collect.errors import MachineError as MachineError
 from dgl_collect.errors import NotReplayableError as NotReplayableError
 from dgl_collect.errors import OutputFolderError as OutputFolderError
 from dgl_collect.errors import UnknownTaskError as UnknownTaskError
@@ -25,4 +26,6 @@ from dgl_collect.runner import Progress as Progress
 from dgl_collect.runner import collect as collect
 from dgl_collect.video import VideoWriter as VideoWriter
 from dgl_collect.video import save_png as save_png
+from dgl_collect.workers import Limits as Limits
+from dgl_collect.workers import Workers as Workers
 from dgl_tasks.observation import Observation as Observation

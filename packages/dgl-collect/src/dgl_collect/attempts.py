@@ -1,13 +1,14 @@
-"""What the runner asks of the code that makes one attempt."""
+"""Attempts as jobs of workers, and what is asked of the code that makes one."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Protocol
 
 from dgl_collect.results import AttemptResult
+from dgl_collect.workers import load_callable
 
 
 class AttemptRunner(Protocol):
@@ -47,20 +48,65 @@ class AttemptFactory(Protocol):
         ...
 
 
-def load_factory(dotted_path: str) -> AttemptFactory:
-    """Import an attempt factory.
+@dataclass(frozen=True, kw_only=True)
+class AttemptRequest:
+    """One attempt to make."""
 
-    Args:
-        dotted_path: `module:name`.
+    index: int
+    """Number of the attempt in the run, from 0."""
+    seed: int
+    """Its own seed."""
+    episode_id: str
+    """Stem of its files' names."""
 
-    Raises:
-        ValueError: If the path is not of that form, or names nothing callable.
-        ImportError: If the module cannot be imported.
-    """
-    module_name, _, name = dotted_path.partition(":")
-    if not module_name or not name:
-        raise ValueError(f"attempt_factory must be 'module:name'; got {dotted_path!r}")
-    factory = getattr(importlib.import_module(module_name), name, None)
-    if not callable(factory):
-        raise ValueError(f"attempt_factory must name a callable; {dotted_path!r} is {factory!r}")
-    return cast(AttemptFactory, factory)
+
+class AttemptJobs:
+    """Makes attempts as jobs of a worker, and checks that each outcome is what was asked for."""
+
+    def __init__(
+        self,
+        *,
+        task: str,
+        attempt_factory: str,
+        options: Mapping[str, object],
+        has_episodes: bool,
+    ) -> None:
+        """Build the attempt runner.
+
+        Args:
+            task: Environment id.
+            attempt_factory: `module:name` of an `AttemptFactory`.
+            options: Its options.
+            has_episodes: Whether a success must leave an episode file.
+        """
+        self._runner: AttemptRunner = load_callable(attempt_factory)(task, options)
+        self._has_episodes = has_episodes
+
+    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
+        """Make one attempt; see `dgl_collect.workers.JobRunner`."""
+        result = self._runner.run(
+            attempt_index=request.index,
+            seed=request.seed,
+            out_dir=out_dir,
+            episode_id=request.episode_id,
+        )
+        if (result.index, result.seed) != (request.index, request.seed):
+            raise ValueError(
+                f"result must be of attempt {request.index}, seed {request.seed}; "
+                f"got {result.index}, seed {result.seed}"
+            )
+        if self._has_episodes and result.success and "episode" not in result.files:
+            raise ValueError(f"a success must have an episode file; got {sorted(result.files)}")
+        for kind, name in result.files.items():
+            path = out_dir / name
+            if path.parent != out_dir or path.stem != request.episode_id:
+                raise ValueError(
+                    f"{kind} file must be {request.episode_id}.* in its folder; got {name!r}"
+                )
+            if not path.is_file():
+                raise ValueError(f"{kind} file must exist; {name!r} does not")
+        return result
+
+    def close(self) -> None:
+        """Release the environment."""
+        self._runner.close()

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_collect.files import written_beside
+from dgl_collect.files import write_bytes
 
 FORMAT_VERSION = 1
 DEFAULT_ROBOT = "ur10e+shadow"
@@ -212,7 +212,10 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
     path = Path(path)
     # Fixed bounds of the library's own format make the bytes independent of its default, and v110 is
     # the first whose metadata blocks carry checksums.
-    with written_beside(path) as partial, h5py.File(partial, "w", libver=("v110", "v110")) as file:
+    # Written in memory first: HDF5 crashes where a disk is full.
+    with h5py.File(
+        path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")
+    ) as file:
         file.attrs["format_version"] = FORMAT_VERSION
         file.attrs["task"] = episode.task
         file.attrs["seed"] = episode.seed
@@ -232,6 +235,9 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
             _write_array(file, "commands", episode.commands)
         for name in sorted(episode.extra):
             _write_array(file, f"extra/{name}", episode.extra[name])
+        file.flush()
+        content = file.id.get_file_image()
+    write_bytes(path, content)
     return path
 
 

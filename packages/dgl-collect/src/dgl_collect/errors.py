@@ -53,5 +53,9 @@ class WorkerError(CollectionError):
     """Workers cannot be started, or keep dying; what had finished is kept."""
 
 
+class MachineError(CollectionError):
+    """The machine has failed at something, such as writing to a full disk; what had finished is kept."""
+
+
 class DemonstrationError(CollectionError):
     """A demonstration is missing, or its file is not as it should be."""

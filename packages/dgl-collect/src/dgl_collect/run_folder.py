@@ -5,16 +5,22 @@ from __future__ import annotations
 import dataclasses
 import json
 import logging
-import os
 import shutil
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Literal
 
-from dgl_collect.errors import OutputFolderError
-from dgl_collect.files import append_line, drop_unfinished_line, sync_folder, write_json
-from dgl_collect.processes import check_continued, locked_folder
+from dgl_collect.errors import MachineError, OutputFolderError
+from dgl_collect.files import (
+    append_line,
+    check_continued,
+    disk_faults_told,
+    drop_unfinished_line,
+    locked_folder,
+    sync_folder,
+    write_json,
+)
 from dgl_collect.results import (
     AttemptResult,
     Summary,
@@ -23,12 +29,12 @@ from dgl_collect.results import (
     summarize,
     write_summary,
 )
+from dgl_collect.workers import Machine
 
 logger = logging.getLogger(__name__)
 
 RUN_FORMAT = 1
 RUN_FILE, ATTEMPTS_FILE, SUMMARY_FILE = "run.json", "attempts.jsonl", "summary.json"
-STAGING = ".staging"
 KEPT_OF_FAILURES = ("video", "picture")
 """What is kept of a failed attempt, for people to look at; its episode would only mislead training."""
 
@@ -55,18 +61,19 @@ class RunFolder:
         self._identity = identity
         self._resume = resume
         self._command = command
+        self._content: dict[str, object] = {}  # of run.json
+        self._machines: list[dict[str, object]] = []
         self._held = ExitStack()
 
     def __enter__(self) -> RunFolder:
-        self._make()
         with ExitStack() as stack:
             stack.enter_context(locked_folder(self.path))
-            self._open_run()
+            with disk_faults_told():
+                self._open_run()
             self._held = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        shutil.rmtree(self.path / STAGING, ignore_errors=True)
         self._held.close()
 
     @property
@@ -74,13 +81,16 @@ class RunFolder:
         """The file with one line per attempt."""
         return self.path / ATTEMPTS_FILE
 
-    def staging(self, episode_id: str) -> Path:
-        """Give the folder in which an attempt writes; it is not made yet."""
-        return self.path / STAGING / episode_id
-
-    def log_path(self, worker: int) -> Path:
-        """Give the file that receives what a worker prints."""
-        return self.path / "logs" / f"worker-{worker}.log"
+    def add_machines(self, machines: Iterable[Machine]) -> None:
+        """Remember what workers run on, in `run.json`: other processors may round otherwise."""
+        new = [dataclasses.asdict(machine) for machine in machines]
+        new = [machine for machine in new if machine not in self._machines]
+        if new:
+            self._machines += sorted(new, key=lambda machine: str(machine["host"]))
+            with disk_faults_told():
+                write_json(
+                    self.path / RUN_FILE, {**self._content, "machines": list(self._machines)}
+                )
 
     def commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
         """Take over an attempt's files and write its line, in this order.
@@ -91,7 +101,16 @@ class RunFolder:
 
         Returns:
             The outcome, with files relative to the run's folder.
+
+        Raises:
+            MachineError: If the disk is full; there is no line then.
         """
+        with disk_faults_told():
+            result = self._commit(result, staging)
+        self.results.append(result)
+        return result
+
+    def _commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
         target = "episodes" if result.success else "failed"
         files: dict[str, str] = {}
         for kind, name in result.files.items():
@@ -102,10 +121,8 @@ class RunFolder:
                 files[kind] = f"{target}/{name}"
         if files:
             sync_folder(self.path / target)
-        shutil.rmtree(staging, ignore_errors=True)
         result = dataclasses.replace(result, files=files)
         append_line(self.attempts_path, result.to_line())
-        self.results.append(result)
         return result
 
     def write_summary(
@@ -120,17 +137,16 @@ class RunFolder:
             status=status,
             versions=self.versions,
         )
-        write_summary(self.path / SUMMARY_FILE, summary)
+        with disk_faults_told():
+            write_summary(self.path / SUMMARY_FILE, summary)
         return summary
 
-    def _make(self) -> None:
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            probe = self.path / f".writable-{os.getpid()}"
-            probe.touch()
-            probe.unlink()
-        except OSError as err:
-            raise OutputFolderError(f"cannot write to {self.path}: {err.strerror}") from err
+    def try_to_write_summary(
+        self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
+    ) -> None:
+        """Write `summary.json` on the way out of an error, which is not to be hidden by a full disk."""
+        with suppress(OSError, MachineError):
+            self.write_summary(requested=requested, status=status)
 
     def _open_run(self) -> None:
         run_path = self.path / RUN_FILE
@@ -144,22 +160,22 @@ class RunFolder:
             raise OutputFolderError(
                 f"{self.path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
             )
-        commands: Sequence[object] = []
+        commands: list[object] = []
         if run_path.exists():
             commands = self._check_run(run_path)
             drop_unfinished_line(self.attempts_path)
             self.results = read_results(self.attempts_path)
-        shutil.rmtree(self.path / STAGING, ignore_errors=True)
-        (self.path / "logs").mkdir(exist_ok=True)
         content = {"run_format": RUN_FORMAT, **self._identity, "versions": self.versions}
-        write_json(run_path, {**content, "commands": [*commands, self._command]})
+        self._content = {**content, "commands": [*commands, self._command]}
+        write_json(run_path, {**self._content, "machines": self._machines})
 
-    def _check_run(self, run_path: Path) -> Sequence[object]:
-        """Compare with the run that is there, and give the commands that have made it so far."""
+    def _check_run(self, run_path: Path) -> list[object]:
+        """Compare with the run that is there, take over its machines, and give the commands that have made it so far."""
         try:
             found = json.loads(run_path.read_text(encoding="utf-8"))
             commands = list(found["commands"])
             versions = dict(found["versions"])
+            self._machines = [dict(machine) for machine in found.get("machines", [])]
         except (ValueError, KeyError, TypeError) as err:
             raise OutputFolderError(f"{run_path} cannot be read: {err!r}") from err
         check_continued(self.path, found, {"run_format": RUN_FORMAT, **self._identity})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -10,7 +11,7 @@ import av
 import imageio.v3 as iio
 import numpy as np
 
-from dgl_collect.files import written_beside
+from dgl_collect.files import write_bytes
 
 FRAME_RATE = 12
 """Recorded frames a second: one at every fifth control step of 1/60 s."""
@@ -39,10 +40,11 @@ class VideoWriter:
         self._stack = ExitStack()
         self._file: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
+        self._content = io.BytesIO()
 
     def __enter__(self) -> VideoWriter:
-        partial = self._stack.enter_context(written_beside(self.path))
-        self._file = self._stack.enter_context(av.open(partial, "w"))
+        self._content = io.BytesIO()  # FFmpeg says nothing where a disk is full
+        self._file = self._stack.enter_context(av.open(self._content, "w", format="mp4"))
         self._stack.push(self._finish)  # before the file is closed
         return self
 
@@ -94,6 +96,8 @@ class VideoWriter:
             self._stack.__exit__(kind, error, trace)
         finally:
             self._file = self._stream = None
+        if kind is None:
+            write_bytes(self.path, self._content.getvalue())
 
 
 def save_png(path: Path | str, image: np.ndarray) -> Path:
@@ -108,8 +112,7 @@ def save_png(path: Path | str, image: np.ndarray) -> Path:
     """
     path = Path(path)
     _check_image(image)
-    with written_beside(path) as partial:
-        iio.imwrite(partial, image, extension=".png")
+    write_bytes(path, iio.imwrite("<bytes>", image, extension=".png"))
     return path
 
 

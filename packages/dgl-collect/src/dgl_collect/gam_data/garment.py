@@ -15,13 +15,25 @@ from dgl_gam.data import write_garment
 from dgl_gam.errors import DataError
 from dgl_physics import PhysicsError
 
-__all__ = ["SPACING", "Made", "find_path", "get_versions", "make_garment_data"]
+__all__ = [
+    "FILE",
+    "SPACING",
+    "Entry",
+    "GarmentData",
+    "Made",
+    "find_path",
+    "get_versions",
+    "make_garment_data",
+]
 
 SPACING = 0.021
 """Edge length of cloth [m]: what is seen is up to 13 mm from its vertex, 1 % of a garment; hats and gloves are finer."""
 _OTHER_SPACINGS = (0.022, 0.020)
 """Tried in turn where an outline cannot be filled at that edge length [m]: one garment in several hundred."""
 _SHELLS = ("Baseball_Cap", "Bowl_Hat", "Glove")
+FILE = "garment.safetensors"
+"""Name of a garment's file in the folder of its job."""
+Split = Literal["train", "test"]
 _PACKAGES = ("dgl-collect", "dgl-assets", "dgl-physics")
 
 
@@ -51,38 +63,55 @@ def find_path(folder: Path, garment_id: str) -> Path:
     return folder / f"{garment_id}.safetensors"
 
 
-def make_garment_data(
-    garment_id: str,
-    split: Literal["train", "test"],
-    *,
-    seed: int,
-    folder: Path,
-    is_flat: bool = False,
-) -> Made:
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A garment of a data set."""
+
+    id: str
+    """Of the catalogue."""
+    split: Split
+    """That it belongs to."""
+    is_flat: bool = False
+    """Whether only its flat state is made, which needs no simulation."""
+
+
+class GarmentData:
+    """Makes garments' files as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
+
+    def __init__(self, *, seed: int) -> None:
+        """Remember the seed of the data set."""
+        self._seed = seed
+
+    def run(self, request: Entry, out_dir: Path) -> Made:
+        """Make one garment's file, `FILE`."""
+        return make_garment_data(request, seed=self._seed, path=out_dir / FILE)
+
+    def close(self) -> None:
+        """Nothing is to be released."""
+
+
+def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
     """Make a garment's file, whole or not at all.
 
     Args:
-        garment_id: Of the catalogue.
-        split: That it belongs to.
-        seed: With the id, of everything drawn.
-        folder: Of the data set.
-        is_flat: Whether it has the flat state only, which needs no simulation.
+        entry: Which.
+        seed: With its id, of everything drawn.
+        path: Where the file belongs.
 
     Returns:
         The outcome; a garment that cannot be built, simulated or seen is no exception but an outcome with the reason.
     """
     begin = time.process_time()
-    path = find_path(folder, garment_id)
     try:
-        garment, note = _load(garment_id)
-        states = make_states(garment, seed, is_flat=is_flat)
+        garment, note = _load(entry.id)
+        states = make_states(garment, seed, is_flat=entry.is_flat)
         views = {name: _see(garment, name, states[name], seed) for name in states}
-        _write(path, garment, split, seed, states, views)
+        _write(path, garment, entry.split, seed, states, views)
     except (PhysicsError, AssetError, DataError, ValueError) as err:
         reason = str(err) or type(err).__name__
-        return Made(id=garment_id, error=reason, seconds=time.process_time() - begin)
+        return Made(id=entry.id, error=reason, seconds=time.process_time() - begin)
     seconds = time.process_time() - begin
-    return Made(id=garment_id, note=note, seconds=seconds, bytes=path.stat().st_size)
+    return Made(id=entry.id, note=note, seconds=seconds, bytes=path.stat().st_size)
 
 
 def _load(garment_id: str) -> tuple[Garment, str]:

@@ -1,29 +1,29 @@
-"""A data set: many garments, by one or more processes, which can be interrupted and continued."""
+"""A data set: many garments, by one or more workers, which can be interrupted and continued."""
 
 import json
+import threading
 from collections.abc import Generator
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Literal
 
 from dgl_assets import choose_categories, garment_ids
-from dgl_collect.files import append_line, drop_unfinished_line, write_json
-from dgl_collect.gam_data.garment import (
-    SPACING,
-    Made,
-    find_path,
-    get_versions,
-    make_garment_data,
+from dgl_collect.files import (
+    append_line,
+    check_continued,
+    disk_faults_told,
+    drop_unfinished_line,
+    locked_folder,
+    sync_folder,
+    write_json,
 )
-from dgl_collect.processes import check_continued, locked_folder, run_each
+from dgl_collect.gam_data.garment import FILE, SPACING, Entry, Made, Split, find_path, get_versions
+from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
 
 RUN_FILE, FAILURES_FILE = "run.json", "failures.jsonl"
 _RUN_FORMAT = 1
-Split = Literal["train", "test"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,18 +76,6 @@ class DataConfig:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Entry:
-    """A garment of a data set."""
-
-    id: str
-    """Of the catalogue."""
-    split: Split
-    """That it belongs to."""
-    is_flat: bool
-    """Whether only its flat state is made."""
-
-
 def list_garments(config: DataConfig) -> tuple[Entry, ...]:
     """List the garments of a data set, categories by turns, so that an unfinished run has some of each."""
     counts: dict[Split, tuple[int, int]] = {
@@ -108,7 +96,12 @@ def list_garments(config: DataConfig) -> tuple[Entry, ...]:
 
 
 def generate_data(
-    config: DataConfig, folder: Path, *, workers: int = 1, resume: bool = False
+    config: DataConfig,
+    folder: Path,
+    *,
+    workers: Workers | None = None,
+    resume: bool = False,
+    stop: threading.Event | None = None,
 ) -> Generator[Made, None, None]:
     """Make the garments of a data set that are not there yet.
 
@@ -118,19 +111,19 @@ def generate_data(
     Args:
         config: Which garments.
         folder: Of the data set; missing or empty, unless `resume`.
-        workers: Processes.
+        workers: How many, and where; one of this machine when None.
         resume: Continue the data set in the folder.
+        stop: Ends the run when it is set; see `dgl_collect.workers.stop_signals`.
 
     Yields:
         Garments as they are finished; first those that an earlier run has left, in 0 s. Closing the generator ends the
-        workers, each after the garment that it has in hand.
+        workers.
 
     Raises:
-        ValueError: If `workers` is not positive, or the folder is not empty, busy, or was made with other options.
-        WorkerError: If a process died; what had finished is kept.
+        ValueError: If the folder is not empty, busy, or was made with other options.
+        WorkerError: If workers keep dying; what had finished is kept.
+        MachineError: If a disk is full, or fails; what had finished is kept.
     """
-    if workers < 1:
-        raise ValueError(f"workers must be at least 1; got {workers}")
     with locked_folder(folder):
         failures = _open_run(config, folder, resume=resume)
         left: list[Entry] = []
@@ -142,23 +135,38 @@ def generate_data(
                 yield Made(id=entry.id, bytes=path.stat().st_size)
             else:
                 left.append(entry)
-        calls = (
-            partial(
-                make_garment_data,
-                entry.id,
-                entry.split,
-                seed=config.seed,
-                folder=folder,
-                is_flat=entry.is_flat,
-            )
-            for entry in left
+        dispatcher = Dispatcher(
+            (Job(name=entry.id.replace("/", "-"), request=entry) for entry in left),
+            work=Work(
+                factory="dgl_collect.gam_data.garment:GarmentData", arguments={"seed": config.seed}
+            ),
+            workers=workers or Workers(),
+            folder=folder,
+            stop=stop or threading.Event(),
         )
-        with closing(run_each(calls, workers)) as results:
-            for made in results:
-                if made.error:
-                    failure = {"id": made.id, "reason": made.error}
-                    append_line(folder / FAILURES_FILE, json.dumps(failure))
+        with closing(dispatcher.run()) as outcomes:
+            for outcome in outcomes:
+                with disk_faults_told():
+                    made = _take(outcome, folder)
                 yield made
+
+
+def _take(outcome: Outcome, folder: Path) -> Made:
+    """Take over a garment's file, or write a line that says why there is none."""
+    made = outcome.result
+    if not isinstance(made, Made):
+        assert isinstance(outcome.job.request, Entry)
+        assert outcome.failure is not None
+        error = f"{outcome.failure.reason}: {outcome.failure.detail}"
+        made = Made(id=outcome.job.request.id, error=error, seconds=outcome.seconds)
+    if made.error:
+        append_line(folder / FAILURES_FILE, json.dumps({"id": made.id, "reason": made.error}))
+    else:
+        path = find_path(folder, made.id)
+        path.parent.mkdir(exist_ok=True)
+        (outcome.folder / FILE).replace(path)
+        sync_folder(path.parent)
+    return made
 
 
 def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, str]:
@@ -176,8 +184,6 @@ def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, st
         except (ValueError, TypeError) as err:
             raise ValueError(f"{path} cannot be read: {err}") from err
         check_continued(folder, found, config.identity)
-        for unfinished in folder.glob("*/.*.part"):
-            unfinished.unlink()  # of a run that was killed; the lock says that no other is at work
     else:
         write_json(path, config.identity)
     drop_unfinished_line(folder / FAILURES_FILE)

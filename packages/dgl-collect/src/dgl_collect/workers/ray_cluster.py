@@ -1,0 +1,223 @@
+"""Workers that are actors of a Ray cluster."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dgl_collect.errors import WorkerError
+from dgl_collect.files import write_bytes
+from dgl_collect.workers.engine import Worker, Workers
+from dgl_collect.workers.inside import Workbench
+from dgl_collect.workers.jobs import Job, Lost, Message, Placed, Work
+from dgl_collect.workers.local import CLOSE_SECONDS, ENVIRONMENT, print_to
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What travels back from an actor."""
+
+    message: Message
+    files: Mapping[str, bytes]
+    """Files of the job by name, where they do not lie in the output folder already."""
+    printed: bytes
+    """What the worker has printed since its last answer."""
+
+
+class RemoteWorker:
+    """The actor: one process on some node of the cluster. A call of each of its methods gives one answer."""
+
+    def __init__(self, work: Work, search_path: Sequence[str]) -> None:
+        # A process of this machine inherits where modules are looked for; an actor does not.
+        sys.path += [entry for entry in search_path if entry not in sys.path]
+        self._folder = Path(tempfile.mkdtemp(prefix="dgl-worker-"))
+        self._log, self._log_read = self._folder / "log", 0
+        print_to(self._log)
+        self._bench = Workbench(work)
+
+    def place(self) -> tuple[str, str]:
+        """Give the ids of the node: Ray's, and its name in the network."""
+        import ray
+
+        return ray.get_runtime_context().get_node_id(), socket.gethostname()
+
+    def build(self) -> Answer:
+        """Make the job runner."""
+        return self._answer(self._bench.build())
+
+    def do(self, job: Job, out_dir: Path | None) -> Answer:
+        """Do a job, with files in a folder that every node sees, or in one of this node alone when None."""
+        if out_dir is not None:
+            return self._answer(self._bench.do(job, out_dir))
+        own = self._folder / "job"
+        try:
+            message = self._bench.do(job, own)
+            files = {}
+            if own.is_dir():
+                files = {path.name: path.read_bytes() for path in own.iterdir() if path.is_file()}
+            return self._answer(message, files)
+        finally:
+            shutil.rmtree(own, ignore_errors=True)
+
+    def close(self) -> None:
+        """Release the job runner."""
+        self._bench.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _answer(self, message: Message, files: Mapping[str, bytes] | None = None) -> Answer:
+        with self._log.open("rb") as file:
+            file.seek(self._log_read)
+            printed = file.read()
+        self._log_read += len(printed)
+        return Answer(message=message, files=files or {}, printed=printed)
+
+
+class RayWorker:
+    """The run's side of an actor."""
+
+    def __init__(self, number: int, actor: Any, log_path: Path, *, shared_out: bool) -> None:
+        self.number = number
+        self.has_place = False
+        self.pending: Any = actor.place.remote()
+        """Reference of the answer that is awaited; None while there is nothing to wait for."""
+        self.node = ""
+        """Ray's id of the node that the actor is on; empty until it has a place."""
+        self._actor = actor
+        self._log_path = log_path
+        self._shared_out = shared_out
+        self._out_dir: Path | None = None
+        self._released: Any = None
+
+    def assign(self, job: Job, out_dir: Path) -> None:
+        """Hand over a job; see `Worker`."""
+        self._out_dir = out_dir
+        self.pending = self._actor.do.remote(job, out_dir.resolve() if self._shared_out else None)
+
+    def take(self, answer: Any) -> Message:
+        """Take what an actor has answered."""
+        self.pending = None
+        if not isinstance(answer, Answer):
+            self.node, host = answer
+            self.has_place = True
+            self.pending = self._actor.build.remote()
+            return Placed(host=host)
+        if answer.printed:
+            with self._log_path.open("ab") as file:
+                file.write(answer.printed)
+        for name, content in answer.files.items():
+            assert self._out_dir is not None
+            write_bytes(self._out_dir / Path(name).name, content)
+        return answer.message
+
+    def release(self) -> None:
+        """Let an idle worker end; see `Worker`."""
+        self._released = self._actor.close.remote()
+
+    def kill(self) -> None:
+        """End the actor; see `Worker`."""
+        import ray
+
+        if self._released is not None:
+            ray.wait([self._released], timeout=CLOSE_SECONDS)
+        ray.kill(self._actor)
+
+
+class RayEngine:
+    """Starts actors on a Ray cluster; see `Engine`."""
+
+    def __init__(self, workers: Workers) -> None:
+        """Connect to the cluster, or start one of this machine alone.
+
+        Raises:
+            WorkerError: If Ray is not installed, or there is no cluster at the address.
+        """
+        # Else Ray copies the project to its workers where the command was started by `uv run`.
+        os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        try:
+            import ray
+        except ImportError as err:
+            raise WorkerError(
+                "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, "
+                "or pip install ray"
+            ) from err
+        self._shared_out = workers.shared_out
+        self._is_ours = not ray.is_initialized()
+        if self._is_ours:
+            _connect(ray, workers)
+        options = {
+            "num_cpus": 1,
+            "max_restarts": 0,
+            "scheduling_strategy": "SPREAD",
+            "runtime_env": {"env_vars": ENVIRONMENT},
+        }
+        self._remote = ray.remote(RemoteWorker).options(**options)
+
+    def start(self, number: int, work: Work, log_path: Path) -> RayWorker:
+        """Ask for an actor; it gets its place when the cluster has a processor for it."""
+        actor = self._remote.remote(work, list(sys.path))
+        return RayWorker(number, actor, log_path, shared_out=self._shared_out)
+
+    def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
+        """Wait for a message; see `Engine`."""
+        import ray
+        from ray.exceptions import ObjectLostError, RayActorError, RaySystemError, RayTaskError
+
+        waiting = {w.pending: w for w in workers if isinstance(w, RayWorker) and w.pending}
+        if not waiting:
+            time.sleep(seconds)
+            return []
+        ready, _ = ray.wait(list(waiting), timeout=seconds)
+        if not ready:
+            return []
+        worker = waiting[ready[0]]
+        try:
+            return [(worker, worker.take(ray.get(ready[0])))]
+        except (RayActorError, ObjectLostError) as err:
+            lost_node = bool(worker.node) and not _is_alive(ray, worker.node)
+            how = "its node was lost" if lost_node else _first_line(err)
+            return [(worker, Lost(how=how, with_machine=lost_node))]
+        except RayTaskError as err:  # the result could not be pickled, say
+            return [(worker, Lost(how=_first_line(err.cause or err)))]
+        except RaySystemError as err:
+            raise WorkerError(f"the Ray cluster is gone: {_first_line(err)}") from err
+
+    def close(self) -> None:
+        """Leave the cluster, and end it where it was started here."""
+        import ray
+
+        if self._is_ours:
+            ray.shutdown()
+
+
+def _connect(ray: Any, workers: Workers) -> None:
+    """Connect to the cluster of a run."""
+    common = {"log_to_driver": False, "logging_level": logging.ERROR}
+    try:
+        if workers.address is None:
+            ray.init(num_cpus=workers.count, include_dashboard=False, **common)
+        else:
+            ray.init(address=workers.address, **common)
+    except (ConnectionError, RuntimeError, ValueError) as err:
+        where = "on this machine" if workers.address is None else f"at {workers.address!r}"
+        raise WorkerError(f"there is no Ray cluster {where}: {_first_line(err)}") from err
+
+
+def _is_alive(ray: Any, node: str) -> bool:
+    return any(entry["NodeID"] == node and entry["Alive"] for entry in ray.nodes())
+
+
+def _first_line(err: BaseException) -> str:
+    text = str(err).strip()
+    return text.splitlines()[0] if text else type(err).__name__
