@@ -126,6 +126,7 @@ def test_demo_leaves_other_peoples_folders_alone(fake, tmp_path):
 def test_notes_beside_the_bar():
     def progress(**changes):
         state = {"requested": 4, "resumed": 0, "results": (), "seconds": 0.0, "workers_ready": 0}
+        state["workers_waiting"] = 0
         return dgl_collect.Progress(**(state | changes))
 
     result = AttemptResult(index=0, seed=0, success=True, seconds=30.0)
@@ -134,6 +135,8 @@ def test_notes_beside_the_bar():
     note = collect_verb._note(progress(results=(result,) * 2, seconds=60.0))
     assert note == "2 succeeded, 30 s each, 60 s left"
     assert collect_verb._note(progress(results=(result,), resumed=1)) == "1 succeeded, 30 s each"
+    note = collect_verb._note(progress(results=(result,), resumed=1, workers_waiting=7))
+    assert note == "1 succeeded, 30 s each, 7 workers wait for a place"
 
 
 @pytest.mark.parametrize(

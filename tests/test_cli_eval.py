@@ -16,6 +16,7 @@ import pytest
 
 import dgl_collect
 from dexgarmentlab.cli import eval as verb
+from dexgarmentlab.cli.worker_flags import WorkerFlags
 from dexgarmentlab.evaluation.attempts import choose_split, draw_garment, make_evaluation_runner
 from dexgarmentlab.evaluation.methods import SCRIPTED, MethodOptions, check_method, make_method
 from dexgarmentlab.evaluation.results import Run, summarize
@@ -151,9 +152,15 @@ def test_the_folder_of_a_collection_is_refused(fake, tmp_path):
 
 
 def test_the_command_asks_for_the_same(tmp_path):
-    asked = options(tmp_path / "out", friction=0.0, garments="test", workers=2)
+    asked = options(
+        tmp_path / "out",
+        friction=0.0,
+        garments="test",
+        workers=WorkerFlags(workers=2, engine="ray", address="10.0.0.1:6379"),
+    )
     assert asked.command == (
         "dgl eval FoldTops-v1 --policy nothing --episodes 3 --seeds 0,1 --workers 2 "
+        "--engine ray --address 10.0.0.1:6379 "
         f"--garments test --friction 0.0 --out {tmp_path}/out"
     )
 

@@ -1,5 +1,6 @@
 """Made-up episodes and attempts; a module of its own name, so that worker processes can import it."""
 
+import errno
 import gc
 import os
 import signal
@@ -60,7 +61,9 @@ class FakeRunner:
     def run(self, *, attempt_index, seed, out_dir, episode_id):
         sys.stdout.write(f"attempt {attempt_index} speaks\n")
         save_png(out_dir / f"{episode_id}.png", np.full((8, 8, 3), attempt_index, np.uint8))
-        (out_dir / f"{episode_id}.mp4").write_bytes(b"film")
+        (out_dir / f"{episode_id}.mp4").write_bytes(
+            b"film" + bytes(self.options.get("film_bytes", 0))
+        )
         if self.options.get("tell_garbage"):
             many = gc.get_freeze_count() > 100_000
             sys.stdout.write(f"collects {gc.isenabled()}, passes over many {many}\n")
@@ -73,6 +76,8 @@ class FakeRunner:
             os._exit(3)
         if self._is_first("die_once_at", attempt_index):
             os.kill(os.getpid(), signal.SIGKILL)
+        if self._is_first("fill_disk_once_at", attempt_index):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out_dir / "film"))
         if self._is_first("use_up_memory_once_at", attempt_index):
             raise MemoryError
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
@@ -129,14 +134,15 @@ if __name__ == "__main__":  # a run for the tests that interrupt one
         sys.stdout.write(f"{len(progress.results)}\n")
         sys.stdout.flush()
 
+    address = sys.argv[2] if len(sys.argv) > 2 else None
     summary = collect(
         CollectConfig(
             task="FoldTops-v1",
-            episodes=200,
-            workers=Workers(count=2),
+            episodes=6 if address else 200,
+            workers=Workers(count=2, engine="ray" if address else "local", address=address),
             out=Path(sys.argv[1]),
             attempt_factory=FACTORY,
-            options={"seconds": 0.05},
+            options={"seconds": 0.5 if address else 0.05},
         ),
         known_tasks=KNOWN_TASKS,
         on_progress=tell,

@@ -330,5 +330,3 @@ def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
 def test_wrong_options_are_refused(change, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         DataConfig(**change)
-
-

@@ -1,3 +1,4 @@
+import errno
 import importlib
 import json
 import os
@@ -14,13 +15,16 @@ import pytest
 from dgl_collect import (
     CollectConfig,
     Limits,
+    MachineError,
     OutputFolderError,
     UnknownTaskError,
     WorkerError,
     Workers,
     collect,
     read_episode,
+    run_folder,
 )
+from dgl_collect.files import append_line
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import RunFolder
 from dgl_collect.runner import make_attempt_seed
@@ -133,7 +137,10 @@ def test_resume_makes_only_what_is_missing(run, finished, tmp_path):
 
 def test_resume_of_a_finished_run_starts_no_worker(run, finished_out):
     options = {"tell_garbage": True}
-    assert run(episodes=4, options=options, resume=True, limits=Limits(build_seconds=1e-9)).attempted == 4
+    assert (
+        run(episodes=4, options=options, resume=True, limits=Limits(build_seconds=1e-9)).attempted
+        == 4
+    )
     assert len(json.loads((finished_out / "run.json").read_text())["commands"]) == 2
 
 
@@ -205,6 +212,62 @@ def test_memory_that_is_used_up_is_no_result_of_the_attempt(run, finished, tmp_p
     ]
 
 
+def test_a_full_disk_ends_the_run_and_is_no_result(run, finished, tmp_path):
+    options = {"fill_disk_once_at": [1], "marks": str(tmp_path)}
+    with pytest.raises(MachineError, match=r"the disk is full: .*film"):
+        run(episodes=4, options=options)
+    assert [result.index for result in results_of(tmp_path / "out")] == [0]
+    assert json.loads((tmp_path / "out/summary.json").read_text())["status"] == "failed"
+    assert run(episodes=4, options=options, resume=True).attempted == 4
+    assert [facts(a) for a in results_of(tmp_path / "out")] == [
+        facts(b) for b in results_of(finished[0])
+    ]
+
+
+def test_a_line_that_finds_no_room_is_taken_back(run, tmp_path, monkeypatch):
+    lines = []
+
+    def append(path, line):
+        if len(lines) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        lines.append(line)
+        append_line(path, line)
+
+    monkeypatch.setattr(run_folder, "append_line", append)
+    with pytest.raises(MachineError, match="the disk is full"):
+        run(episodes=4)
+    monkeypatch.undo()
+    assert len(results_of(tmp_path / "out")) == 2
+    sys.path.insert(0, str(Path(__file__).parent))  # undone too
+    assert run(episodes=4, resume=True).attempted == 4
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of 3 MB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(folder)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small disk needs rights")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def test_a_small_disk_loses_nothing_and_the_run_goes_on_elsewhere(
+    run, finished, small_disk, tmp_path
+):
+    with pytest.raises(MachineError, match="the disk is full"):
+        run(out=small_disk / "out", episodes=4, options={"film_bytes": 800_000})
+    done = results_of(small_disk / "out")
+    assert 1 <= len(done) < 4
+    for result in done:
+        assert all((small_disk / "out" / path).is_file() for path in result.files.values())
+    moved = shutil.copytree(small_disk / "out", tmp_path / "out")
+    assert run(out=moved, episodes=4, options={"film_bytes": 800_000}, resume=True).attempted == 4
+    assert [facts(a) for a in results_of(moved)] == [facts(b) for b in results_of(finished[0])]
+
+
 def test_an_attempt_that_hangs_is_ended(run, tmp_path):
     run(episodes=2, options={"hang_at": [0]}, limits=Limits(job_seconds=1.5))
     late, fine = results_of(tmp_path / "out")
@@ -229,7 +292,9 @@ def test_an_environment_that_cannot_be_built_ends_the_run(run, tmp_path):
     with pytest.raises(WorkerError, match="cannot be built: RuntimeError: no Vulkan device"):
         run(options={"fail_when_built": True})
     with pytest.raises(WorkerError, match="exit status 4"):
-        run(out=tmp_path / "b", options={"exit_when_built": True}, limits=Limits(crashes_in_a_row=1))
+        run(
+            out=tmp_path / "b", options={"exit_when_built": True}, limits=Limits(crashes_in_a_row=1)
+        )
 
 
 def test_a_success_without_its_episode_is_not_a_success(run, tmp_path):

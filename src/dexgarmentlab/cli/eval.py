@@ -76,12 +76,12 @@ class Options:
         """The command line that asks for the same, without --resume and --json."""
         words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
         words += ["--episodes", self.episodes, "--seeds", self.seeds, *self.workers.words]
-        for field in (
+        for name in (
             "garments", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
         ):  # fmt: skip
-            value = getattr(self, field)
-            if value != getattr(type(self), field):
-                words += [f"--{field}", value]
+            value = getattr(self, name)
+            if value != getattr(type(self), name):
+                words += [f"--{name}", value]
         return shlex.join(str(word) for word in [*words, "--out", self.out])
 
 

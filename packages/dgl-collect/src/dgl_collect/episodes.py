@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -213,9 +214,8 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
     # Fixed bounds of the library's own format make the bytes independent of its default, and v110 is
     # the first whose metadata blocks carry checksums.
     # Written in memory first: HDF5 crashes where a disk is full.
-    with h5py.File(
-        path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")
-    ) as file:
+    content = io.BytesIO()
+    with h5py.File(content, "w", libver=("v110", "v110")) as file:
         file.attrs["format_version"] = FORMAT_VERSION
         file.attrs["task"] = episode.task
         file.attrs["seed"] = episode.seed
@@ -235,9 +235,7 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
             _write_array(file, "commands", episode.commands)
         for name in sorted(episode.extra):
             _write_array(file, f"extra/{name}", episode.extra[name])
-        file.flush()
-        content = file.id.get_file_image()
-    write_bytes(path, content)
+    write_bytes(path, content.getvalue())
     return path
 
 

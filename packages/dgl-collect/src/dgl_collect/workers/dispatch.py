@@ -229,7 +229,8 @@ class Dispatcher:
                     f"the environment cannot be built: {reason} (see {self._folder / post.log})"
                 )
             case MachineFault(reason=reason):
-                raise MachineError(reason + (f", on {post.host}" if post.host else ""))
+                where = f"on {post.host}" if post.host else f"at work in {self._folder}"
+                raise MachineError(f"{reason}, {where}")
             case Lost(how=how, with_machine=with_machine):
                 return self._lose(engine, post, how, with_machine=with_machine)
             case Done(result=result, seconds=seconds) if post.job is not None:
@@ -263,9 +264,7 @@ class Dispatcher:
                 f"{machine.host} has other packages: {told}; install the same on every node"
             )
 
-    def _lose(
-        self, engine: Engine, post: _Post, how: str, *, with_machine: bool
-    ) -> Outcome | None:
+    def _lose(self, engine: Engine, post: _Post, how: str, *, with_machine: bool) -> Outcome | None:
         """Note that a worker is gone: its job is done again, or has failed after too many times."""
         post.worker.kill()
         if fault := describe_full_disk(self._folder):
@@ -275,9 +274,7 @@ class Dispatcher:
         if with_machine and job is not None:
             self._machine_losses[job.name] += 1
             if self._machine_losses[job.name] >= self._limits.machines:
-                raise WorkerError(
-                    f"{job.name}: its machine was lost {self._limits.machines} times"
-                )
+                raise WorkerError(f"{job.name}: its machine was lost {self._limits.machines} times")
             self._left.append(job)
         elif job is not None:
             self._crashes[job.name] += 1

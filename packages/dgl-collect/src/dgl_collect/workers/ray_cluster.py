@@ -23,6 +23,9 @@ from dgl_collect.workers.local import CLOSE_SECONDS, ENVIRONMENT, print_to
 
 logger = logging.getLogger(__name__)
 
+CONNECT_SECONDS = 10.0
+"""How long the head of a cluster may take to answer [s]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
@@ -208,10 +211,22 @@ def _connect(ray: Any, workers: Workers) -> None:
         if workers.address is None:
             ray.init(num_cpus=workers.count, include_dashboard=False, **common)
         else:
+            _knock(workers.address)
             ray.init(address=workers.address, **common)
-    except (ConnectionError, RuntimeError, ValueError) as err:
+    except (OSError, RuntimeError, ValueError) as err:
         where = "on this machine" if workers.address is None else f"at {workers.address!r}"
         raise WorkerError(f"there is no Ray cluster {where}: {_first_line(err)}") from err
+
+
+def _knock(address: str) -> None:
+    """See whether anything answers at an address; Ray itself would try for five minutes.
+
+    Raises:
+        OSError: If nothing does.
+    """
+    host, _, port = address.rpartition(":")
+    if host and port.isdecimal() and "/" not in host:
+        socket.create_connection((host, int(port)), timeout=CONNECT_SECONDS).close()
 
 
 def _is_alive(ray: Any, node: str) -> bool:

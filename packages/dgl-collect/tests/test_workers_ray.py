@@ -1,0 +1,155 @@
+"""Workers on a Ray cluster: the same files as on one machine, whatever is lost on the way."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from dgl_collect import CollectConfig, Limits, WorkerError, Workers, collect
+from dgl_collect.results import read_results
+from dgl_collect.workers import dispatch
+
+pytest.importorskip("ray")
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A cluster of a head without processors and two nodes of one each, all on this machine."""
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
+    for _ in range(2):
+        cluster.add_node(num_cpus=1)
+    yield cluster
+    cluster.shutdown()
+
+
+@pytest.fixture
+def run(tmp_path, fakes, cluster):
+    def go(out=tmp_path / "out", on_progress=None, **changes):
+        settings = {
+            "task": "FoldTops-v1",
+            "episodes": 6,
+            "attempt_factory": fakes.FACTORY,
+            "workers": Workers(count=2, engine="ray", address=cluster.address),
+        }
+        config = CollectConfig(out=out, **(settings | changes))
+        return collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=on_progress)
+
+    return go
+
+
+@pytest.fixture
+def local(run, tmp_path):
+    """The files of the same run by one process of this machine, by their paths."""
+    out = tmp_path / "local"
+    run(out=out, workers=Workers())
+    return files_of(out)
+
+
+def files_of(out):
+    return {
+        str(path.relative_to(out)): path.read_bytes()
+        for folder in ("episodes", "failed")
+        for path in (out / folder).glob("*")
+    }
+
+
+def test_a_cluster_gives_the_files_of_one_machine(run, local, tmp_path):
+    summary = run()
+    assert summary.status == "complete"
+    assert files_of(tmp_path / "out") == local
+    log = "".join(path.read_text() for path in (tmp_path / "out/logs").glob("*.log"))
+    assert all(f"attempt {index} speaks" in log for index in range(6))
+
+
+def test_workers_may_write_where_every_node_sees_it(run, local, tmp_path, cluster):
+    workers = Workers(count=2, engine="ray", address=cluster.address, shared_out=True)
+    run(workers=workers)
+    assert files_of(tmp_path / "out") == local
+
+
+def test_a_killed_worker_loses_no_attempt(run, local, tmp_path):
+    options = {"die_once_at": [0, 3], "marks": str(tmp_path)}
+    assert run(options=options).attempted == 6
+    assert files_of(tmp_path / "out") == local
+
+
+def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_path):
+    summary = run(options={"exit_at": [1]})
+    assert dict(summary.reasons)["worker crashed"] == 1
+    assert ", 3 times (see logs/worker-" in read_results(tmp_path / "out/attempts.jsonl")[1].detail
+
+
+def test_an_attempt_that_hangs_is_ended(run, tmp_path):
+    run(episodes=2, options={"hang_at": [0]}, limits=Limits(job_seconds=1.5))
+    late, fine = read_results(tmp_path / "out/attempts.jsonl")
+    assert (late.reason, fine.reason == "time limit") == ("time limit", False)
+
+
+def test_a_lost_node_loses_no_attempt(run, local, tmp_path, cluster):
+    """The node goes while each worker is in the middle of an attempt; another one comes."""
+    was_removed = False
+
+    def remove(progress):
+        nonlocal was_removed
+        if len(progress.results) >= 2 and not was_removed:
+            was_removed = True
+            cluster.remove_node(next(iter(cluster.worker_nodes)), allow_graceful=False)
+            cluster.add_node(num_cpus=1)
+
+    summary = run(options={"seconds": 1.5}, on_progress=remove)
+    assert was_removed
+    assert (summary.status, summary.attempted) == ("complete", 6)
+    assert "worker crashed" not in summary.reasons
+    assert files_of(tmp_path / "out") == local
+
+
+def test_more_workers_than_places_wait_and_are_told(run, cluster):
+    told = []
+    workers = Workers(count=3, engine="ray", address=cluster.address)
+    run(
+        workers=workers,
+        options={"seconds": 0.5},
+        on_progress=lambda progress: told.append(
+            (progress.workers_ready, progress.workers_waiting)
+        ),
+    )
+    assert (2, 1) in told
+
+
+def test_nodes_with_other_packages_are_refused(run, monkeypatch):
+    monkeypatch.setattr(dispatch, "package_versions", lambda: {"dgl-collect": "9.9"})
+    with pytest.raises(WorkerError, match=r"has other packages: .*dgl-collect .* \(here 9\.9\)"):
+        run()
+
+
+def test_a_cluster_that_is_not_there_is_told(run):
+    with pytest.raises(WorkerError, match=r"there is no Ray cluster at '127\.0\.0\.1:1'"):
+        run(workers=Workers(engine="ray", address="127.0.0.1:1"))
+
+
+def test_a_killed_run_goes_on(run, local, tmp_path, fakes, cluster):
+    out = tmp_path / "out"
+    command = [sys.executable, fakes.__file__, str(out), cluster.address]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        for line in process.stdout:
+            if line.strip().isdigit() and int(line) >= 2:
+                break
+        process.send_signal(signal.SIGKILL)
+    done = len(read_results(out / "attempts.jsonl"))
+    assert 2 <= done < 6
+    deadline = time.monotonic() + 60  # the cluster ends the actors of a driver that is gone
+    while True:
+        try:
+            summary = run(resume=True, options={"seconds": 0.5})
+            break
+        except WorkerError:
+            assert time.monotonic() < deadline
+    assert (summary.status, summary.attempted) == ("complete", 6)
+    assert files_of(out) == local
+    shutil.rmtree(out)
