@@ -141,21 +141,15 @@ def test_a_guard_that_is_off_says_nothing(run, sheet, builder):
     assert r.x.min() > 100.0  # far outside, and no error
 
 
-def test_too_many_neighbours_are_not_dropped_in_silence(run, sheet):
-    builder = ModelBuilder(2)
-    vertices, faces = sheet(0.05, 0.05, 0.0125)
-    for env, layers in enumerate((1, 4)):
-        for k in range(layers):
-            builder.add_garment(np.add(vertices, [0, 0, 0.004 * k]), faces, env=env)
-    run(builder, neighbour_capacity=24).step()
-    with pytest.raises(ContactOverflowError, match=r"\[1\].*neighbour_capacity \(2\)"):
-        run(builder, neighbour_capacity=2).step()
-
-
-def test_too_many_shapes_are_not_dropped_in_silence(run, sheet, builder):
+def test_lists_that_may_not_grow_are_told(run, sheet, builder):
     builder.add_garment(*sheet(0.05, 0.05, 0.0125, height=0.01))
     for _ in range(3):
         builder.add_ground()
-    run(builder, near_capacity=3).step()
-    with pytest.raises(ContactOverflowError, match=r"near_capacity \(2\)"):
-        run(builder, near_capacity=2).step()
+    with pytest.raises(ContactOverflowError, match=r"shapes .* need 4\.\d+e-07 GiB.* allows 1e-07"):
+        run(builder, near_capacity=2, list_memory=1e-7).step()
+    builder = ModelBuilder(1)
+    vertices, faces = sheet(0.05, 0.05, 0.0125)
+    for k in range(4):
+        builder.add_garment(np.add(vertices, [0, 0, 0.004 * k]), faces)
+    with pytest.raises(ContactOverflowError, match=r"neighbours .* allows 1e-07"):
+        run(builder, neighbour_capacity=2, list_memory=1e-7).step()

@@ -254,7 +254,8 @@ def test_a_garment_inside_the_box_is_a_success(settled):
     outcome = settled.evaluate()
     assert float(outcome["success_value"]) == 1.0
     assert outcome["success"]
-    assert float(settled.get_reward(None, None, outcome)) == 1.0
+    reward = settled.get_reward(None, None, outcome)
+    assert (float(reward), reward.dtype) == (1.0, torch.float32)
     put_particles(settled, half_out)
     outcome = settled.evaluate()
     assert float(outcome["success_value"]) < 0.85

@@ -373,6 +373,30 @@ def test_shortfalls_name_all_that_is_not_met_and_nothing_else():
     )
 
 
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: HangsOver(place="bar.target", sideways=-0.05), "sideways must be a finite number"),
+        (lambda: HangsOver(place="bar.target", sideways=np.nan), "sideways .*; got nan"),
+        (lambda: HangsOver(place="bar.target", sideways="5cm"), "sideways .*; got '5cm'"),
+        (
+            lambda: HangsOver(place="bar.target", sideways=0.1, on_ground=2),
+            r"on_ground .* \[0, 1\]",
+        ),
+        (lambda: HangsOver(place="bar.target", sideways=0.1, below=-1), "below must be a finite"),
+        (
+            lambda: RestsOn(place="stand.top", within=0.1, lower=3),
+            r"lower must be in \[0, 1\]; got 3",
+        ),
+        (lambda: SitsOn(place="head.top", within=np.inf, leaning=1), "within .*; got inf"),
+        (lambda: CoversFlatArea(tolerance=-0.1), r"tolerance must be in \[0, 1\]"),
+    ],
+)
+def test_rules_that_nothing_can_meet_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
 def test_a_verdict_of_nothing_is_refused():
     with pytest.raises(ValueError, match="at least one criterion; got none"):
         Verdict(criteria=())

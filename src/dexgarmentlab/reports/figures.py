@@ -194,7 +194,7 @@ def meter(criterion: Criterion) -> str:
 def time_bar(stage_seconds: Mapping[str, float], total: float) -> str:
     """Draw how the time of an attempt divides into its stages and the rest."""
     rest = max(0.0, total - sum(stage_seconds.values()))
-    parts = [*stage_seconds.items(), ("writing the files", rest)]
+    parts = [*stage_seconds.items(), ("all else", rest)]
     whole = max(sum(seconds for _, seconds in parts), 1e-9)
     bars = "".join(
         f'<i class="part{number % 4}" style="width:{seconds / whole:.2%}"></i>'

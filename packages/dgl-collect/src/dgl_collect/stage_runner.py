@@ -73,6 +73,7 @@ class _Course:
         self._carried_out: set[str] = set()
         self._skipped: set[str] = set()
         self._round = 1
+        self._is_begun = True  # whether a stage of the round has begun
         self._is_held = True
 
     def perform(self) -> Part:
@@ -82,8 +83,7 @@ class _Course:
             stages = self.stages
             if self._round > 1:
                 stages = tuple(stage for stage in self.stages if stage.again)
-                names = tuple(stage.name for stage in stages)
-                yield from self.hands.mark(BeginsAgain(what="round", stages=names))
+                self._is_begun = False
                 if (
                     stages == self.stages
                 ):  # else how the garment lay at first says where it has to go
@@ -112,6 +112,10 @@ class _Course:
             if stage.when is not None and not (yield from self._meets(stage, stage.when)):
                 skipped.add(stage.name)
                 continue
+            if not self._is_begun:  # a round that needs no stage is none
+                self._is_begun = True
+                names = tuple(other.name for other in stages if other.name not in skipped)
+                yield from self.hands.mark(BeginsAgain(what="round", stages=names))
             try:
                 hold = yield from self._run_stage(stage)
             except UnreachableError as err:

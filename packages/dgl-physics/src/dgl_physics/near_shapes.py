@@ -5,6 +5,7 @@ import warp as wp
 
 from dgl_physics._kernels import rigid
 from dgl_physics._kernels.types import Limits
+from dgl_physics.contact_lists import grow_list
 from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.solver_config import SolverConfig
@@ -87,6 +88,16 @@ class NearShapes:
                 self.near_count, self.near_bodies, self._overflow,
             ],
         )  # fmt: skip
+
+    def grow(self) -> None:
+        """Make room for twice as many shapes near each particle; what is near is to be found anew.
+
+        Raises:
+            ContactOverflowError: If that takes more memory than is allowed.
+        """
+        size = grow_list("shapes", self.near.size, self._config.list_memory)
+        self._limits.near_capacity *= 2
+        self.near = wp.zeros(size, dtype=wp.int32, device=self._model.device)
 
     def pose(self, state: State, fraction: float) -> None:
         """Pose the active shapes at a fraction of the frame; what was their pose is the one before."""

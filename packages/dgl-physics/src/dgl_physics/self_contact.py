@@ -5,6 +5,7 @@ import warp as wp
 
 from dgl_physics._kernels import selfcontact
 from dgl_physics._kernels.types import Limits
+from dgl_physics.contact_lists import grow_list
 from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.solver_config import SolverConfig
@@ -86,6 +87,21 @@ class SelfContact:
                 self._overflow,
             ],
         )  # fmt: skip
+
+    def grow(self) -> None:
+        """Make room for twice as many neighbours of each particle; those that were stirred are to be searched for anew.
+
+        Raises:
+            ContactOverflowError: If that takes more memory than is allowed.
+        """
+        device, count = self._model.device, len(self._neighbour_count)
+        capacity = self._limits.neighbour_capacity
+        size = grow_list("neighbours", count * capacity, self._config.list_memory)
+        rows = np.zeros((count, 2 * capacity), dtype=np.int32)
+        rows[:, :capacity] = self._neighbours.numpy()[: count * capacity].reshape(count, capacity)
+        self._limits.neighbour_capacity = 2 * capacity
+        self._neighbours = wp.zeros(size + 8, dtype=wp.int32, device=device)
+        wp.copy(self._neighbours, wp.array(rows.ravel(), dtype=wp.int32, device=device))
 
     def solve(
         self,

@@ -17,7 +17,7 @@ from dgl_physics._kernels import (
 from dgl_physics.coarse_step import CoarseStep
 from dgl_physics.edge_contact import EdgeContact
 from dgl_physics.elastic_step import ElasticStep
-from dgl_physics.errors import ContactOverflowError, SimulationDivergedError
+from dgl_physics.errors import SimulationDivergedError
 from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.near_shapes import NearShapes
@@ -84,7 +84,7 @@ class SolverXPBD:
 
         Raises:
             SimulationDivergedError: If a particle is not finite or left the space (100 m).
-            ContactOverflowError: If a contact list was too short.
+            ContactOverflowError: If a contact list would need more memory than is allowed.
         """
         c = self.config
         substeps = range(c.substeps)
@@ -94,10 +94,11 @@ class SolverXPBD:
                 self._graphs, self._graph_state = {}, state
             if state.is_any_set:
                 self._forget(state)
+            self._find_near()
             self._replay("begin", self._begin_frame)
             for part in () if self._is_asleep() else parts:
                 if self._needs_search():
-                    self._replay("search", lambda: self._contact.search(self._state))
+                    self._search()
                 self._replay(f"substeps {part}", lambda part=part: self._run_substeps(part))
             self._replay("end", self._end_frame)
         self.frame += 1
@@ -113,6 +114,33 @@ class SolverXPBD:
             self._graphs[name] = capture.graph  # pyright: ignore[reportArgumentType]
         else:
             wp.capture_launch(self._graphs[name])
+
+    def _find_near(self) -> None:
+        """List the shapes that may be touched within the frame, in lists that are long enough."""
+        self._replay("near", lambda: self._near.find(self._state))
+        while self._has_overflowed():
+            self._near.grow()
+            self._graphs.clear()
+            self._replay("near", lambda: self._near.find(self._state))
+
+    def _search(self) -> None:
+        """List the particles near each other, in lists that are long enough.
+
+        A list that was too short changes nothing but itself, so that what comes out is what longer lists had given from the
+        start.
+        """
+        self._replay("search", lambda: self._contact.search(self._state))
+        while self._has_overflowed():
+            self._contact.grow()
+            self._graphs.clear()
+            self._replay("search", lambda: self._contact.search(self._state))
+
+    def _has_overflowed(self) -> bool:
+        """Ask whether an entry found no room, and forget it."""
+        if not self.config.is_guarded or not self._overflow.numpy().any():
+            return False
+        self._overflow.zero_()
+        return True
 
     @property
     def _state(self) -> State:
@@ -132,7 +160,6 @@ class SolverXPBD:
 
     def _begin_frame(self) -> None:
         m, state = self.model, self._state
-        self._near.find(state)
         self._edge_contact.find()
         count = m.env_count * m.particles_per_env
         wp.launch(
@@ -248,7 +275,7 @@ class SolverXPBD:
         wp.copy(self._inverse_mass, m.inverse_mass)
         crowd = wp.clone(state.crowd)
         self._contact.mark_stirred(state)
-        self._contact.search(state)
+        self._search()
         dt = self.config.dt / self.config.substeps
         self._contact.solve(state, dt, self._inverse_mass, self._previous, share=0.0)
         wp.launch(
@@ -309,11 +336,3 @@ class SolverXPBD:
         if len(diverged):
             self._flag.zero_()
             raise SimulationDivergedError(self.frame, [int(e) for e in diverged])
-        overflow = np.flatnonzero(self._overflow.numpy())
-        if len(overflow):
-            self._overflow.zero_()
-            raise ContactOverflowError(
-                f"contact lists overflowed in environment(s) {overflow.tolist()} at frame "
-                f"{self.frame}; raise neighbour_capacity ({self.config.neighbour_capacity}) or "
-                f"near_capacity ({self.config.near_capacity}) of SolverConfig"
-            )

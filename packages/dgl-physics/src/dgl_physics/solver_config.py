@@ -25,9 +25,11 @@ class SolverConfig:
     """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
     far a particle may move without a search."""
     neighbour_capacity: int = 256
-    """Most particles of higher index that a particle can be near to."""
+    """Particles of higher index that a particle can be near to, to begin with: lists that are too short grow; >= 1."""
     near_capacity: int = 96
-    """Most shapes that a particle can be near to."""
+    """Shapes that a particle can be near to, likewise; >= 1."""
+    list_memory: float = 2.0
+    """Most memory that either kind of lists may grow to [GiB]; > 0."""
     sleep_distance: float = 1.5e-3
     """Cloth is still while its particles stay this near to where they were, as the root of the mean square
     over an environment [m]; 0 for cloth that never sleeps."""
@@ -42,7 +44,8 @@ class SolverConfig:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     """[m/s^2], world frame."""
     is_guarded: bool = True
-    """Raise when particles diverge or contact capacities overflow, looked at after each frame."""
+    """Raise when particles diverge, and let lists grow that are too short. Without it neither is looked at, and contacts
+    that find no room are left out."""
     cpu_code: CpuCode = "auto"
     """Code that a CPU runs: "vector" does eight constraints at a time, "warp" one; "auto" takes vector code where the CPU has
     AVX2 and FMA or is an Arm of 64 bits, and says so in the log where it has not. Both give the same results, to the bit."""
@@ -63,6 +66,11 @@ class SolverConfig:
             raise ValueError(
                 f"cpu_code must be one of {list(get_args(CpuCode))}; got {self.cpu_code!r}"
             )
+        for name in ("neighbour_capacity", "near_capacity"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be >= 1; got {getattr(self, name)}")
+        if not self.list_memory > 0:
+            raise ValueError(f"list_memory must be > 0; got {self.list_memory}")
         if self.search_every < 1:
             raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 

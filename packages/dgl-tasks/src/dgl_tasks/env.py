@@ -423,6 +423,10 @@ class GarmentEnv(BaseEnv):
             speed=self.measure_speed(),
         )
 
+    def compute_sparse_reward(self, obs: Any, action: torch.Tensor, info: dict) -> torch.Tensor:
+        """Reward of 1 where the task is done, else 0, shape (1,)."""
+        return info["success"].float()
+
     def compute_dense_reward(self, obs: Any, action: torch.Tensor, info: dict) -> torch.Tensor:
         """Reward in [0, 4], shape (1,)."""
         return torch.tensor([self.compute_reward_terms().dense], device=self.device)

@@ -1,8 +1,9 @@
 """Success rules: pure functions of a scene, which give named criteria with what was measured."""
 
+import math
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal, Protocol
 
 import numpy as np
@@ -175,6 +176,22 @@ def compute_box_share(points: np.ndarray, box: Box) -> float:
     return float(inside.mean())
 
 
+def _check_numbers(rule: object, *shares: str) -> None:
+    """Check that a rule's numbers are finite and not negative, and that shares are at most 1.
+
+    Raises:
+        ValueError: If one is not.
+    """
+    for declared in fields(rule):  # pyright: ignore[reportArgumentType] - rules are dataclasses
+        value = getattr(rule, declared.name)
+        if declared.type not in (float, float | None) or value is None:
+            continue
+        most = 1.0 if declared.name in shares else math.inf
+        if not (isinstance(value, (int, float)) and 0 <= value <= most and math.isfinite(value)):
+            allowed = "in [0, 1]" if most == 1.0 else "a finite number of at least 0"
+            raise ValueError(f"{declared.name} must be {allowed}; got {value!r}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ShareInBox:
     """Enough of what is seen from above lies inside a box of key points of the garment before it was touched."""
@@ -192,6 +209,9 @@ class ShareInBox:
     threshold: float
     """Least share of the visible area, in [0, 1]."""
     frames: tuple[str, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, "threshold")
 
     @property
     def landmarks(self) -> tuple[str, ...]:
@@ -229,6 +249,9 @@ class CoversFlatArea:
     landmarks: tuple[str, ...] = field(default=(), init=False)
     frames: tuple[str, ...] = field(default=(), init=False)
 
+    def __post_init__(self) -> None:
+        _check_numbers(self, "tolerance")
+
     def __call__(self, view: SceneView) -> Verdict:
         """Compare the covered area with the flat one."""
         ratio = compute_covered_area(view.top) / view.flat_area
@@ -248,6 +271,9 @@ class AtPlace:
     place: str
     """The object's place, such as "hanger.target"."""
     landmarks: tuple[str, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        _check_numbers(self)
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -274,6 +300,9 @@ class HangsOver(AtPlace):
     """Largest share of the garment that may lie there (original code)."""
     over: float = 0.08
     """How far the garment's highest part may be from the place in y and z [m]."""
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, "on_ground")
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure what lies on the ground, how far off the middle hangs, and where the garment's top is."""
@@ -313,6 +342,9 @@ class RestsOn(AtPlace):
     """Largest share of the garment that may be lower than the place: what is wider than the object hangs over its edges."""
     margin: float = 0.01
     """By how much it may be lower without being counted [m]."""
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, "lower")
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure how far off the garment's middle is, and how much of it is lower than the place."""
