@@ -461,7 +461,10 @@ def test_a_stage_is_begun_when_its_condition_is_met(make_world, when, course):
 def test_a_round_in_which_no_stage_begins_is_not_counted(make_world):
     world = make_world()
     rule = Rule(0.6, 0.6, 0.6)
-    stages = (make_stage("one", when="round == 1 or round == 3"), make_stage("two", when="round == 1"))
+    stages = (
+        make_stage("one", when="round == 1 or round == 3"),
+        make_stage("two", when="round == 1"),
+    )
     world.run(make_runner(make_demonstration(*stages, rounds=3), rule=rule))
     assert get_repeats(world) == [("round", ("one", "two"))]  # the third
 

@@ -41,9 +41,14 @@ class Options:
     """Continue the run in the output folder."""
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
-    matcher: Literal["exact", "gam"] = "exact"
+    garment: Path | None = None
+    """A garment of your own for every attempt, instead of the catalogue's: a mesh file, which is imported, or a folder that
+    `dgl assets import` has made. It is judged by its key points, and where it has none by those that the affordance model
+    finds."""
+    matcher: Literal["exact", "gam"] | None = None
     """What finds the demonstrated points: the generator's correspondence, which knows the simulated garment, or
-    the Garment Affordance Model, which sees its cloud alone."""
+    the Garment Affordance Model, which sees its cloud alone. Exact for the catalogue's garments, gam for your own, when not
+    given."""
     record: Literal["stages", "approaches"] = "stages"
     """What episodes hold: the stages, from the grasp points on; or these and the hands' approaches before them, which
     policies that work without grasp points have to learn."""
@@ -64,7 +69,8 @@ class Options:
         words = ["dgl", "collect", self.task, "--episodes", self.episodes, "--seed", self.seed]
         words += [*self.workers.words, "--out", self.out]
         words += ["--look", self.look] if self.look != "studio" else []
-        words += ["--matcher", self.matcher] if self.matcher != "exact" else []
+        words += ["--garment", self.garment] if self.garment is not None else []
+        words += ["--matcher", self.matcher] if self.matcher is not None else []
         words += ["--record", self.record] if self.record != "stages" else []
         words += ["--rounds", self.rounds] if self.rounds is not None else []
         words += ["--robot", self.robot] if self.robot != "ur10e+shadow" else []
@@ -88,6 +94,41 @@ def robot_options(robot: str, robots: Path | None) -> dict[str, str]:
     return options if robots is None else {**options, "robots": str(robots.resolve())}
 
 
+def bring_garment(source: Path | None, task: str) -> Path | None:
+    """Make a garment of one's own ready for a task, and tell what was assumed.
+
+    Returns:
+        Its folder; None without one.
+    """
+    if source is None:
+        return None
+    from dgl_collect.own_garment import prepare_garment
+    from dgl_collect.runner import check_task
+    from dgl_tasks.tasks import get_task, task_ids
+
+    check_task(task, task_ids())
+    console.quieten_warp()
+    own = prepare_garment(source, get_task(task))
+    for note in own.notes:
+        console.info(f"{source.name}: {note}")
+    return own.folder
+
+
+def choose_matcher(matcher: str | None, garment: Path | None) -> str | None:
+    """Choose who finds the points: None for the usual one.
+
+    Raises:
+        ValueError: If it cannot find any on the garment.
+    """
+    if garment is None:
+        return None if matcher == "exact" else matcher
+    if matcher == "exact":
+        raise ValueError(
+            "--matcher exact knows the catalogue's garments alone; take gam for your own"
+        )
+    return "gam"
+
+
 def run(options: Options) -> int:
     """Collect, write the report, and say how many attempts succeeded."""
     from dgl_collect import CollectConfig
@@ -103,9 +144,11 @@ def run(options: Options) -> int:
     )
     if options.rounds is not None and options.rounds < 1:
         raise ValueError(f"--rounds must be at least 1; got {options.rounds}")
+    own = bring_garment(options.garment, options.task)
     told = {
         "look": options.look if options.look != "studio" else None,
-        "matcher": options.matcher if options.matcher != "exact" else None,
+        "garment": None if own is None else str(own),
+        "matcher": choose_matcher(options.matcher, own),
         "recorded": options.record if options.record != "stages" else None,
         "rounds": options.rounds,
         **robot_options(options.robot, options.robots),

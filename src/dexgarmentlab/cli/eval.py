@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.collect import format_duration
+from dexgarmentlab.cli.collect import bring_garment, choose_matcher, format_duration
 from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
@@ -52,8 +52,11 @@ class Options:
     """Garments of the training split, of the testing split, or of both by turns."""
     friction: float = 1.0
     """A factor on the garment's friction and adhesion: at 0 no hand can hold it, and no method must succeed."""
-    matcher: Literal["exact", "gam"] = "exact"
-    """What finds the demonstrated points, for the methods that ask for them."""
+    garment: Path | None = None
+    """A garment of your own for every episode: a mesh file, which is imported, or a folder that `dgl assets import` has made."""
+    matcher: Literal["exact", "gam"] | None = None
+    """What finds the demonstrated points, for the methods that ask for them; exact, and gam for a garment of your own, when
+    not given."""
     look: Literal["studio", "random"] = "studio"
     """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
     checkpoints: Path | None = None
@@ -77,7 +80,7 @@ class Options:
         words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
         words += ["--episodes", self.episodes, "--seeds", self.seeds, *self.workers.words]
         for name in (
-            "garments", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
+            "garments", "garment", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
         ):  # fmt: skip
             value = getattr(self, name)
             if value != getattr(type(self), name):
@@ -127,7 +130,8 @@ def run(options: Options) -> int:
         raise ValueError(
             f"--out must be the folder of an evaluation; {options.out} has a collection"
         )
-    configs = {seed: _configure(options, seed) for seed in seeds}
+    own = bring_garment(options.garment, options.task)
+    configs = {seed: _configure(options, seed, own) for seed in seeds}
     status: Literal["complete", "interrupted"] = "complete"
     runs: list[Run] = []
     bar_text = f"evaluating {options.policy} on {options.task}"
@@ -170,7 +174,7 @@ def run(options: Options) -> int:
     return EXIT_OK
 
 
-def _configure(options: Options, seed: int) -> "CollectConfig":
+def _configure(options: Options, seed: int, own: Path | None) -> "CollectConfig":
     """Make the run of one seed."""
     from dexgarmentlab.evaluation.attempts import FACTORY
     from dgl_collect import CollectConfig
@@ -187,8 +191,9 @@ def _configure(options: Options, seed: int) -> "CollectConfig":
             "policy": options.policy,
             "method": dataclasses.asdict(_tell_method(options)),
             "garments": options.garments,
+            "garment": None if own is None else str(own),
             "friction": options.friction,
-            "matcher": options.matcher,
+            "matcher": choose_matcher(options.matcher, own) or "exact",
             "look": options.look,
         },
         has_episodes=False,
@@ -216,7 +221,8 @@ def _asked(options: Options) -> dict[str, object]:
         for field in dataclasses.fields(options)
         if field.name not in ("out", "resume", "json", "workers", "seeds")
     }
-    content["checkpoints"] = None if options.checkpoints is None else str(options.checkpoints)
+    for name in ("checkpoints", "garment"):
+        content[name] = None if content[name] is None else str(content[name])
     return {**content, "seeds": list(parse_seeds(options.seeds)), "command": options.command}
 
 

@@ -57,6 +57,7 @@ class EvaluationAttempts:
         policy: str,
         method: MethodOptions,
         garments: GarmentChoice = "both",
+        garment: str | None = None,
         friction: float = 1.0,
         matcher: str = "exact",
         look: str = "studio",
@@ -69,6 +70,7 @@ class EvaluationAttempts:
             policy: Name of the method, or `module:factory`.
             method: What it is told.
             garments: Which garments.
+            garment: The folder of an imported one to use in every episode instead.
             friction: A factor on the garment's friction and adhesion; at 0 nothing can be held.
             matcher: Finds the demonstrated points, for the methods that ask for them.
             look: "studio" or "random".
@@ -91,6 +93,7 @@ class EvaluationAttempts:
             render_backend=render_backend,
         )
         self._garments: GarmentChoice = garments
+        self._garment = garment
         self._policy = make_method(policy, self._setup, method)
 
     def close(self) -> None:
@@ -107,11 +110,17 @@ class EvaluationAttempts:
             self._policy,
             index=attempt_index,
             seed=seed,
-            garment=draw_garment(self._setup.env.task.category, split, seed),
+            garment=self._garment or draw_garment(self._setup.env.task.category, split, seed),
             out_dir=out_dir,
             episode_id=episode_id,
         )
-        return dataclasses.replace(result, randomisation={**result.randomisation, "split": split})
+        return dataclasses.replace(
+            result,
+            randomisation={
+                **result.randomisation,
+                "split": split if self._garment is None else "own",
+            },
+        )
 
 
 def draw_garment(category: str, split: "Split", seed: int) -> str:

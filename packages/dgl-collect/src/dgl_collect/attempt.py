@@ -32,7 +32,7 @@ def make_attempt_runner(task: str, options: Mapping[str, object]) -> "Demonstrat
 
     Args:
         task: Environment id.
-        options: "garment": catalogue id to use in every attempt instead of drawing one;
+        options: "garment": catalogue id, or folder of an imported garment, to use in every attempt instead of drawing one;
             "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default;
             "look": "studio", the default, or "random": floors and fabrics of all kinds;
             "matcher": "exact", the default, knows the simulated garment, "gam" sees its cloud alone;
@@ -185,7 +185,7 @@ def film_attempt(
         ended or error,
         index=index,
         seed=seed,
-        garment_id=env.garment.name,
+        garment_id=str(env.draws["garment"]),
         seconds=time.perf_counter() - started,
         files=files,
         randomisation=dict(env.draws),

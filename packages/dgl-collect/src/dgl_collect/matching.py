@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dgl_assets import Garment, correspond
+from dgl_assets.importing import AnyGarment, ImportedGarment
 from dgl_gam import GarmentAffordanceModel, Matcher
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class ExactMatcher:
     SIMILARITY_SCALE = 0.08
     """Distance on the garment at which the similarity has fallen to exp(-1/2) [m]."""
 
-    def __init__(self, source: Garment, target: Garment, target_particles: np.ndarray) -> None:
+    def __init__(self, source: Garment, target: AnyGarment, target_particles: np.ndarray) -> None:
         """Prepare the map for one state of the target.
 
         Args:
@@ -59,6 +60,10 @@ class ExactMatcher:
             target: Garment to find them on.
             target_particles: Present positions of its vertices [m], shape (V, 3), world frame.
         """
+        if isinstance(target, ImportedGarment):
+            raise ValueError(
+                f"matcher exact knows garments of the catalogue alone; take matcher gam for {target.name}"
+            )
         if target_particles.shape != target.vertices.shape:
             raise ValueError(
                 f"target_particles must have shape {target.vertices.shape}; "

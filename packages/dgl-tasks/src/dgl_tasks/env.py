@@ -9,8 +9,9 @@ import torch
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
-from dgl_assets import Garment, garment_ids, load_garment
+from dgl_assets import Garment, garment_ids
 from dgl_assets.garments.catalogue import Split
+from dgl_assets.importing import AnyGarment, ImportedGarment, find_garment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
@@ -44,6 +45,8 @@ from dgl_tasks.views import TrueView
 LookName = Literal["studio", "random"]
 """Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
 
+RESET_OPTIONS = ("garment", "reconfigure", "env_idx", "reset_to_env_states")
+"""What options of `reset` there are; all but the first are ManiSkill's."""
 STEEPER = float(np.radians(5))
 """How much steeper a garment is dropped that has fallen too flat [rad]."""
 STILL_SPEED = 0.05
@@ -54,7 +57,8 @@ class GarmentEnv(BaseEnv):
     """One garment, two arms with dexterous hands, and the task's cameras and success rule.
 
     Make it with `gymnasium.make("FoldTops-v1", ...)` after `import dgl_tasks`. Options of `reset`:
-    "garment" (a catalogue id; drawn from the training split otherwise).
+    "garment" (a catalogue id, the folder of an imported garment, or a garment of `dgl_assets`; drawn from the training split
+    otherwise).
 
     With `obs_mode="pointcloud"` an observation also has "garment_cloud", shape (1, 2048, 3), and
     "workspace_cloud", shape (1, 2048, 6). Rewards are those of `dgl_tasks.reward`.
@@ -112,7 +116,7 @@ class GarmentEnv(BaseEnv):
         self._flat_area = 0.0
         self._start_verdict: Verdict
         self.cloth: SapienCloth
-        self.garment: Garment
+        self.garment: AnyGarment
         self.body: SoftBody
         self.fabric: FabricMaterial
         self.objects: dict[str, PlacedObject] = {}
@@ -142,6 +146,19 @@ class GarmentEnv(BaseEnv):
     def task(self) -> Task:
         """What it is the environment of."""
         return self._task
+
+    def reset(self, seed: Any = None, options: dict | None = None) -> Any:
+        """Begin an episode; see the class for the options, and ManiSkill for its own.
+
+        Raises:
+            ValueError: If an option is unknown.
+        """
+        if options is not None and not isinstance(options, dict):
+            raise ValueError(f"options must be a dict; got {options!r}")
+        unknown = sorted(set(options or {}) - set(RESET_OPTIONS))
+        if unknown:
+            raise ValueError(f"options must be among {list(RESET_OPTIONS)}; got {unknown}")
+        return super().reset(seed=seed, options=options)
 
     # Scene ---------------------------------------------------------------------------------
 
@@ -188,12 +205,12 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         declared = self.task.start
         x, y = rng.uniform(*declared.x_range), rng.uniform(*declared.y_range)
-        garment_id = options.get("garment", drawn)
+        garment = self._make_garment(options.get("garment", drawn))
         roll = rng.uniform(*declared.roll_range)
         sample_fabric = sample_studio_fabric if self._look == "studio" else sample_fabric_material
         self.fabric = sample_fabric([seed, 7])
         self.draws = {
-            "garment": garment_id,
+            "garment": self._name_garment(options.get("garment", drawn)),
             "x": float(x),
             "y": float(y),
             "roll": float(roll),
@@ -209,7 +226,6 @@ class GarmentEnv(BaseEnv):
         self.agent.set_joint_state(start)
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
         self._target = np.asarray(start, dtype=np.float64)
-        garment = self._make_garment(garment_id)
         limit, steepest = declared.value_below, np.pi / 2
         while True:
             self.draws["roll"] = float(roll)
@@ -223,15 +239,34 @@ class GarmentEnv(BaseEnv):
                 break
             roll = min(roll + STEEPER, steepest)
 
-    def _make_garment(self, garment_id: str) -> Garment:
-        garment = load_garment(garment_id)
+    def _make_garment(self, source: Any) -> AnyGarment:
+        """Make or load a garment of the task's category that has the places that the rule judges by."""
+        garment = source
+        if not isinstance(source, (Garment, ImportedGarment)):
+            garment = find_garment(source)
         if garment.category != self.task.category:
             raise ValueError(
-                f"garment must be of category {self.task.category}; got {garment_id!r}"
+                f"garment must be of category {self.task.category}; got {garment.name}, a {garment.category}"
+            )
+        unknown = sorted(set(self.task.success.landmarks) - set(garment.landmarks))
+        if unknown:
+            raise ValueError(
+                f"task {self.task.id}: the rule judges by {unknown}; {garment.name} has "
+                f"{sorted(garment.landmarks)}"
+                + (
+                    " (dgl_collect.own_garment.prepare_garment finds them)"
+                    if isinstance(garment, ImportedGarment)
+                    else ""
+                )
             )
         return garment
 
-    def _drop(self, garment: Garment, x: float, y: float, roll: float) -> None:
+    @staticmethod
+    def _name_garment(source: Any) -> str:
+        """Name a garment so that it is found again: its id, or its folder."""
+        return source.name if isinstance(source, (Garment, ImportedGarment)) else str(source)
+
+    def _drop(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
         """Let the garment fall and settle, and see what there is before it is touched.
 
         It stays in the air while ManiSkill builds the environment, whose reset only shows the shapes of observations.
@@ -240,12 +275,6 @@ class GarmentEnv(BaseEnv):
         for _ in range(self.task.start.settle_frames if self._is_built else 0):
             self.cloth.step()
         positions = self.get_particles()
-        unknown = set(self.task.success.landmarks) - set(self.garment.landmarks)
-        if unknown:
-            raise ValueError(
-                f"task {self.task.id}: the rule judges by {sorted(unknown)}; "
-                f"{self.task.category} has {sorted(self.garment.landmarks)}"
-            )
         self._landmarks = {
             name: positions[self.garment.landmarks[name]] for name in self.task.success.landmarks
         }
@@ -254,7 +283,7 @@ class GarmentEnv(BaseEnv):
         )
         self._start_verdict = self.apply_rule()
 
-    def _load_garment(self, garment: Garment, x: float, y: float, roll: float) -> None:
+    def _load_garment(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
         body = SoftBody(garment, self.task.material, self.task.stiffness)
         self.garment, self.body = garment, body
         start = self.task.start
@@ -277,7 +306,10 @@ class GarmentEnv(BaseEnv):
         self.cloth.build()
         self._appearance.dress(
             garment.faces,
-            flat=garment.rest_vertices[:, :2],  # of shells, as seen from above
+            # Of shells, as seen from above; what lies flat by a simulation has a rest shape that does not.
+            flat=(
+                garment.vertices if isinstance(garment, ImportedGarment) else garment.rest_vertices
+            )[:, :2],
             fabric=self.fabric,
             bodies=self.cloth.bodies[0],
         )

@@ -20,7 +20,7 @@ class EpisodeResult:
     """How an episode ended."""
 
     garment: str
-    """Catalogue id."""
+    """Catalogue id, or the folder of an imported garment."""
     verdict: Verdict
     """What is true at the end."""
     first_try: Verdict
@@ -96,7 +96,7 @@ def run_episode(
         motion: Plans its arms.
         method: Acts; see `dgl_tasks.policy`.
         seed: Of the episode.
-        garment: Catalogue id; drawn from the seed when None.
+        garment: Catalogue id, or the folder of an imported garment; drawn from the seed when None.
         film: Receives pictures for people, shape (H, W, 3), uint8.
         listener: Is told what the course yields, such as a recorder.
 
@@ -109,7 +109,7 @@ def run_episode(
     driver.drive(plan_episode(motion, method, driver.reset(garment)))
     verdict = env.judge()
     return EpisodeResult(
-        garment=env.garment.name,
+        garment=str(env.draws["garment"]),
         verdict=verdict,
         first_try=driver.first_try or verdict,
         picture=take_picture(env, env.task.picture_camera).rgb,

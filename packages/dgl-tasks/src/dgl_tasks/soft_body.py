@@ -1,12 +1,15 @@
 """A garment as it is simulated: cloth, or an elastic shell, with its surface among the particles."""
 
+import logging
 from collections.abc import Mapping
 
 import numpy as np
 
-from dgl_assets import Garment
+from dgl_assets.importing import AnyGarment, ImportedGarment
 from dgl_physics import ClothMaterial, SolidMaterial
 from dgl_physics.sapien_bridge import SapienCloth
+
+logger = logging.getLogger(__name__)
 
 
 class SoftBody:
@@ -14,7 +17,7 @@ class SoftBody:
 
     def __init__(
         self,
-        garment: Garment,
+        garment: AnyGarment,
         material: ClothMaterial | SolidMaterial,
         stiffness: Mapping[str, float] | None = None,
     ) -> None:
@@ -34,10 +37,14 @@ class SoftBody:
                 f"the material of {garment.category} must be a {kind.__name__}; "
                 f"got a {type(material).__name__}"
             )
-        unknown = sorted(set(stiffness or {}) - set(garment.panels))
+        if stiffness and isinstance(garment, ImportedGarment):
+            logger.warning("%s has no panels: it is equally stiff all over", garment.name)
+            stiffness = None
+        panels = () if isinstance(garment, ImportedGarment) else garment.panels
+        unknown = sorted(set(stiffness or {}) - set(panels))
         if unknown:
             raise ValueError(
-                f"stiffness must be of panels {sorted(garment.panels)} of {garment.category}; got {unknown}"
+                f"stiffness must be of panels {sorted(panels)} of {garment.category}; got {unknown}"
             )
         self.garment, self._material, self._stiffness = garment, material, stiffness or {}
 
@@ -71,7 +78,7 @@ class SoftBody:
 
     def _spread_stiffness(self) -> np.ndarray | None:
         """Factor at each vertex, shape (V,): the largest of the panels that meet there."""
-        if not self._stiffness:
+        if not self._stiffness or isinstance(self.garment, ImportedGarment):
             return None
         by_panel = np.array([self._stiffness.get(name, 1.0) for name in self.garment.panels])
         factors = np.zeros(len(self.garment.vertices))

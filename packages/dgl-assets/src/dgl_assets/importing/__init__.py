@@ -7,6 +7,8 @@ from dgl_assets.importing.errors import BrokenMeshError as BrokenMeshError
 from dgl_assets.importing.errors import UnclearGarmentError as UnclearGarmentError
 from dgl_assets.importing.errors import UnreadableFileError as UnreadableFileError
 from dgl_assets.importing.errors import UnsafePathError as UnsafePathError
+from dgl_assets.importing.find import AnyGarment as AnyGarment
+from dgl_assets.importing.find import find_garment as find_garment
 from dgl_assets.importing.imported import ImportedGarment as ImportedGarment
 from dgl_assets.importing.importer import LayFlat as LayFlat
 from dgl_assets.importing.importer import import_garment as import_garment

@@ -1,0 +1,39 @@
+"""Garments by what people call them: an id of the catalogue, or the folder of one of their own."""
+
+from pathlib import Path
+
+from dgl_assets.errors import AssetNotFoundError
+from dgl_assets.garments.catalogue import load_garment
+from dgl_assets.garments.garment import Garment
+from dgl_assets.importing.asset_folder import META_FILE, load_asset
+from dgl_assets.importing.imported import ImportedGarment
+
+__all__ = ["AnyGarment", "find_garment"]
+
+AnyGarment = Garment | ImportedGarment
+"""A garment of the catalogue, or an imported one."""
+
+
+def find_garment(source: str | Path) -> AnyGarment:
+    """Make a garment of the catalogue, or load an imported one.
+
+    Args:
+        source: An id, such as "Tops_LongSleeve/000123", or the folder of an imported garment.
+
+    Raises:
+        ValueError: If it is neither a text nor a path.
+        AssetNotFoundError: If there is no such garment.
+        UnreadableFileError: If the files of an imported one are broken.
+    """
+    if not isinstance(source, (str, Path)):
+        raise ValueError(
+            f"a garment must be an id, such as Tops_LongSleeve/000123, or a folder; got {source!r}"
+        )
+    path = Path(source)
+    if (path / META_FILE).is_file():
+        return load_asset(path)
+    if isinstance(source, Path) or path.exists():
+        raise AssetNotFoundError(
+            f"{path} is not the folder of an imported garment; `dgl assets import` makes one of a mesh file"
+        )
+    return load_garment(source)

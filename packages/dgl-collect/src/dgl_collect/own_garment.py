@@ -1,0 +1,138 @@
+"""Garments of one's own in a task: imported from a file, with the places on them that the task's rule needs."""
+
+import hashlib
+import json
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dgl_assets import AssetError, load_garment
+from dgl_assets.garments.garment import Garment
+from dgl_assets.importing import ImportedGarment, import_garment, load_asset
+from dgl_assets.importing.asset_folder import META_FILE
+from dgl_assets.importing.source import KEYPOINTS_FILE
+from dgl_collect.demonstration import load_demonstration
+from dgl_gam import GarmentAffordanceModel
+from dgl_physics.lay_flat import lay_flat
+from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.declaration import Task
+from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+
+__all__ = ["OwnGarment", "prepare_garment"]
+
+FOLDER = DEFAULT_ROBOT_DIRECTORY.parent / "garments"
+"""Where garments are kept that were prepared for tasks; they can be made again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnGarment:
+    """A garment that is ready for a task."""
+
+    folder: Path
+    """Its folder, to be given as option "garment"."""
+    notes: tuple[str, ...]
+    """What was assumed, and which places were found by the affordance model, to be told."""
+
+
+def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGarment:
+    """Make a garment of a file or of an imported folder ready for a task.
+
+    A file is imported as a garment of the task's category and laid flat in a short simulation. Places that the task's
+    rule judges by are the garment's own key points; those that it lacks are found by the affordance model on the
+    garment lying flat.
+
+    Args:
+        source: A mesh file, or the folder of an imported garment.
+        task: What it is for.
+        folder: Where prepared garments are kept; one that is there is not made again.
+
+    Raises:
+        ValueError: If there is nothing at `source`, or the garment is of another category.
+        AssetError: If the file cannot be imported.
+        GamError: If places have to be found, and no model is there for the category.
+    """
+    if not source.exists():
+        raise ValueError(
+            f"garment must be a mesh file or the folder of a garment; {source} is not there"
+        )
+    notes: tuple[str, ...] = ()
+    if not (source / META_FILE).is_file():
+        source, notes = _import(source, task, folder)
+    garment = load_asset(source)
+    if garment.category != task.category:
+        raise ValueError(
+            f"garment must be of category {task.category}, which {task.id} is about; {source} is of {garment.category}"
+        )
+    missing = [name for name in task.success.landmarks if name not in garment.landmarks]
+    if missing:
+        notes += (f"judged by places that the affordance model has found: {', '.join(missing)}",)
+        source = _complete(source, garment, task, missing, folder)
+    return OwnGarment(folder=source.resolve(), notes=notes)
+
+
+def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Import a file, or give what was made of it before."""
+    digest = hashlib.sha256(task.category.encode())
+    for path in sorted(source.rglob("*")) if source.is_dir() else [source]:
+        if path.is_file():
+            digest.update(path.read_bytes())
+    root = folder / digest.hexdigest()[:16]
+    made = sorted(root.glob(f"{task.category}/*/{META_FILE}"))
+    if made:
+        return made[0].parent, (f"imported before, into {made[0].parent}",)
+    try:
+        report = import_garment(source, out=root, category=task.category, lay_flat=lay_flat)
+    except AssetError:
+        shutil.rmtree(root, ignore_errors=True)
+        raise
+    return report.folder, (*report.assumptions, f"imported into {report.folder}")
+
+
+def _complete(
+    source: Path, garment: ImportedGarment, task: Task, missing: list[str], folder: Path
+) -> Path:
+    """Give a copy of an imported garment that has the places that it lacks."""
+    found = find_places(garment, load_garment(load_demonstration(task.id).garment), missing)
+    landmarks = {**garment.landmarks, **found}
+    key = [garment.vertices.tobytes(), json.dumps(landmarks, sort_keys=True).encode()]
+    digest = hashlib.sha256(b"".join(key)).hexdigest()[:16]
+    target = folder / digest / garment.category / source.name
+    if target.is_dir():
+        return target
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".partial-") as beside:
+        copy = Path(shutil.copytree(source, Path(beside) / "copy"))
+        (copy / KEYPOINTS_FILE).write_text(json.dumps(landmarks, indent=2) + "\n", encoding="utf-8")
+        meta = {**garment.meta, "found_by_affordance_model": missing}
+        (copy / META_FILE).write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
+        copy.replace(target)
+    return target
+
+
+def find_places(garment: ImportedGarment, known: Garment, names: list[str]) -> dict[str, int]:
+    """Find places of a known garment on another one of its category, both lying flat.
+
+    Args:
+        garment: The other one.
+        known: Has the places as landmarks.
+        names: Of them.
+
+    Returns:
+        Vertex of each place.
+
+    Raises:
+        GamError: If there is no affordance model for the category.
+    """
+    model = GarmentAffordanceModel.load(garment.category)
+    matches = model.locate(
+        sample_visible_surface(known.vertices, known.faces).astype(np.float32),
+        known.get_landmark_positions(tuple(names)).astype(np.float32),
+        sample_visible_surface(garment.vertices, garment.faces).astype(np.float32),
+        yaw=0.0,
+    )
+    nearest = cKDTree(garment.vertices).query(matches.points)[1]
+    return {name: int(vertex) for name, vertex in zip(names, nearest, strict=True)}
