@@ -231,9 +231,21 @@ def test_narrow_cuffs_are_no_holes(tmp_path):
 @pytest.mark.parametrize("unit", ["m", "cm", "mm", "in"])
 def test_units_are_told_apart_by_size(unit):
     metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}[unit]
-    for size in (0.76, 1.1, 1.85):
-        found, _ = find_unit(size / metres, "Tops_LongSleeve", units=None, declared=None)
+    for size in (0.38, 0.6, 0.88):
+        found, how = find_unit(size / metres, "Tops_NoSleeve", units=None, declared=None)
         assert found == metres
+        assert "could be" not in how
+
+
+@pytest.mark.parametrize(
+    ("longest", "trunk", "metres", "other"),
+    [(65, 41, 0.01, "1.65 m in in"), (48, 22, 0.0254, "0.48 m in cm"), (110, 55, 0.01, "")],
+)
+def test_where_sleeves_may_be_short_the_trunk_tells_the_unit(longest, trunk, metres, other):
+    found, how = find_unit(longest, "Tops_LongSleeve", units=None, declared=None, trunk=trunk)
+    assert found == metres
+    assert ("could be" in how) == bool(other)
+    assert other in how
 
 
 def test_a_stated_unit_counts_if_it_is_plausible():

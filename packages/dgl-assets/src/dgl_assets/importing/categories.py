@@ -12,15 +12,18 @@ class CategoryFacts:
     openings: tuple[str, ...]
     """Openings that every garment of the category has."""
     size: tuple[float, float]
-    """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % of it [m]. The ends
-    differ by less than a factor of 2.54, so that inches and centimetres exclude each other."""
+    """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % of it [m]. Where sleeves may
+    be short or long, several units may be plausible; else the ends differ by less than a factor of 2.54, so that inches and
+    centimetres exclude each other."""
+    trunk: float | None = None
+    """Usual size of the part without sleeves, the geometric mean of its length and width [m]; None where sleeves are no matter."""
     wall_thickness: float | None = None
     """None for a sheet of cloth; thickness of the wall that an elastic shell gets [m]."""
 
 
 CATEGORIES: dict[str, CategoryFacts] = {
     "Tops_LongSleeve": CategoryFacts(
-        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.75, 1.88)
+        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.45, 1.88), trunk=0.55
     ),
     "Tops_NoSleeve": CategoryFacts(
         openings=("neck", "hem", "left armhole", "right armhole"), size=(0.36, 0.90)
@@ -29,7 +32,7 @@ CATEGORIES: dict[str, CategoryFacts] = {
         openings=("front from hem to neck", "left cuff", "right cuff"), size=(0.75, 1.88)
     ),
     "Dress_LongSleeve": CategoryFacts(
-        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.72, 1.80)
+        openings=("neck", "hem", "left cuff", "right cuff"), size=(0.55, 1.80), trunk=0.55
     ),
     "Trousers": CategoryFacts(openings=("waist", "left leg", "right leg"), size=(0.48, 1.20)),
     "Scarf": CategoryFacts(openings=("edge",), size=(0.90, 2.25)),

@@ -145,6 +145,22 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
     )
 
 
+def measure_trunk(vertices: np.ndarray, openings: Openings) -> float | None:
+    """Measure a garment without its sleeves: the geometric mean of its length and width, in units of the file.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        openings: Which is which.
+
+    Returns:
+        The size; None where there are no neck and sleeves to tell.
+    """
+    if openings.neck is None or openings.pair is None:
+        return None
+    length = _distance(vertices, openings.main, openings.neck)
+    return float(np.sqrt(length * _measure_body(vertices, openings, length)))
+
+
 def _choose_pair(
     vertices: np.ndarray, loops: list[np.ndarray], others: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ from dgl_assets.importing.openings import (
     compute_smallest_opening,
     find_openings,
     guess_category,
+    measure_trunk,
     name_openings,
 )
 from dgl_assets.importing.raw import RawMesh
@@ -88,7 +89,13 @@ def place_surface(
         )
         vertices = mesh.vertices @ frame.rotation.T
         longest = float(np.ptp(vertices, axis=0).max())
-        unit, how = find_unit(longest, category, units=units, declared=raw.unit)
+        unit, how = find_unit(
+            longest,
+            category,
+            units=units,
+            declared=raw.unit,
+            trunk=measure_trunk(mesh.vertices, openings),
+        )
     except UnclearGarmentError as err:
         raise UnclearGarmentError(f"{name}: {err}") from err
     notes += [*frame.notes, how]

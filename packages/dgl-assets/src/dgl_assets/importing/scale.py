@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.errors import UnclearGarmentError
 
@@ -10,7 +12,12 @@ UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 
 def find_unit(
-    longest: float, category: str, *, units: str | None, declared: float | None
+    longest: float,
+    category: str,
+    *,
+    units: str | None,
+    declared: float | None,
+    trunk: float | None = None,
 ) -> tuple[float, str]:
     """Find the length of a unit.
 
@@ -19,6 +26,7 @@ def find_unit(
         category: What it is, for its plausible size.
         units: Name of the unit if the user says it, one of `UNITS`.
         declared: Length of a unit that the file states [m].
+        trunk: Size of the garment without its sleeves, in units; see `measure_trunk`.
 
     Returns:
         Length of a unit [m], and how that was found out.
@@ -41,8 +49,15 @@ def find_unit(
             f"the unit is unclear: a {category} is {low:g} to {high:g} m long, this one {sizes}; give the unit or the "
             "category"
         )
-    name = fitting[0]
+    usual, size = CATEGORIES[category].trunk, trunk
+    if usual is None or size is None:
+        usual, size = math.sqrt(low * high), longest
+    # The nearest to the usual size, in proportion.
+    name = min(fitting, key=lambda name: abs(math.log(size * UNITS[name] / usual)))
     text = f"unit {name}, assumed because {longest * UNITS[name]:.2f} m is the size of a {category}"
     if declared is not None:
         text += f" and {longest * declared:.3g} m, by the file's own unit, is not"
+    others = [f"{longest * UNITS[other]:.2f} m in {other}" for other in fitting if other != name]
+    if others:
+        text += f"; it could be {' or '.join(others)}: give the unit if it is"
     return UNITS[name], text
