@@ -103,7 +103,25 @@ def test_damaged_and_foreign_results_are_refused_by_name(tmp_path, capsys):
         "[]",
         whole.replace('"format": 1', '"format": 2'),
         whole.replace("success", "won"),
+        whole.replace('"success": true', '"success": "false"'),
+        whole.replace('"episode": 0', '"episode": 0.9'),
+        whole.replace('"value": 0.9', '"value": NaN'),
+        whole.replace("}]", "}, " + whole[whole.index("[") + 1 : whole.index("]")] + "]"),
     ):
         (other / "results.json").write_text(text)
         assert main(["compare", first, str(other)]) == 1
-        assert f"{other}/results.json is damaged or not of dgl eval" in capsys.readouterr().err
+        told = capsys.readouterr().err
+        assert told.startswith(f"dgl: {other}/results.json: ")
+        assert "the file is damaged or not of dgl eval" in told
+
+
+def test_an_episode_that_an_exception_has_ended_counts_as_failed(tmp_path, capsys):
+    first = write(tmp_path / "a", [True, True])
+    second = write(tmp_path / "b", [True, False])
+    path = tmp_path / "b/results.json"
+    content = json.loads(path.read_text())
+    content["runs"][1] |= {"garment": None, "value": None}
+    path.write_text(json.dumps(content))
+    assert main(["compare", first, second, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [m["succeeded"] for m in found["methods"]] == [2, 1]

@@ -83,7 +83,13 @@ class FakeRunner:
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
         if attempt_index not in self.options.get("forget_file_at", ()):
             stages = (make_stage(seed, frames=1),)
-            episode = make_episode(seed, stages=stages)
+            episode = make_episode(
+                seed,
+                stages=stages,
+                garment_id=f"tops/{seed % 5:04d}",
+                success=seed % 2 == 0,
+                success_value=0.9 if seed % 2 == 0 else 0.5,
+            )
             write_episode(out_dir / f"{episode_id}.h5", episode)
             files["episode"] = f"{episode_id}.h5"
         success = seed % 2 == 0

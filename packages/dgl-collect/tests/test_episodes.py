@@ -167,6 +167,12 @@ def test_flipped_bits_are_noticed_everywhere(written, fakes):
     assert refused > 30
 
 
+def replace(file, name, **changes):
+    """Put another data set in the place of one."""
+    del file[name]
+    file.create_dataset(name, **changes)
+
+
 def damage(path, edit):
     with h5py.File(path, "r+") as file:
         edit(file)
@@ -183,7 +189,22 @@ def damage(path, edit):
         (lambda f: f["stage_2/action"].__setitem__((0, 0), np.nan), "stage_2: action must be finite"),
         (lambda f: f["stage_1"].attrs.__setitem__("name", "other"), "stage_names must be"),
         (lambda f: f.attrs.__setitem__("randomisation", "[]"), "must be a JSON dict"),
-        (lambda f: f.attrs.__setitem__("randomisation", "{"), "Expecting property name"),
+        (lambda f: f.attrs.__setitem__("randomisation", "{"), "EOF while parsing"),
+        (lambda f: f.attrs.__setitem__("randomisation", "[" * 10**5), "recursion limit"),
+        (lambda f: f.attrs.__setitem__("randomisation", '{"a": 1e999}'), "finite|out of range|number"),
+        (lambda f: f.attrs.__setitem__("success", "False"), "'success' must be true or false; got 'False'"),
+        (lambda f: f.attrs.__setitem__("success", np.nan), "'success' must be true or false; got .*nan"),
+        (lambda f: f.attrs.__setitem__("format_version", 1.9), "must be an integer; got .*1.9"),
+        (lambda f: f.attrs.__setitem__("seed", "1"), "'seed' must be an integer; got '1'"),
+        (lambda f: f.attrs.__setitem__("task", 3), "'task' must be a text"),
+        (lambda f: replace(f, "stage_1/action", data=np.zeros((1, 60), np.float32)), r"action must have shape \(2, 'D'\)"),
+        (lambda f: replace(f, "stage_1/image", shape=(2, 480, 640, 4), dtype="u1"), "image must have shape"),
+        (lambda f: replace(f, "stage_1/image", shape=(10**6, 480, 640, 3), dtype="u1", chunks=True), "at most 4 GB"),
+        (lambda f: f.create_dataset("extra/huge", shape=(10**12,), dtype="f4", chunks=True), "at most 4 GB"),
+        (lambda f: f.__setitem__("extra", h5py.ExternalLink("other.h5", "/x")), "extra must be in the file itself"),
+        (lambda f: f.__setitem__("extra/soft", h5py.SoftLink("/stage_1/action")), "extra/soft must be in the file"),
+        (lambda f: f.create_dataset("extra/raw", shape=(4,), dtype="u1", external=[("/etc/passwd", 0, 4)]), "data of other files"),
+        (lambda f: f.create_virtual_dataset("extra/v", h5py.VirtualLayout((2,), "f4")), "data of other files"),
     ],
 )  # fmt: skip
 def test_a_wrong_file_is_refused_with_its_fault(written, edit, message):

@@ -62,6 +62,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("tasks", "the tasks, with their stages, success rules and garments"),
     Verb("assets", "garments: list, draw and build them, or import your own from mesh files"),
     Verb("collect", "collect demonstrations of a task automatically"),
+    Verb("verify", "check the folder of a collection or an evaluation: is everything whole?"),
     Verb("replay", "re-run a recorded episode from its file and compare"),
     Verb("relabel", "give episodes the affordance that the affordance model sees in them"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),

@@ -3,6 +3,8 @@
 import dataclasses
 import shlex
 import statistics
+import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,7 +17,14 @@ from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_conti
 if TYPE_CHECKING:
     from dgl_collect import CollectConfig, Progress, Summary
 
-__all__ = ["Options", "collect_with_progress", "format_duration", "robot_options", "run"]
+__all__ = [
+    "Options",
+    "collect_with_progress",
+    "describe_failures",
+    "format_duration",
+    "robot_options",
+    "run",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,5 +258,14 @@ def _lines(summary: "Summary") -> list[str]:
         f"{summary.succeeded} with retries, {summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
         f"{format_duration(median)} per attempt"
     ]
-    lines += [f"  failed, {reason}: {count}" for reason, count in summary.reasons.items()]
+    return lines + describe_failures(summary.reasons, summary.details)
+
+
+def describe_failures(reasons: Mapping[str, int], details: Mapping[str, str]) -> list[str]:
+    """Say why attempts have failed, how many, and what the first of each kind says of it."""
+    lines = []
+    for reason, count in reasons.items():
+        detail = " ".join(details.get(reason, "").split())
+        shown = textwrap.shorten(detail, 160, placeholder=" …")
+        lines.append(f"  failed, {reason}: {count}" + (f" ({shown})" if shown else ""))
     return lines

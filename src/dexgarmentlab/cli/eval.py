@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.collect import bring_garment, choose_matcher, format_duration
+from dexgarmentlab.cli.collect import (
+    bring_garment,
+    choose_matcher,
+    describe_failures,
+    format_duration,
+)
 from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
@@ -249,8 +254,8 @@ def _show(options: Options, results: "Results") -> None:
             f"value: median {results.value_median:.3f}, "
             f"from {results.value_least:.3f} to {results.value_largest:.3f}"
         )
-    for reason, number in results.reasons.items():
-        console.out(f"  failed, {reason}: {number}")
+    for line in describe_failures(results.reasons, results.details):
+        console.out(line)
     if results.seconds_median is not None:
         console.out(f"{format_duration(results.seconds_median)} an episode")
 

@@ -1,13 +1,13 @@
 """Evaluations side by side: on the same episodes, which method does those that another one does not."""
 
-import json
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from dexgarmentlab.evaluation.results import RESULTS_FILE, RESULTS_FORMAT, Count, count
+from dexgarmentlab.evaluation.results import RESULTS_FILE, Count, ResultsRecord, count
+from dgl_collect.schema import read_json_file
 
 __all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
 
@@ -19,8 +19,8 @@ Key = tuple[int, int]
 class Episode:
     """What became of an episode, and what it began with."""
 
-    start: tuple[int, str]
-    """Its own seed, and the garment."""
+    start: tuple[int, str | None]
+    """Its own seed, and the garment; None where an exception has ended it."""
     success: bool
     """Whether it met the task's rule at its end."""
     first_try: bool
@@ -106,26 +106,24 @@ def read_evaluation(folder: Path | str) -> Evaluation:
             f"{folder} holds no evaluation: {RESULTS_FILE}, which dgl eval writes at its end, is missing"
         )
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != RESULTS_FORMAT:
-            raise ValueError(f"format must be {RESULTS_FORMAT}; got {content['format']!r}")
-        return Evaluation(
-            folder=Path(folder),
-            task=str(content["task"]),
-            policy=str(content["policy"]),
-            friction=float(content["friction"]),
-            episodes={
-                (int(run["seed"]), int(run["episode"])): Episode(
-                    start=(int(run["episode_seed"]), str(run["garment"])),
-                    success=bool(run["success"]),
-                    first_try=bool(run["first_try"]),
-                    value=None if run["value"] is None else float(run["value"]),
-                )
-                for run in content["runs"]
-            },
-        )
-    except (ValueError, KeyError, TypeError) as err:
-        raise ValueError(f"{path} is damaged or not of dgl eval: {err!r}") from err
+        content = read_json_file(ResultsRecord, path)
+    except ValueError as err:
+        raise ValueError(f"{err}; the file is damaged or not of dgl eval") from err
+    return Evaluation(
+        folder=Path(folder),
+        task=content.task,
+        policy=content.policy,
+        friction=content.friction,
+        episodes={
+            (run.seed, run.episode): Episode(
+                start=(run.episode_seed, run.garment),
+                success=run.success,
+                first_try=run.first_try,
+                value=run.value,
+            )
+            for run in content.runs
+        },
+    )
 
 
 def compare(evaluations: Sequence[Evaluation]) -> Comparison:
@@ -154,7 +152,7 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
     for other in others:
         for key in common:
             ours, theirs = first.episodes[key].start, other.episodes[key].start
-            if ours != theirs:
+            if ours[0] != theirs[0] or (None not in (ours[1], theirs[1]) and ours[1] != theirs[1]):
                 raise ValueError(
                     f"episode {key[1]} of seed {key[0]} began with {ours[1]} (seed {ours[0]}) in {first.folder} "
                     f"and with {theirs[1]} (seed {theirs[0]}) in {other.folder}"

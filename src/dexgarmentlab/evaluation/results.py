@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from dgl_collect import AttemptResult, wilson_interval
+from dgl_collect.schema import STRICT_PART
 
 __all__ = [
     "RESULTS_FILE",
@@ -78,6 +79,56 @@ class Results:
     """Median wall-clock time of an episode [s]."""
     reasons: Mapping[str, int]
     """Reason of failure to count, most frequent first."""
+    details: Mapping[str, str]
+    """Reason of failure to what the first episode that failed so says of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeRecord:
+    """One episode in `results.json`; what else it says is not needed to read it."""
+
+    __pydantic_config__ = STRICT_PART
+
+    seed: int
+    """Of the evaluation."""
+    episode: int
+    """Number of the episode."""
+    episode_seed: int
+    """Its own seed."""
+    garment: str | None
+    """Which garment; None where an exception has ended it."""
+    success: bool
+    """Whether it met the task's rule at its end."""
+    first_try: bool
+    """Whether it did at the first try."""
+    value: float | None
+    """What the rule judges; None if it was not judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultsRecord:
+    """What `results.json` says, as far as evaluations are compared by it."""
+
+    __pydantic_config__ = STRICT_PART
+
+    format: int
+    """Version of the form."""
+    task: str
+    """Environment id."""
+    policy: str
+    """The method."""
+    friction: float
+    """The factor on the garments' friction and adhesion."""
+    runs: tuple[EpisodeRecord, ...]
+    """The episodes."""
+
+    def __post_init__(self) -> None:
+        if self.format != RESULTS_FORMAT:
+            raise ValueError(f"format must be {RESULTS_FORMAT}; got {self.format}")
+        keys = Counter((run.seed, run.episode) for run in self.runs)
+        twice = [key for key, times in keys.items() if times > 1]
+        if twice:
+            raise ValueError(f"episode {twice[0][1]} of seed {twice[0][0]} is there twice")
 
 
 class _Judged(Protocol):
@@ -118,6 +169,10 @@ def summarize(runs: Sequence[Run]) -> Results:
         value_largest=max(values, default=None),
         seconds_median=statistics.median(r.seconds for r in everything) if everything else None,
         reasons=dict(reasons.most_common()),
+        details={
+            name: next(result.detail for result in everything if result.reason == name)
+            for name, _ in reasons.most_common()
+        },
     )
 
 

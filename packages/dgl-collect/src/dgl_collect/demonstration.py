@@ -6,7 +6,7 @@ the paper describes. The files lie in `demonstrations/`.
 """
 
 import dataclasses
-import json
+import re
 import typing
 from collections.abc import Mapping
 from importlib import resources
@@ -18,6 +18,7 @@ from dgl_assets.props import make_prop
 from dgl_assets.robots import SIDES
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
+from dgl_collect.schema import decode_json
 from dgl_collect.steps import (
     SEEN_NAMES,
     STEPS,
@@ -47,12 +48,16 @@ def load_demonstration(task: str) -> Demonstration:
         DemonstrationError: If there is none, its file is not as it should be, or it does not fit the task.
     """
     stem = task.partition("-")[0]
+    if not re.fullmatch(r"\w+", stem):
+        raise DemonstrationError(
+            f"task must be an environment id, such as FoldTops-v1; got {task!r}"
+        )
     file = resources.files("dgl_collect") / "demonstrations" / f"{stem}.json"
     if not file.is_file():
         raise DemonstrationError(f"there is no demonstration of {task!r} (looked for {stem}.json)")
     source = f"{stem}.json"
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = decode_json(file.read_bytes())
     except ValueError as err:
         raise DemonstrationError(f"{source}: {err}") from err
     demonstration = parse_demonstration(content, source=source)

@@ -14,6 +14,7 @@ import numpy as np
 
 from dgl_collect.errors import CorruptEpisodeError
 from dgl_collect.files import write_bytes
+from dgl_collect.schema import decode_json
 
 FORMAT_VERSION = 1
 DEFAULT_ROBOT = "ur10e+shadow"
@@ -24,6 +25,8 @@ DEFAULT_JOINTS = 60
 """Number of its joints."""
 FINAL_PARTICLES = "final_particles"
 """Extra array: the garment's particles when it was judged [m], shape (V, 3)."""
+MAX_BYTES = 4_000_000_000
+"""Most bytes that the arrays of an episode may have in all; a minute of recorded stages has about 1.5 GB of pictures."""
 CLOUD_SIZE = 2048
 IMAGE_HEIGHT, IMAGE_WIDTH = 480, 640
 
@@ -303,7 +306,7 @@ def _write_array(
 
 
 def _read_file(file: h5py.File) -> Episode:
-    version = _attribute(file, "format_version")
+    version = _integer(file, "format_version")
     if version != FORMAT_VERSION:
         raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
     names = _json_attribute(file, "stage_names", list)
@@ -311,6 +314,7 @@ def _read_file(file: h5py.File) -> Episode:
     expected = [f"stage_{number}" for number in range(1, len(names) + 1)]
     if sorted(groups) != sorted(expected):
         raise ValueError(f"stage groups must be {expected}; got {sorted(groups)}")
+    _check_sizes(file)
     stages = tuple(_read_stage(_group(file, key)) for key in expected)
     if [stage.name for stage in stages] != names:
         raise ValueError(f"stage_names must be {[s.name for s in stages]}; got {names}")
@@ -319,14 +323,16 @@ def _read_file(file: h5py.File) -> Episode:
         group = _group(file, "extra")
         extra = {str(name): _array(group, str(name)) for name in group}
     return Episode(
-        task=str(_attribute(file, "task")),
-        seed=int(_attribute(file, "seed")),
-        garment_id=str(_attribute(file, "garment_id")),
-        robot=str(file.attrs.get("robot", DEFAULT_ROBOT)),
-        matcher=str(file.attrs.get("matcher", DEFAULT_MATCHER)),
-        affordance_matcher=file.attrs.get("affordance_matcher"),
-        success=bool(_attribute(file, "success")),
-        success_value=float(_attribute(file, "success_value")),
+        task=_text(file, "task"),
+        seed=_integer(file, "seed"),
+        garment_id=_text(file, "garment_id"),
+        robot=_text(file, "robot") if "robot" in file.attrs else DEFAULT_ROBOT,
+        matcher=_text(file, "matcher") if "matcher" in file.attrs else DEFAULT_MATCHER,
+        affordance_matcher=(
+            _text(file, "affordance_matcher") if "affordance_matcher" in file.attrs else None
+        ),
+        success=_truth(file, "success"),
+        success_value=_number(file, "success_value"),
         stages=stages,
         randomisation=_json_attribute(file, "randomisation", dict),
         measurements=_json_attribute(file, "measurements", dict),
@@ -338,18 +344,17 @@ def _read_file(file: h5py.File) -> Episode:
 
 def _read_stage(group: h5py.Group) -> StageRecord:
     label = str(group.name).lstrip("/")
-    arrays: dict[str, np.ndarray] = {}
-    for key, declared in _STAGE_KEYS.items():
-        if key in group:
-            arrays[key] = _array(group, key)
-        elif not declared.optional:
-            raise KeyError(f"{label}/{key} is missing")
+    missing = [k for k, d in _STAGE_KEYS.items() if not d.optional and k not in group]
+    if missing:
+        raise KeyError(f"{label}/{missing[0]} is missing")
+    _check_shapes(group)
+    arrays = {key: _array(group, key) for key in _STAGE_KEYS if key in group}
     unknown = sorted({str(key) for key in group} - set(_STAGE_KEYS))
     if unknown:
         raise ValueError(f"{label} holds unknown keys: {unknown}")
     try:
         return StageRecord(
-            name=str(_attribute(group, "name")),
+            name=_text(group, "name"),
             points=_json_attribute(group, "points", dict),
             cloud_step=_step(group, "cloud_step"),
             first_step=_step(group, "first_step"),
@@ -361,7 +366,7 @@ def _read_stage(group: h5py.Group) -> StageRecord:
 
 
 def _step(group: h5py.Group, name: str) -> int | None:
-    return int(_attribute(group, name)) if name in group.attrs else None
+    return _integer(group, name) if name in group.attrs else None
 
 
 def _group(parent: h5py.Group, key: str) -> h5py.Group:
@@ -378,6 +383,84 @@ def _array(parent: h5py.Group, key: str) -> np.ndarray:
     return node[()]
 
 
+def _check_sizes(file: h5py.File) -> None:
+    """Check, before anything is read, that all data are in the file itself and fit into memory."""
+    total = 0
+
+    def visit(group: h5py.Group) -> None:
+        nonlocal total
+        for key in group:
+            label = f"{str(group.name).rstrip('/')}/{key}".lstrip("/")
+            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                raise TypeError(f"{label} must be in the file itself; got a link")
+            node = group[key]
+            if isinstance(node, h5py.Group):
+                visit(node)
+            elif isinstance(node, h5py.Dataset):
+                if node.is_virtual or node.external:
+                    raise TypeError(f"{label} must be in the file itself; got data of other files")
+                if node.dtype.kind not in "iufb":
+                    raise TypeError(f"{label} must be numeric; got dtype {node.dtype}")
+                total += node.size * node.dtype.itemsize
+                if total > MAX_BYTES:
+                    raise ValueError(
+                        f"the arrays must have at most {MAX_BYTES / 1e9:g} GB in all; "
+                        f"{label}, of shape {node.shape}, exceeds that"
+                    )
+
+    visit(file)
+
+
+def _check_shapes(group: h5py.Group) -> None:
+    """Check types and shapes of a stage's arrays before they are read."""
+    label = str(group.name).lstrip("/")
+    shapes = {key: group[key] for key in _STAGE_KEYS if key in group}
+    for key, node in shapes.items():
+        if not isinstance(node, h5py.Dataset):
+            raise TypeError(f"{label}/{key} must be a data set; got {type(node).__name__}")
+    frames = shapes["joint_state"].shape[:1]
+    for key, node in shapes.items():
+        declared = _STAGE_KEYS[key]
+        start = frames if declared.per_frame else ()
+        one = node.shape[len(start) :]
+        fits = len(one) == len(declared.shape) and all(
+            wanted in (0, size) for wanted, size in zip(declared.shape, one, strict=True)
+        )
+        if node.shape[: len(start)] != start or not fits:
+            wanted = (*start, *(size or "D" for size in declared.shape))
+            raise ValueError(f"{label}/{key} must have shape {wanted}; got {node.shape}")
+        if node.dtype != np.dtype(declared.dtype):
+            raise ValueError(f"{label}/{key} must be {declared.dtype}; got {node.dtype}")
+
+
+def _text(node: h5py.Group, name: str) -> str:
+    value = _attribute(node, name)
+    if not isinstance(value, str):
+        raise TypeError(f"attribute {name!r} must be a text; got {value!r}")
+    return value
+
+
+def _integer(node: h5py.Group, name: str) -> int:
+    value = _attribute(node, name)
+    if not isinstance(value, (int, np.integer)) or isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"attribute {name!r} must be an integer; got {value!r}")
+    return int(value)
+
+
+def _number(node: h5py.Group, name: str) -> float:
+    value = _attribute(node, name)
+    if not isinstance(value, (float, np.floating)):
+        raise TypeError(f"attribute {name!r} must be a number; got {value!r}")
+    return float(value)
+
+
+def _truth(node: h5py.Group, name: str) -> bool:
+    value = _attribute(node, name)
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"attribute {name!r} must be true or false; got {value!r}")
+    return bool(value)
+
+
 def _attribute(node: h5py.Group, name: str) -> Any:
     if name not in node.attrs:
         raise KeyError(f"attribute {name!r} of {node.name} is missing")
@@ -385,7 +468,7 @@ def _attribute(node: h5py.Group, name: str) -> Any:
 
 
 def _json_attribute(node: h5py.Group, name: str, kind: type) -> Any:
-    value = json.loads(_attribute(node, name))
+    value = decode_json(_text(node, name))
     if not isinstance(value, kind):
         raise TypeError(f"attribute {name!r} must be a JSON {kind.__name__}; got {value!r}")
     return value

@@ -10,13 +10,14 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from scipy.stats import binomtest
 
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import write_json
+from dgl_collect.schema import STRICT, read_json
 from dgl_tasks.success import Criterion
 
 VERSIONED_PACKAGES = (
@@ -68,7 +69,17 @@ class AttemptResult:
     beliefs: Mapping[str, float] = field(default_factory=dict)
     """What the method made of what it saw, by name: the basis of its decisions, and none of its success."""
 
+    __pydantic_config__ = STRICT
+
     def __post_init__(self) -> None:
+        if self.index < 0:
+            raise ValueError(f"index must be at least 0; got {self.index}")
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed must be in [0, 2**32); got {self.seed}")
+        for kind, name in self.files.items():
+            path = PurePosixPath(name)
+            if not name or path.is_absolute() or ".." in path.parts:
+                raise ValueError(f"{kind} file must lie in the run's folder; got {name!r}")
         if self.success and self.reason is not None:
             raise ValueError(f"reason must be None for a success; got {self.reason!r}")
         if not self.success and not self.reason:
@@ -90,10 +101,8 @@ class AttemptResult:
             ValueError: If the line is not a result.
         """
         try:
-            content = json.loads(line)
-            criteria = tuple(Criterion(**item) for item in content.pop("criteria", ()))
-            return cls(criteria=criteria, **content)
-        except (TypeError, AttributeError, json.JSONDecodeError) as err:
+            return read_json(cls, line)
+        except ValueError as err:
             raise ValueError(f"line must be an attempt's result; {err}") from err
 
 
@@ -168,6 +177,8 @@ class Summary:
     """Garment id to `attempted` and `succeeded`."""
     reasons: Mapping[str, int]
     """Reason of failure to count, most frequent first."""
+    details: Mapping[str, str]
+    """Reason of failure to what the first attempt that failed so says of it."""
     versions: Mapping[str, str]
     """Package to version."""
 
@@ -207,6 +218,10 @@ def summarize(
         },
         garments=dict(sorted(garments.items())),
         reasons=dict(reasons.most_common()),
+        details={
+            name: next(result.detail for result in results if result.reason == name)
+            for name, _ in reasons.most_common()
+        },
         versions=versions,
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import logging
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
@@ -28,6 +27,7 @@ from dgl_collect.results import (
     summarize,
     write_summary,
 )
+from dgl_collect.schema import STRICT, read_json_file
 from dgl_collect.workers import Machine
 
 logger = logging.getLogger(__name__)
@@ -36,6 +36,51 @@ RUN_FORMAT = 1
 RUN_FILE, ATTEMPTS_FILE, SUMMARY_FILE = "run.json", "attempts.jsonl", "summary.json"
 KEPT_OF_FAILURES = ("video", "picture")
 """What is kept of a failed attempt, for people to look at; its episode would only mislead training."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """What `run.json` says of a run."""
+
+    __pydantic_config__ = STRICT
+
+    run_format: int
+    """Version of the folder's form."""
+    task: str
+    """Environment id."""
+    seed: int
+    """Of the run."""
+    attempt_factory: str
+    """What made the attempts."""
+    options: Mapping[str, object]
+    """Its options."""
+    versions: Mapping[str, str]
+    """Package to version, when it was last continued."""
+    commands: tuple[str, ...]
+    """The command lines that have made it, in order."""
+    machines: tuple[Machine, ...] = ()
+    """What workers have run on; none in folders that do not tell."""
+
+    def __post_init__(self) -> None:
+        if self.run_format != RUN_FORMAT:
+            raise ValueError(f"run_format must be {RUN_FORMAT}; got {self.run_format}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be at least 0; got {self.seed}")
+
+
+def read_run(folder: Path) -> RunRecord:
+    """Read what a folder says of its run.
+
+    Raises:
+        OutputFolderError: If it holds none, or `run.json` is damaged.
+    """
+    path = folder / RUN_FILE
+    if not path.is_file():
+        raise OutputFolderError(f"{folder} holds no run ({RUN_FILE} is missing)")
+    try:
+        return read_json_file(RunRecord, path)
+    except ValueError as err:
+        raise OutputFolderError(str(err)) from err
 
 
 class RunFolder:
@@ -161,23 +206,18 @@ class RunFolder:
             )
         commands: list[object] = []
         if run_path.exists():
-            commands = self._check_run(run_path)
+            commands = self._check_run()
             drop_unfinished_line(self.attempts_path)
             self.results = read_results(self.attempts_path)
         content = {"run_format": RUN_FORMAT, **self._identity, "versions": self.versions}
         self._content = {**content, "commands": [*commands, self._command]}
         write_json(run_path, {**self._content, "machines": self._machines})
 
-    def _check_run(self, run_path: Path) -> list[object]:
+    def _check_run(self) -> list[object]:
         """Compare with the run that is there, take over its machines, and give the commands that have made it so far."""
-        try:
-            found = json.loads(run_path.read_text(encoding="utf-8"))
-            commands = list(found["commands"])
-            versions = dict(found["versions"])
-            self._machines = [dict(machine) for machine in found.get("machines", [])]
-        except (ValueError, KeyError, TypeError) as err:
-            raise OutputFolderError(f"{run_path} cannot be read: {err!r}") from err
-        check_continued(self.path, found, {"run_format": RUN_FORMAT, **self._identity})
-        if versions != self.versions:
+        found = read_run(self.path)
+        check_continued(self.path, dataclasses.asdict(found), self._identity)
+        self._machines = [dataclasses.asdict(machine) for machine in found.machines]
+        if found.versions != self.versions:
             logger.warning("%s was begun with other package versions", self.path)
-        return commands
+        return list(found.commands)

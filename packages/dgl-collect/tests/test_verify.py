@@ -1,0 +1,119 @@
+"""What is wrong with a run's folder is found, and nothing is changed."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from dgl_collect import CollectConfig, collect
+from dgl_collect.runner import make_attempt_seed
+from dgl_collect.verify import verify_run
+from dgl_collect.video import VideoWriter, save_png
+
+GOOD, BAD = (
+    next(k for k in range(8) if (make_attempt_seed(0, k) % 2 == 0) == success)
+    for success in (True, False)
+)
+COUNT = max(GOOD, BAD) + 1
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, request):
+    """The folder of a run with a success and a failure."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        import dgl_collect_fakes as fakes
+
+        config = CollectConfig(
+            task="FoldTops-v1", episodes=COUNT, attempt_factory=fakes.FACTORY, out=out
+        )
+        collect(config, known_tasks=fakes.KNOWN_TASKS)
+    for film in out.glob("*/*.mp4"):  # the made-up attempts' are none
+        film.unlink()
+        with VideoWriter(film) as video:
+            video.add(np.zeros((16, 16, 3), np.uint8))
+    return out
+
+
+@pytest.fixture
+def out(whole, tmp_path):
+    return Path(shutil.copytree(whole, tmp_path / "out"))
+
+
+def find_faults(out):
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    faults = [fault for _, fault in verify_run(out) if fault]
+    assert before == {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    return faults
+
+
+def edit_line(out, index, **changes):
+    path = out / "attempts.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    for line in lines:
+        if line["index"] == index:
+            line |= changes
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def edit_episode(out, **attributes):
+    with h5py.File(out / f"episodes/FoldTops-v1-s0-{GOOD:05d}.h5", "r+") as file:
+        for name, value in attributes.items():
+            file.attrs[name] = value
+
+
+def edit_summary(out):
+    path = out / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"succeeded": 77}))
+
+
+def append(path, text):
+    path.write_text(path.read_text() + text)
+
+
+def damage(path):
+    path.write_bytes(path.read_bytes()[:-5000])
+
+
+def test_a_whole_run_has_no_fault(whole):
+    assert find_faults(whole) == []
+    assert len({path for path, _ in verify_run(whole)}) == len(
+        [path for path in whole.rglob("*") if path.is_file() and path.suffix != ".log"]
+    )
+
+
+STEM = f"FoldTops-v1-s0-{GOOD:05d}"
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda o: (o / "run.json").unlink(), "holds no run"),
+        (lambda o: (o / "run.json").write_text("{}"), r"run.json: run_format: Field required"),
+        (lambda o: append(o / "attempts.jsonl", '{"index": 9'), "last line is not finished"),
+        (lambda o: edit_line(o, GOOD, seed=5), f"attempt {GOOD}: its seed must be .* got 5"),
+        (lambda o: edit_line(o, GOOD, success=0.5), "success: .*boolean; got 0.5"),
+        (lambda o: edit_line(o, BAD, success=True, reason=None), "called a success, and 'inside' is not"),
+        (lambda o: edit_line(o, GOOD, success=False, reason="x"), "called a failure .* all criteria are met"),
+        (lambda o: edit_line(o, GOOD, garment_id="tops/0"), "its garment is .*, and tops/0 in"),
+        (lambda o: edit_line(o, GOOD, files={"picture": "../x.png"}), "picture file must lie in the run"),
+        (lambda o: edit_line(o, GOOD, files={"picture": f"failed/{STEM}.png"}), "must be episodes/"),
+        (lambda o: (o / f"episodes/{STEM}.h5").unlink(), f"{STEM}.h5 is missing"),
+        (lambda o: damage(o / f"episodes/{STEM}.h5"), f"{STEM}.h5: not a whole HDF5 file"),
+        (lambda o: (o / f"episodes/{STEM}.mp4").write_bytes(b"film"), f"{STEM}.mp4 cannot be read"),
+        (lambda o: (o / f"episodes/{STEM}.png").write_bytes(b"x"), f"{STEM}.png cannot be read"),
+        (lambda o: edit_episode(o, seed=7), f"{STEM}.h5: its seed is 7, and .* in attempts.jsonl"),
+        (lambda o: edit_episode(o, success=np.bool_(0)), "its success is False, and True"),
+        (lambda o: save_png(o / "episodes/left.png", np.zeros((4, 4, 3), np.uint8)), "no attempt .* names it"),
+        (lambda o: (o / "summary.json").unlink(), "summary.json is missing"),
+        (edit_summary, "succeeded is 77; the lines"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_found(out, edit, message):
+    edit(out)
+    assert any(re.search(message, fault) for fault in find_faults(out))

@@ -1,0 +1,64 @@
+"""Verb `dgl verify`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
+
+from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
+
+__all__ = ["Options", "run"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Check the folder of a collection or an evaluation; nothing in it is changed.
+
+    Every file is opened: shapes and numbers are right, lines and files agree, seeds are those of the run, success follows
+    from the recorded criteria, and the summary counts what there is. What is wrong is said in a line each, and the exit
+    status is 1 then.
+
+    Example: dgl verify out/fold-tops
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    """Folder of `dgl collect` or `dgl eval`."""
+    json: bool = False
+    """Write what is wrong as JSON."""
+
+
+def run(options: Options) -> int:
+    """Check, and say what is wrong."""
+    from dexgarmentlab.evaluation.results import RESULTS_FILE
+    from dexgarmentlab.evaluation.verify import verify_evaluation
+    from dgl_collect.run_folder import RUN_FILE
+    from dgl_collect.verify import verify_run
+
+    folder = options.folder
+    if (folder / RUN_FILE).is_file():
+        checks = verify_run(folder)
+    elif (folder / RESULTS_FILE).is_file():
+        checks = verify_evaluation(folder)
+    else:
+        raise ValueError(
+            f"DIR must be the folder of a collection or an evaluation; {folder} has neither {RUN_FILE} nor "
+            f"{RESULTS_FILE}"
+        )
+    faults: list[str] = []
+    files: set[Path] = set()
+    with console.progress(f"verifying {folder}") as bar:
+        for path, fault in checks:
+            if path not in files:
+                files.add(path)
+                bar.advance()
+            faults += [fault] if fault else []
+    if options.json:
+        console.out_json({"files": len(files), "faults": faults})
+    else:
+        for fault in faults:
+            console.out(fault)
+        console.out(
+            f"{folder}: {len(files)} files, {len(faults) or 'no'} fault{'s' if len(faults) > 1 else ''}"
+        )
+    return EXIT_FAILURE if faults else EXIT_OK
