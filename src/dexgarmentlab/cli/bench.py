@@ -9,6 +9,7 @@ from dexgarmentlab.cli.bench_collect import CollectOptions, measure_collect
 from dexgarmentlab.cli.bench_gam import GamOptions, measure_gam
 from dexgarmentlab.cli.bench_physics import PhysicsOptions, measure_physics
 from dexgarmentlab.cli.bench_sadp import SadpOptions, measure_sadp
+from dexgarmentlab.cli.bench_soak import SoakOptions, measure_soak
 
 __all__ = ["Options", "run"]
 
@@ -17,13 +18,21 @@ Options = Annotated[
     | Annotated[AssetsOptions, tyro.conf.subcommand("assets")]
     | Annotated[CollectOptions, tyro.conf.subcommand("collect")]
     | Annotated[GamOptions, tyro.conf.subcommand("gam")]
-    | Annotated[SadpOptions, tyro.conf.subcommand("sadp")],
+    | Annotated[SadpOptions, tyro.conf.subcommand("sadp")]
+    | Annotated[SoakOptions, tyro.conf.subcommand("soak")],
     tyro.conf.arg(name=""),
 ]
 """What each subject takes."""
 
 
-def run(options: PhysicsOptions | AssetsOptions | CollectOptions | GamOptions | SadpOptions) -> int:
+def run(
+    options: PhysicsOptions
+    | AssetsOptions
+    | CollectOptions
+    | GamOptions
+    | SadpOptions
+    | SoakOptions,
+) -> int:
     """Measure the subject."""
     if isinstance(options, PhysicsOptions):
         return measure_physics(options)
@@ -33,4 +42,6 @@ def run(options: PhysicsOptions | AssetsOptions | CollectOptions | GamOptions | 
         return measure_gam(options)
     if isinstance(options, SadpOptions):
         return measure_sadp(options)
+    if isinstance(options, SoakOptions):
+        return measure_soak(options)
     return measure_assets(options)
