@@ -191,7 +191,7 @@ def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_
     summary = run(episodes=4, options={"exit_at": [1]})
     result = results_of(tmp_path / "out")[1]
     assert result.reason == "worker crashed"
-    assert result.detail == "exit status 3, 3 times (see logs/worker-0.log)"
+    assert result.detail == "exit status 3, 5 times (see logs/worker-0.log)"
     assert (summary.attempted, summary.status) == (4, "complete")
     assert not (tmp_path / "out/.staging").exists()
 

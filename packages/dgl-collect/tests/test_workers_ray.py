@@ -82,7 +82,7 @@ def test_a_killed_worker_loses_no_attempt(run, local, tmp_path):
 def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_path):
     summary = run(options={"exit_at": [1]})
     assert dict(summary.reasons)["worker crashed"] == 1
-    assert ", 3 times (see logs/worker-" in read_results(tmp_path / "out/attempts.jsonl")[1].detail
+    assert ", 5 times (see logs/worker-" in read_results(tmp_path / "out/attempts.jsonl")[1].detail
 
 
 def test_an_attempt_that_hangs_is_ended(run, tmp_path):

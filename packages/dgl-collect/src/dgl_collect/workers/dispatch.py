@@ -50,7 +50,7 @@ class Limits:
     """Longest time of a job [s]; a worker that takes longer is ended, and the job has failed."""
     build_seconds: float = 900.0
     """Longest time of building a job runner, compiling of kernels included [s]."""
-    crashes: int = 3
+    crashes: int = 5
     """A job that ends its worker is done again; after so many times it has failed."""
     machines: int = 10
     """A job whose machine is lost is done again; after so many times the run gives up."""
