@@ -44,22 +44,23 @@ QUIET_SECONDS = (0.3, 3.0)
 class StandIn:
     """Takes a while, and writes an episode, a film and a picture that follow from the seed."""
 
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
+    def __init__(self, seconds: float, frames: int, *, succeeds: bool) -> None:
+        """Take so many seconds, and write so many frames; two of three succeed, or all."""
+        self._seconds, self._frames, self._succeeds = seconds, frames, succeeds
 
     def run(
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
-        """Make one attempt; two of three succeed."""
+        """Make one attempt."""
         rng = np.random.default_rng(seed)
         time.sleep(self._seconds)
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
         (out_dir / files["video"]).write_bytes(rng.bytes(400_000))
         save_png(out_dir / files["picture"], rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
-        success = seed % 3 > 0
+        success = self._succeeds or seed % 3 > 0
         if success:
             files["episode"] = f"{episode_id}.h5"
-            write_episode(out_dir / files["episode"], make_episode(rng, seed))
+            write_episode(out_dir / files["episode"], make_episode(rng, seed, self._frames))
         return AttemptResult(
             index=attempt_index,
             seed=seed,
@@ -67,7 +68,7 @@ class StandIn:
             value=0.5,
             reason=None if success else "by its seed",
             garment_id="stand-in",
-            frames=4 if success else 0,
+            frames=self._frames if success else 0,
             files=files,
         )
 
@@ -75,9 +76,8 @@ class StandIn:
         """Nothing is to be released."""
 
 
-def make_episode(rng: np.random.Generator, seed: int) -> Episode:
-    """Make an episode of four frames of noise, which do not compress."""
-    frames = 4
+def make_episode(rng: np.random.Generator, seed: int, frames: int) -> Episode:
+    """Make an episode of noise, which does not compress: 1 MB a frame."""
 
     def draw(*shape: int) -> np.ndarray:
         return rng.random(shape, dtype=np.float32)
@@ -106,7 +106,9 @@ def make_episode(rng: np.random.Generator, seed: int) -> Episode:
 
 def make_stand_in(task: str, options: dict) -> StandIn:
     """Build stand-ins; see `dgl_collect.attempts.AttemptFactory`."""
-    return StandIn(float(options.get("seconds", 1.0)))
+    return StandIn(
+        options.get("seconds", 1.0), options.get("frames", 4), succeeds=options.get("all", False)
+    )
 
 
 def run_once(options: argparse.Namespace) -> int:

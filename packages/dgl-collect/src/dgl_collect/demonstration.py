@@ -85,7 +85,7 @@ def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
                 raise ValueError(f"point {name!r} must be three numbers; got {xyz.tolist()}")
         stages = tuple(_parse_stage(stage) for stage in content.pop("stages"))
         return _make(Demonstration, {**content, "points": points, "stages": stages})
-    except (KeyError, TypeError, ValueError, AttributeError) as err:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as err:
         what = f"missing {err}" if isinstance(err, KeyError) else str(err)
         raise DemonstrationError(f"{source}: {what}") from err
 

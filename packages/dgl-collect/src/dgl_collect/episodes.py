@@ -305,16 +305,25 @@ def _write_array(
     )
 
 
-def _read_file(file: h5py.File) -> Episode:
+def read_stage_names(file: h5py.File) -> list[str]:
+    """Read the names of an episode's stages, and check that its arrays are its own and fit into memory.
+
+    Raises:
+        ValueError, KeyError, TypeError: If something is wrong.
+    """
     version = _integer(file, "format_version")
     if version != FORMAT_VERSION:
         raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
-    names = _json_attribute(file, "stage_names", list)
+    _check_sizes(file)
+    return _json_attribute(file, "stage_names", list)
+
+
+def _read_file(file: h5py.File) -> Episode:
+    names = read_stage_names(file)
     groups = [str(key) for key in file if str(key).startswith("stage_")]
     expected = [f"stage_{number}" for number in range(1, len(names) + 1)]
     if sorted(groups) != sorted(expected):
         raise ValueError(f"stage groups must be {expected}; got {sorted(groups)}")
-    _check_sizes(file)
     stages = tuple(_read_stage(_group(file, key)) for key in expected)
     if [stage.name for stage in stages] != names:
         raise ValueError(f"stage_names must be {[s.name for s in stages]}; got {names}")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from dgl_collect.episodes import FORMAT_VERSION, Points
+from dgl_collect.episodes import Points, read_stage_names
 from dgl_collect.errors import CorruptEpisodeError
+from dgl_collect.schema import decode_json
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,12 +47,9 @@ def read_previews(path: Path | str) -> tuple[StagePreview, ...]:
         raise FileNotFoundError(f"no episode file at {path}")
     try:
         with h5py.File(path, "r") as file:
-            version = file.attrs["format_version"]
-            if version != FORMAT_VERSION:
-                raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
-            count = len(json.loads(str(file.attrs["stage_names"])))
-            return tuple(_read_preview(file, f"stage_{k}") for k in range(1, count + 1))
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as err:
+            names = read_stage_names(file)
+            return tuple(_read_preview(file, f"stage_{k}") for k in range(1, len(names) + 1))
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError) as err:
         raise CorruptEpisodeError(path, f"cannot be read ({err})") from err
 
 
@@ -71,5 +68,5 @@ def _read_preview(file: h5py.File, key: str) -> StagePreview:
         ee_pose=read("ee_pose"),
         garment_point_cloud=read("garment_point_cloud"),
         points_affordance_feature=read("points_affordance_feature"),
-        points=json.loads(str(attributes["points"])),
+        points=decode_json(str(attributes["points"])),
     )

@@ -204,6 +204,8 @@ class RunFolder:
             raise OutputFolderError(
                 f"{self.path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
             )
+        if is_empty and self._resume:
+            logger.warning("%s has no run yet: this one begins there", self.path)
         commands: list[object] = []
         if run_path.exists():
             commands = self._check_run()

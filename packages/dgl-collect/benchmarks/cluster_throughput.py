@@ -1,0 +1,145 @@
+"""Measure a Ray cluster of this machine: against local workers, and how much one driver keeps up with.
+
+`attempts`: real attempts by two local workers, then by two nodes of one processor each; the files must be equal.
+`driver`: many stand-in attempts that sleep and bring back 12 MB each; the rate, and the memory of the driver.
+
+Example: python cluster_throughput.py attempts --task FoldTops-v1 --attempts 8
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"
+os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+
+from random_kills import STAND_IN
+
+from dgl_collect import CollectConfig, Progress, Workers, collect
+
+
+class Stopwatch:
+    """Notes when workers were ready and when attempts ended."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self.began = self.ended = time.monotonic()
+        self.ready: float | None = None
+
+    def note(self, progress: Progress) -> None:
+        """Take note of progress."""
+        now = time.monotonic()
+        if self.ready is None and progress.workers_ready == self._workers:
+            self.ready = now
+        self.ended = now
+
+
+def start_cluster(nodes: int, cpus: int):
+    """Start a cluster of a head without processors and some nodes."""
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
+    for _ in range(nodes):
+        cluster.add_node(num_cpus=cpus)
+    return cluster
+
+
+def read(folder: Path) -> dict[str, bytes]:
+    """Read the files of a run's attempts by name."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for part in ("episodes", "failed")
+        for path in (folder / part).glob("*")
+    }
+
+
+def run(folder: Path, workers: Workers, **settings: object) -> Stopwatch:
+    """Collect, and time it."""
+    watch = Stopwatch(workers.count)
+    config = CollectConfig(out=folder, workers=workers, **settings)
+    collect(config, known_tasks=(config.task,), on_progress=watch.note)
+    return watch
+
+
+def compare_attempts(options: argparse.Namespace, folder: Path) -> int:
+    """Compare two nodes with two local workers."""
+    settings = {"task": options.task, "episodes": options.attempts, "seed": options.seed}
+    local = run(folder / "local", Workers(count=2), **settings)
+    cluster = start_cluster(2, 1)
+    workers = Workers(count=2, engine="ray", address=cluster.address)
+    remote = run(folder / "ray", workers, **settings)
+    cluster.shutdown()
+    seconds = [watch.ended - (watch.ready or watch.began) for watch in (local, remote)]
+    whole = [watch.ended - watch.began for watch in (local, remote)]
+    same = read(folder / "local") == read(folder / "ray")
+    print(
+        f"two local workers: {seconds[0]:.1f} s from when they were ready, {whole[0]:.1f} s in all"
+    )
+    print(f"two nodes: {seconds[1]:.1f} s, {whole[1]:.1f} s")
+    print(
+        f"throughput of the nodes: {seconds[0] / seconds[1]:.3f}, with starts {whole[0] / whole[1]:.3f}"
+    )
+    print(f"files: {'equal' if same else 'NOT EQUAL'}")
+    return 0 if same else 1
+
+
+def load_driver(options: argparse.Namespace, folder: Path) -> int:
+    """Bring many large results to one driver."""
+    cluster = start_cluster(1, options.workers)
+    pages, done = [], threading.Event()
+
+    def watch_memory() -> None:
+        while not done.wait(0.5):
+            pages.append(int(Path("/proc/self/statm").read_text().split()[1]))
+
+    watcher = threading.Thread(target=watch_memory, daemon=True)
+    watcher.start()
+    watch = run(
+        folder / "driver",
+        Workers(count=options.workers, engine="ray", address=cluster.address),
+        task="FoldTops-v1",
+        episodes=options.attempts,
+        attempt_factory=STAND_IN,
+        options={"seconds": options.seconds, "frames": 13, "all": True},
+    )
+    done.set()
+    cluster.shutdown()
+    seconds = watch.ended - (watch.ready or watch.began)
+    size = sum(len(content) for content in read(folder / "driver").values())
+    memory = [page * os.sysconf("SC_PAGE_SIZE") / 2**30 for page in pages]
+    tenth = max(1, len(memory) // 10)
+    print(
+        f"{options.attempts} attempts of {size / options.attempts / 1e6:.1f} MB by {options.workers} workers"
+    )
+    print(f"{options.attempts / seconds:.1f} attempts a second for {seconds:.0f} s")
+    print(
+        f"memory of the driver: {max(memory[: 3 * tenth]):.2f} GiB early, {max(memory[-tenth:]):.2f} GiB late"
+    )
+    return 0
+
+
+def main() -> int:
+    """Measure what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("attempts", "driver"))
+    parser.add_argument("--task", default="FoldTops-v1")
+    parser.add_argument("--attempts", type=int, default=8)
+    parser.add_argument("--workers", type=int, default=40)
+    parser.add_argument("--seconds", type=float, default=6.0, help="that a stand-in takes")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="dgl-cluster-"))
+    try:
+        measure = compare_attempts if options.what == "attempts" else load_driver
+        return measure(options, folder)
+    finally:
+        shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
