@@ -193,6 +193,7 @@ def disturb(options: argparse.Namespace, out: Path) -> Counter:
         if kind == "run":
             run.kill()
             run.wait()
+            run = start(options, out, address)
         elif kind == "node" and cluster is not None:
             cluster.remove_node(rng.choice(list(cluster.worker_nodes)), allow_graceful=False)
             cluster.add_node(num_cpus=1)

@@ -297,6 +297,23 @@ def test_an_environment_that_cannot_be_built_ends_the_run(run, tmp_path):
         )
 
 
+def test_a_script_without_a_guard_is_told_what_it_needs(tmp_path, fakes):
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "import sys\n"
+        f"sys.path.append({str(Path(fakes.__file__).parent)!r})\n"
+        "from pathlib import Path\n"
+        "from dgl_collect import CollectConfig, collect\n"
+        f"out = Path({str(tmp_path / 'out')!r})\n"
+        f"config = CollectConfig(task='FoldTops-v1', episodes=2, out=out, attempt_factory={fakes.FACTORY!r})\n"
+        "collect(config, known_tasks=('FoldTops-v1',))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert "put its calls under `if __name__ == '__main__':`\n" in done.stderr
+
+
 def test_a_success_without_its_episode_is_not_a_success(run, tmp_path):
     success = SUCCESSES[0]
     run(episodes=success + 1, options={"forget_file_at": [success]})

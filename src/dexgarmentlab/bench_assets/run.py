@@ -27,7 +27,7 @@ from dgl_collect.files import (
     write_json,
 )
 from dgl_collect.results import package_versions
-from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers
+from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
 
@@ -106,6 +106,7 @@ def drop_garments(
         WorkerError: If workers keep dying; what had finished is kept.
         MachineError: If a disk is full, or fails; what had finished is kept.
     """
+    end_unguarded_import()
     with locked_folder(folder):
         done = _open_run(config, folder, resume=resume, command=command)
         yield from done

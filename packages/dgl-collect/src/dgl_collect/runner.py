@@ -16,7 +16,16 @@ from dgl_collect.attempts import AttemptRequest
 from dgl_collect.errors import UnknownTaskError
 from dgl_collect.results import AttemptResult, Summary
 from dgl_collect.run_folder import RunFolder
-from dgl_collect.workers import Dispatcher, Job, Limits, Outcome, Work, Workers, stop_signals
+from dgl_collect.workers import (
+    Dispatcher,
+    Job,
+    Limits,
+    Outcome,
+    Work,
+    Workers,
+    end_unguarded_import,
+    stop_signals,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +152,7 @@ def collect(
         WorkerError: If an environment cannot be built, or workers keep dying. The summary is written.
         MachineError: If a disk is full, or fails. The summary is written if there is room.
     """
+    end_unguarded_import()
     check_task(config.task, known_tasks)
     folder = RunFolder(
         config.out, identity=config.identity, resume=config.resume, command=config.command

@@ -18,7 +18,7 @@ from dgl_collect.files import (
     write_json,
 )
 from dgl_collect.gam_data.garment import FILE, SPACING, Entry, Made, Split, find_path, get_versions
-from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers
+from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
 
@@ -124,6 +124,7 @@ def generate_data(
         WorkerError: If workers keep dying; what had finished is kept.
         MachineError: If a disk is full, or fails; what had finished is kept.
     """
+    end_unguarded_import()
     with locked_folder(folder):
         failures = _open_run(config, folder, resume=resume)
         left: list[Entry] = []

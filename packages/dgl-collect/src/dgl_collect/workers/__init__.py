@@ -10,4 +10,5 @@ from dgl_collect.workers.jobs import JobRunner as JobRunner
 from dgl_collect.workers.jobs import Machine as Machine
 from dgl_collect.workers.jobs import Work as Work
 from dgl_collect.workers.jobs import load_callable as load_callable
+from dgl_collect.workers.local import end_unguarded_import as end_unguarded_import
 from dgl_collect.workers.signals import stop_signals as stop_signals

@@ -225,9 +225,9 @@ class Dispatcher:
                 self.machines.add(machine)
                 self._on_change()
             case StartFailed(reason=reason):
-                raise WorkerError(
-                    f"the environment cannot be built: {reason} (see {self._folder / post.log})"
-                )
+                log = self._folder / post.log
+                where = f" (see {log})" if log.is_file() else ""
+                raise WorkerError(f"the environment cannot be built: {reason}{where}")
             case MachineFault(reason=reason):
                 where = f"on {post.host}" if post.host else f"at work in {self._folder}"
                 raise MachineError(f"{reason}, {where}")

@@ -25,6 +25,8 @@ ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 so results equal, whatever the number of workers."""
 TERMINATE_SECONDS = 2.0
 """How long a worker may take to end after a polite signal [s]."""
+UNGUARDED = 78
+"""Exit status of a process that was started by a worker's import of the script that starts workers."""
 CLOSE_SECONDS = 30.0
 """How long a worker may take to release its job runner [s]."""
 
@@ -57,7 +59,13 @@ class LocalWorker:
         try:
             return self.connection.recv()
         except (EOFError, OSError):
-            return Lost(how=self._describe_exit())
+            how = self._describe_exit()
+            if self._process.exitcode == UNGUARDED:
+                return StartFailed(
+                    reason="workers import the script that starts them: put its calls under "
+                    "`if __name__ == '__main__':`"
+                )
+            return Lost(how=how)
 
     def release(self) -> None:
         """Let an idle worker end; see `Worker`."""
@@ -106,6 +114,16 @@ class LocalEngine:
 
     def close(self) -> None:
         """Nothing is left to end."""
+
+
+def end_unguarded_import() -> None:
+    """End this process if it is a worker that is importing the script that has started it, and would start more.
+
+    To be called before a run begins. `LocalWorker` tells what is to be done.
+    """
+    # Set while the modules of a spawned process are prepared; multiprocessing itself looks at it for the same reason.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        os._exit(UNGUARDED)
 
 
 def end_with_parent() -> None:

@@ -1,0 +1,108 @@
+"""Garments of one's own in a task: imported, completed by the affordance model, judged."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from dgl_assets import AssetError, load_garment
+from dgl_assets.importing import find_garment, load_asset
+from dgl_collect.matching import ExactMatcher
+from dgl_collect.own_garment import prepare_garment
+from dgl_tasks import get_task
+from dgl_tasks.env import GarmentEnv
+
+TOP = "Tops_LongSleeve/004321"
+
+
+def write_obj(path, vertices, faces):
+    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def shirt(tmp_path_factory):
+    """A shirt of a file in millimetres, and the folder that its import goes to."""
+    folder = tmp_path_factory.mktemp("shirt")
+    top = load_garment(TOP)
+    write_obj(folder / "shirt.obj", 1000 * top.vertices, top.faces)
+    return folder / "shirt.obj", folder / "kept"
+
+
+@pytest.fixture(scope="module")
+def prepared(shirt):
+    return prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
+
+
+def test_a_file_becomes_a_garment_with_the_places_that_the_rule_needs(prepared):
+    garment, known = load_asset(prepared.folder), load_garment(TOP)
+    names = get_task("FoldTops-v1").success.landmarks
+    assert set(names) <= set(garment.landmarks)
+    away = garment.get_landmark_positions(names) - known.get_landmark_positions(names)
+    assert np.linalg.norm(away[:, :2], axis=1).max() < 0.05
+    assert garment.meta["found_by_affordance_model"] == list(names)
+    told = " ".join(prepared.notes)
+    assert "unit mm" in told
+    assert f"judged by places that the affordance model has found: {', '.join(names)}" in told
+
+
+def test_what_was_prepared_is_not_made_again(prepared, shirt):
+    before = {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")}
+    again = prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
+    assert again.folder == prepared.folder
+    assert {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")} == before
+
+
+def test_key_points_of_ones_own_are_kept(prepared, tmp_path):
+    mine = tmp_path / "Tops_LongSleeve" / "mine"
+    shutil.copytree(prepared.folder, mine)
+    points = json.loads((mine / "keypoints.json").read_text())
+    assert prepare_garment(mine, get_task("FoldTops-v1"), folder=tmp_path / "kept").folder == mine
+    collar = points.pop("collar")
+    points["centre"] = 7
+    (mine / "keypoints.json").write_text(json.dumps(points))
+    own = prepare_garment(mine, get_task("FoldTops-v1"), folder=tmp_path / "kept")
+    assert own.notes == ("judged by places that the affordance model has found: collar",)
+    found = load_asset(own.folder)
+    assert found.landmarks["centre"] == 7
+    assert np.linalg.norm(found.vertices[found.landmarks["collar"]] - found.vertices[collar]) < 0.03
+    assert json.loads((mine / "keypoints.json").read_text()) == points
+
+
+def test_a_garment_of_another_category_or_none_is_refused(prepared, tmp_path):
+    with pytest.raises(ValueError, match=r"must be of category Trousers, which FoldTrousers-v1 is"):
+        prepare_garment(prepared.folder, get_task("FoldTrousers-v1"), folder=tmp_path)
+    with pytest.raises(ValueError, match=r"garment must be a mesh file .*none\.obj is not there"):
+        prepare_garment(tmp_path / "none.obj", get_task("FoldTops-v1"), folder=tmp_path)
+
+
+def test_the_exact_matcher_knows_the_catalogue_alone(prepared):
+    garment = load_asset(prepared.folder)
+    with pytest.raises(ValueError, match="take matcher gam for shirt"):
+        ExactMatcher(load_garment(TOP), garment, garment.vertices)
+
+
+def test_an_environment_takes_an_id_a_folder_or_a_garment(prepared):
+    env = GarmentEnv(
+        task="FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="cpu"
+    )
+    env.reset(seed=3, options={"garment": str(prepared.folder)})
+    assert env.draws["garment"] == str(prepared.folder)
+    assert 0 <= float(env.evaluate()["success_value"]) < 0.85
+    lies = env.get_particles()
+    env.reset(seed=3, options={"garment": find_garment(prepared.folder)})
+    np.testing.assert_array_equal(env.get_particles(), lies)
+    assert env.draws["garment"] == "shirt"
+    env.reset(seed=3, options={"garment": TOP})
+    assert env.draws["garment"] == TOP
+    for options, message in (
+        ({"garment": 5}, "a garment must be an id, .* or a folder; got 5"),
+        ({"garment": "Trousers/000001"}, "garment must be of category Tops_LongSleeve"),
+        ({"garment": str(prepared.folder.parent)}, "is not the folder of an imported garment"),
+        ({"garmet": TOP}, "options must be among .*garment.*; got .'garmet'"),
+    ):
+        with pytest.raises((ValueError, AssetError), match=message):
+            env.reset(seed=3, options=options)
+    env.close()
