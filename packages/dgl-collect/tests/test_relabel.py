@@ -107,3 +107,8 @@ def test_bad_requests_are_refused(relabeller, fakes, tmp_path):
     first = make_episode(fakes).stages[:1]
     with pytest.raises(ValueError, match=r"must have the stages .*; got \('fling',\)"):
         relabeller.relabel(make_episode(fakes, stages=first))
+
+
+def test_a_task_without_points_is_refused():
+    with pytest.raises(ValueError, match="WearBowlHat-v1 has no points that a matcher finds"):
+        Relabeller("WearBowlHat-v1", matcher=SamePlaces())

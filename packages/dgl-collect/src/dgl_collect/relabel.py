@@ -40,10 +40,15 @@ class Relabeller:
 
         Raises:
             UnknownTaskError: If there is no such task.
+            ValueError: If its hands go to no points.
             GamError: If the weights cannot be loaded.
         """
         self.task = get_task(task)
         self._demonstration = load_demonstration(task)
+        if not any(g.points for s in self._demonstration.learned_stages for g in s.grasp.values()):
+            raise ValueError(
+                f"{task} has no points that a matcher finds: its episodes hold no affordance to be replaced"
+            )
         garment = load_garment(self._demonstration.garment)
         surface = sample_visible_surface(garment.vertices, garment.faces)
         self._demo_cloud = surface.astype(np.float32)
