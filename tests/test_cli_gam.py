@@ -241,6 +241,39 @@ def test_what_is_no_cloud_is_refused(tmp_path, capsys, name, content, message):
     assert message in capsys.readouterr().err
 
 
+def test_clouds_in_which_nothing_can_be_found_are_refused_before_the_model_is_loaded(
+    tmp_path, capsys, monkeypatch
+):
+    from dexgarmentlab.cli.gam_match import MIN_POINTS
+    from dgl_gam import model
+
+    assert MIN_POINTS == model.MIN_POINTS
+    monkeypatch.setattr("dexgarmentlab.gam.runs.load_models", None)  # It would fail.
+    points = np.random.default_rng(0).uniform(size=(40, 3))
+    good = tmp_path / "good.npy"
+    np.save(good, points)
+    points[3] = np.nan
+    declared = tmp_path / "declared.npy"
+    with declared.open("wb") as file:
+        header = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 3)}
+        np.lib.format.write_array_header_1_0(file, header)
+    for name, array, message in (
+        ("none.npy", np.zeros((0, 3)), "must have at least 16 points; got 0"),
+        ("one.npy", np.ones((1, 3)), "must have at least 16 points; got 1"),
+        ("nan.npy", points, "must have finite coordinates; got 1 point(s) that have not, first 3"),
+        ("declared.npy", None, "declared.npy"),
+    ):
+        path = tmp_path / name
+        if array is not None:
+            np.save(path, array)
+        for which, words in (("A", [path, good]), ("B", [good, path])):
+            command = ["gam", "match", *map(str, words), "--out", str(tmp_path / "m.png")]
+            assert main([*command, "--category", CATEGORY]) == 1
+            error = capsys.readouterr().err.strip().splitlines()[-1]
+            assert message in error
+            assert array is None or error.startswith(f"dgl: {which}, {path}, ")
+
+
 def test_weights_that_are_missing_are_said(tmp_path, capsys):
     words = ["gam", "match", "Glove/000001", "Glove/000002", "--out", str(tmp_path / "m.png")]
     assert main([*words, "--weights", str(tmp_path)]) == 1

@@ -6,7 +6,7 @@ import h5py
 import pytest
 
 from dexgarmentlab.cli import main
-from dgl_sadp import load_policy, read_card
+from dgl_sadp import DiffusionPolicy, get_policy_config, load_policy, read_card, save_policy
 from dgl_sadp.synthetic import write_synthetic_episodes
 
 
@@ -62,9 +62,14 @@ def test_what_cannot_be_trained_is_said_in_one_line(episodes, tmp_path, capsys):
     command = ["train", "sadp", "--data", str(episodes), "--out", str(tmp_path / "run")]
     for words, message in (
         (["--resume"], "holds no run to resume"),
-        (["--stage", "2"], "succeeded, and 4 are refused:"),
-        (["--epochs", "0"], "epochs must be at least 1; got 0"),
+        (["--stage", "2"], "stage must be one of [1], which the 3 episode(s) of Synthetic-v1 in"),
+        (["--epochs", "0"], "epochs must lie in 1 ... 1000000000; got 0"),
+        (["--epochs", "9" * 400], "epochs must lie in 1 ... 1000000000; got a whole number of"),
+        (["--seed", str(2**70)], "seed must lie in 0 ... 9223372036854775807; got"),
+        (["--threads", "0"], "--threads must lie in 1 ... 1024; got 0"),
         (["--memory", "-1"], "--memory must be at least 0 GiB; got -1.0"),
+        (["--memory", "nan"], "--memory must be at least 0 GiB; got nan"),
+        (["--memory", "inf"], "--memory must be at least 0 GiB; got inf"),
         (["--data", str(tmp_path / "none")], "no episode files (*.h5) in"),
         (["--devices", "3"], "batch must be a multiple of the 3 devices; got 64"),
         (["--devices", "auto"], "on the CPU give a number of processes"),
@@ -72,6 +77,68 @@ def test_what_cannot_be_trained_is_said_in_one_line(episodes, tmp_path, capsys):
         assert main([*command, *words]) == 1
         error = capsys.readouterr().err.splitlines()
         assert message in error[-1]
+
+
+def test_one_episode_is_trained_on_and_told_how_to_get_another(tmp_path, capsys):
+    from dgl_sadp import EpisodeDataset
+
+    data = tmp_path / "one" / "episodes"
+    write_synthetic_episodes(data, 1, frames=6, points=300)
+    command = ["train", "dp3", "--data", str(data), "--epochs", "1", "--json", "--out"]
+    assert main([*command, str(tmp_path / "run")]) == 0
+    told = capsys.readouterr()
+    result = json.loads(told.out)
+    assert (result["episodes"], result["validation_episodes"]) == (1, 0)
+    assert result["windows"] == len(EpisodeDataset(data, 1))
+    hint = f"`dgl collect Synthetic-v1 --episodes 2 --resume --out {tmp_path / 'one'}`"
+    assert hint in told.err.splitlines()[-1]
+
+
+def test_the_command_for_another_episode_is_that_of_its_run(tmp_path):
+    from dexgarmentlab.cli.train_policy import _advise_on_validation
+
+    policy = tmp_path / "policy.safetensors"
+    save_policy(policy, DiffusionPolicy(get_policy_config("dp3")), {"tasks": ["FoldTops-v1"]})
+    run = {
+        "run_format": 1,
+        "task": "FoldTops-v1",
+        "seed": 3,
+        "attempt_factory": "dgl_collect.attempt:make_attempt_runner",
+        "options": {},
+        "versions": {},
+        "commands": [],
+    }
+    data = tmp_path / "out" / "episodes"
+    data.mkdir(parents=True)
+    for commands, wanted in (
+        (["dgl demo --out o"], "dgl collect FoldTops-v1 --seed 3"),
+        (
+            ["dgl collect FoldTops-v1 --episodes 9 --seed 3 --out o --look random --resume"],
+            "dgl collect FoldTops-v1 --seed 3 --look random",
+        ),
+    ):
+        (data.parent / "run.json").write_text(json.dumps({**run, "commands": commands}))
+        told = _advise_on_validation(data, policy)
+        assert f"`{wanted} --episodes 1 --resume --out {data.parent}`" in told
+
+
+def test_an_episode_with_an_attribute_of_a_wrong_type_is_named_and_left_out(
+    tmp_path, capsys, caplog
+):
+    data = tmp_path / "episodes"
+    paths = write_synthetic_episodes(data, 4, frames=6, points=300)
+    for path, (name, value) in zip(
+        paths, (("format_version", "one"), ("success", "False")), strict=False
+    ):
+        with h5py.File(path, "a") as file:
+            file.attrs[name] = value
+    command = ["train", "dp3", "--data", str(data), "--out", str(tmp_path / "run"), "--epochs", "1"]
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["refused"] == [str(path) for path in paths[:2]]
+    for path, text in zip(
+        paths, ("format_version must be a whole number", "success must be true"), strict=False
+    ):
+        assert f"left out: {path}: attribute {text}" in caplog.text
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The report shows what the run's files say, and needs nothing from elsewhere."""
 
 import importlib
+import inspect
 import json
 import re
 from dataclasses import replace
@@ -13,12 +14,15 @@ import numpy as np
 import pytest
 
 from dexgarmentlab.evaluation.results import Run, summarize
-from dexgarmentlab.reports import evaluation, figures, pictures
+from dexgarmentlab.reports import attempt, evaluation, figures, pictures
 from dexgarmentlab.reports.collection import write_report
-from dgl_collect import AttemptResult, CorruptEpisodeError, Criterion, VideoWriter, write_episode
+from dexgarmentlab.reports.words import DRAWN, MEASURED
+from dgl_collect import AttemptResult, Criterion, VideoWriter, write_episode
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import ATTEMPTS_FILE, RunFolder
 from dgl_collect.video import save_png
+from dgl_tasks import get_task, task_ids
+from dgl_tasks.driver import Driver
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 VOID = {"meta", "img", "rect", "circle", "line", "polyline", "link", "br", "hr"}
@@ -60,7 +64,7 @@ def make_run(tmp_path, monkeypatch):
         folder = RunFolder(tmp_path / "run", identity=identity, resume=False, command=command)
         with folder:
             for index, success in enumerate(successes):
-                staging = folder.staging(str(index))
+                staging = folder.path / ".staging" / str(index)
                 staging.mkdir(parents=True)
                 image = np.full((480, 640, 3), 90, np.uint8)
                 save_png(staging / f"{index}.png", image)
@@ -102,7 +106,7 @@ def test_a_run_is_reported_with_its_numbers_and_pictures(make_run):
     for text in (
         "Fold Tops", "67% success", "95 % interval 20.8% to 93.9%", "2 of 3", "left <cuff> slipped",
         "after 3.2 s", "tops/0001", "0.9 needs ≥ 0.8", "left sleeve 20.0 s", "0.05, 0.8, 0.2",
-        "dgl collect FoldTops-v1 --out 'my out'", "numpy", "left cuff",
+        "dgl collect FoldTops-v1 --out 'my out'", "numpy", "Where to grasp: left hand right hand",
     ):  # fmt: skip
         assert text in page.text, text
     assert page.ids == ["a0", "a1", "a2"]
@@ -120,6 +124,44 @@ def test_what_succeeded_at_once_and_what_with_retries_stand_side_by_side(make_ru
     text = Page(write_report(make_run([True, False, True, True], first_tries=(0, 1)))).text
     assert "2 of 4 succeeded at the first try" in " ".join(text.split())
     assert "3 of 4 succeeded with retries" in " ".join(text.split())
+
+
+def test_a_stage_names_the_hands_that_work_in_it(make_run, monkeypatch):
+    fakes = importlib.import_module("dgl_collect_fakes")
+    stages = [fakes.make_stage(k, name=name, frames=9) for k, name in enumerate(("one", "two"))]
+    stages[0].ee_pose[:, 1, :3] = stages[0].ee_pose[0, 1, :3]  # the right hand is parked
+    episode = fakes.make_episode(stages=tuple(stages))
+    monkeypatch.setattr(fakes, "make_episode", lambda seed: episode)
+    text = Page(write_report(make_run([True]))).text
+    first, second = re.findall(r"Where to grasp: ([a-z ]*?) +Start", text)
+    assert first == "left hand"
+    assert second == "left hand right hand both"
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "value", "shown"),
+    [
+        ("max_strain_p999", MEASURED, 1.5, "strain that 99.9 % of the edges stay below 150 %"),
+        ("max_penetration_m", MEASURED, 0.0038, "deepest penetration 3.8 mm"),
+        ("steps", MEASURED, 1566.0, "control steps 1566"),
+        ("largest_fall", MEASURED, 0.5, "largest fall 0.5"),
+        ("roll", DRAWN, np.pi / 2, "garment, tilt when dropped 90 °"),
+        ("coat_rack_x", DRAWN, 0.5, "coat rack, x 0.5 m"),
+        ("fabric", DRAWN, "blue <denim>", "fabric blue &lt;denim&gt;"),
+        ("is_new", DRAWN, True, "is new True"),
+    ],
+)
+def test_measurements_and_draws_are_in_words_and_units(name, known, value, shown):
+    drawn = attempt._facts("Facts", {name: value}, known)
+    assert " ".join(re.sub(r"<[^>]+>", " ", drawn).split()) == f"Facts {shown}"
+
+
+def test_what_is_measured_has_words():
+    """All that an episode measures is known to the pages."""
+    source = inspect.getsource(Driver)
+    names = {f"max_{name}" for name in re.findall(r'"(strain_\w+|penetration_m)":', source)}
+    names |= set(re.findall(r'"(further_\w+)"', source))
+    assert names == set(MEASURED) - {"steps"}
 
 
 def test_an_embedding_report_is_one_file(make_run):
@@ -151,11 +193,16 @@ def test_many_attempts_are_all_in_the_table(make_run, monkeypatch):
 def test_what_cannot_be_reported_is_said(make_run, tmp_path):
     with pytest.raises(FileNotFoundError, match="holds no run to report"):
         write_report(tmp_path)
-    folder = make_run([True])
-    (folder / "episodes/0.h5").write_bytes(b"\x89HDF")
-    with pytest.raises(CorruptEpisodeError, match=r"0\.h5"):
-        write_report(folder)
-    assert not (folder / "index.html").exists()
+
+
+@pytest.mark.parametrize("damage", [lambda p: p.write_bytes(b"\x89HDF"), lambda p: p.unlink()])
+def test_an_episode_that_is_damaged_or_gone_is_told_beside_the_others(make_run, damage):
+    folder = make_run([True, True])
+    damage(folder / "episodes/0.h5")
+    page = Page(write_report(folder))
+    assert page.ids == ["a0", "a1"]
+    assert page.text.count("dgl verify looks at all files") == 1
+    assert "episodes/0.h5" in page.text
 
 
 def test_the_summary_that_was_written_is_the_one_shown(make_run):
@@ -186,11 +233,64 @@ def test_a_degenerate_cloud_is_drawn():
     assert "data:image/png" in figures.cloud_figure(cloud, np.ones((1, 2)), {}, alt="one point")
 
 
-def name_points(cloud, affordance, points):
-    """Give names and baselines [px] of what is written in the figure of a cloud, and how many discs there are."""
+def name_points(cloud, affordance, points, *, discs=False):
+    """Give names and baselines [px] of what is written in the figure of a cloud, or of the discs, and how many these are."""
     drawn = figures.cloud_figure(cloud, affordance, points, alt="a top")
+    if discs:
+        found = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*><title>(\w+)<', drawn)
+        return {name: (float(x), float(y)) for x, y, name in found}, len(found)
     texts = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)"[^>]*>([^<]*)<', drawn)
     return {name: (float(x), float(y)) for x, y, name in texts}, drawn.count("<circle")
+
+
+def test_the_cloud_is_the_same_way_up_as_the_pictures():
+    """Whatever lies further right or lower in a picture of the environment camera does so in the figure."""
+    for task_id in task_ids():
+        camera = get_task(task_id).cameras["environment_camera"]
+        _, down, _ = np.array(camera.axes)
+        right = np.array(camera.axes)[0]
+        for second, floor in ((1, [0.4, 0.3, 0.01]), (2, [0.4, 0.01, 0.3])):
+            cloud = np.random.default_rng(0).uniform(-np.array(floor), floor, (500, 3))
+            one, other = np.zeros(3), np.zeros(3)
+            other[[0, second]] = 0.1
+            points = {"a": {"xyz": one.tolist()}, "b": {"xyz": other.tolist()}}
+            places, _ = name_points(cloud, np.ones((500, 2)), points, discs=True)
+            (xa, ya), (xb, yb) = places["a"], places["b"]
+            assert np.sign(xb - xa) == np.sign((other - one)[0] * right[0])
+            assert np.sign(yb - ya) == np.sign((other - one)[second] * down[second])
+
+
+def test_hands_that_move_work_in_a_stage():
+    still, moving = np.zeros((5, 1, 7)), np.zeros((5, 1, 7))
+    moving[:, 0, 2] = np.linspace(0, 2 * figures.MOVES_FROM, 5)
+    for left, right, hands in (
+        (moving, still, ("left",)), (still, moving, ("right",)),
+        (moving, moving, ("left", "right")), (still, still, ("left", "right")),
+    ):  # fmt: skip
+        assert figures.find_hands(np.concatenate([left, right], axis=1)) == hands
+
+
+def test_points_have_the_colours_of_the_hands_that_want_them_where_the_garment_is():
+    cloud = np.array([[0.0, 0, 0], [0.5, 0, 0], [1.0, 0, 0], [1.5, 0, 0]])
+    affordance = np.array([[1, 0], [0, 1], [1, 1], [0, 0]], float)
+    points = {str(k): {"xyz": place.tolist()} for k, place in enumerate(cloud)}
+    points["away"] = {"xyz": [0.0, 2 * figures.OFF_GARMENT, 0.0]}  # cloth has been folded away
+    points["unplaced"] = {"uv": [3.0, 4.0]}
+
+    def find(*hands):
+        return list(figures.find_wanted(cloud, affordance, points, hands=hands).items())
+
+    assert find("left", "right") == [("0", "left"), ("1", "right"), ("2", "both"), ("3", "other")]
+    assert find("left") == [("0", "left"), ("1", "other"), ("2", "left"), ("3", "other")]
+    written, discs = name_points(cloud, affordance, points)
+    assert (sorted(written), discs) == (["0", "1", "2"], 4)
+    picture = np.zeros((480, 640, 3), np.uint8)
+    located = {name: {**point, "uv": [9.0, 9.0]} for name, point in points.items()}
+    drawn = figures.picture_with_points(
+        picture, located, alt="", wanted=figures.find_wanted(cloud, affordance, located)
+    )
+    assert drawn.count("<circle") == 4
+    assert drawn.count('class="mark both"') == 1
 
 
 def test_only_points_that_a_hand_wants_are_named_and_beside_each_other():

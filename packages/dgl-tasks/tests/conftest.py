@@ -120,7 +120,7 @@ class FakeEnv:
         self.value, self.strain = value, 0.0
         self.garment, self.objects = SimpleNamespace(name="tops/1"), {}
         self.garment_segment = 7
-        self.draws = {"x": 0.1}
+        self.draws = {"garment": "tops/1", "x": 0.1}
         self.resets, self.sent = [], []
 
     def _compute_poses(self):

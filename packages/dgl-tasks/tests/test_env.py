@@ -16,6 +16,7 @@ import dgl_tasks
 from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
 from dgl_tasks.control import interpolate_action
 from dgl_tasks.env import STILL_SPEED
+from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.perception import take_picture
@@ -526,5 +527,5 @@ def test_several_environments_in_one_process_are_refused():
 
 
 def test_pictures_of_a_scene_that_cannot_render_are_an_error(env):
-    with pytest.raises(RuntimeError, match="render_backend"):
+    with pytest.raises(RenderingUnavailableError, match="render_backend"):
         take_picture(env, "garment_camera")

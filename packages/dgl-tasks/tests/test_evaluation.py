@@ -62,7 +62,7 @@ def test_doing_nothing_is_judged_as_the_garment_fell(make_env, jumping_motion, r
     assert result.success
     assert (result.reason, result.detail, result.mishaps) == (None, "", ())
     assert result.first_try is result.verdict
-    assert (result.garment, result.draws) == ("tops/1", {"x": 0.1})
+    assert (result.garment, result.draws) == ("tops/1", {"garment": "tops/1", "x": 0.1})
     assert result.picture.shape == (4, 4, 3)
     assert result.measurements["max_penetration_m"] == 0.001
 

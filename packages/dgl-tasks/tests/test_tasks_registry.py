@@ -39,6 +39,16 @@ def test_an_unknown_id_names_the_closest_and_all(wrong):
     assert isinstance(caught.value, ValueError)
 
 
+@pytest.mark.parametrize("wrong", [3, None, ["FoldTops-v1"]])
+def test_what_is_no_id_is_refused(wrong):
+    with pytest.raises(
+        UnknownTaskError, match=r"must be an id, such as .*, or a declaration.*; got"
+    ):
+        dgl_tasks.get_task(wrong)
+    with pytest.raises(UnknownTaskError, match="must be an id"):
+        gymnasium.make("FoldTops-v1", task=wrong, render_backend="none")
+
+
 def test_every_file_of_tasks_is_found_by_itself():
     files = [path for path in Path(tasks.__file__).parent.glob("*.py") if path.name[0] != "_"]
     assert len(dgl_tasks.task_ids()) == len(files)
@@ -163,7 +173,7 @@ def test_category_and_place_are_as_specified(task_id):
         ({"roll_range": (1.0, 0.5)}, r"roll_range must be \(low, high\) .*got \(1.0, 0.5\)"),
         ({"roll_range": (np.nan, 0.5)}, r"roll_range must be \(low, high\)"),
         ({"x_range": (0.0, np.inf)}, r"x_range must be \(low, high\)"),
-        ({"height": -0.1}, "height must be at least 0, and yaw finite; got -0.1"),
+        ({"height": -0.1}, "height must be at least 0; got -0.1"),
         ({"settle_frames": -1}, "settle_frames must be at least 0; got -1"),
     ],
 )

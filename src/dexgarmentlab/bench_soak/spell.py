@@ -9,6 +9,7 @@ import numpy as np
 from dgl_assets.robots import SIDES
 from dgl_physics import ContactOverflowError, PhysicsError
 from dgl_tasks.env import GarmentEnv
+from dgl_tasks.robot import BimanualUR10eShadow
 
 __all__ = ["Spell", "SpellRequest", "Spells", "measure_memory"]
 
@@ -76,7 +77,7 @@ class Spells:
                 touching += env.count_touching() > 0
                 values = (
                     env.get_particles(),
-                    env.agent.get_joint_state().cpu().numpy(),
+                    get_robot(env).get_joint_state().cpu().numpy(),
                     float(reward),
                 )
                 not_finite += not all(np.isfinite(value).all() for value in values)
@@ -122,10 +123,10 @@ class Wanderer:
 
     def __init__(self, env: GarmentEnv, rng: np.random.Generator) -> None:
         self._env, self._rng = env, rng
-        names = env.agent.model.joint_names
-        joints = env.agent.robot.active_joints_map
+        robot = get_robot(env)
+        names, joints = robot.model.joint_names, robot.robot.active_joints_map
         self._limits = np.array([joints[n].limits[0].cpu().numpy().reshape(2) for n in names])
-        mapping = env.agent.controller.action_mapping
+        mapping = robot.controller.action_mapping  # pyright: ignore[reportAttributeAccessIssue] - of all parts together
         self._arms = [slice(*mapping[f"{side}_arm"]) for side in SIDES]
         self._step = 0
         self._goals: list[np.ndarray] = []
@@ -143,11 +144,17 @@ class Wanderer:
 
     def _draw_goal(self, arm: slice, mode: str) -> np.ndarray:
         if mode == "pd_joint_pos":
-            now = self._env.agent.get_joint_state()[0].cpu().numpy()[arm]
+            now = get_robot(self._env).get_joint_state()[0].cpu().numpy()[arm]
             return np.clip(now + self._rng.uniform(-1, 1, now.shape), *self._limits[arm].T)
         place = self._rng.choice(self._env.get_particles())
         place = place + np.array([0.0, 0.0, self._rng.uniform(0.0, ABOVE)])
         return np.concatenate([place, self._rng.uniform(-np.pi, np.pi, 3)])
+
+
+def get_robot(env: GarmentEnv) -> BimanualUR10eShadow:
+    """Give the robot of an environment."""
+    assert isinstance(env.agent, BimanualUR10eShadow)
+    return env.agent
 
 
 def measure_memory() -> int:

@@ -1,5 +1,6 @@
 """`dgl assets import`."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,7 +14,10 @@ if TYPE_CHECKING:
 
     from dgl_assets.importing import ImportReport
 
-__all__ = ["ImportOptions", "bring"]
+__all__ = ["ImportOptions", "bring", "name_flags"]
+
+_FLAGS = {"object_name": "--object", "use_textures=False": "--no-textures"}
+"""Flags that are not called as the parameter of the library is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +59,12 @@ class ImportOptions:
     """Whether to keep its picture; without, missing pictures do not matter."""
     overwrite: bool = False
     """Replace an asset of the same name."""
+    mesh: str | None = None
+    """Which mesh of a folder or an archive that holds several, such as source/shirt.obj."""
+    object: str | None = None
+    """Which object of a file that holds several, such as a body: a name of the file, or a connected part, such as part2."""
+    weld: float | None = None
+    """Distance below which open edges are sewn together [mm], up to 10; found from the size otherwise."""
     json: bool = False
     """Write the result as JSON."""
 
@@ -65,7 +75,7 @@ def bring(options: ImportOptions) -> int:
     from dgl_assets.importing import list_models
 
     models = [options.path]
-    if options.path.is_dir():
+    if options.path.is_dir() and options.mesh is None:
         models = list(list_models(options.path))
     if len(models) == 1:
         report = _import(options.path, options)
@@ -81,7 +91,7 @@ def bring(options: ImportOptions) -> int:
         try:
             reports.append(_import(model, options))
         except AssetError as error:
-            refused.append({"path": str(model), "reason": str(error)})
+            refused.append({"path": str(model), "reason": name_flags(str(error))})
     if options.json:
         console.out_json({"imported": [_to_json(r) for r in reports], "refused": refused})
     else:
@@ -95,24 +105,40 @@ def bring(options: ImportOptions) -> int:
 
 
 def _import(path: Path, options: ImportOptions) -> "ImportReport":
-    from dgl_assets.importing import import_garment
+    from dgl_assets.importing import AssetImportError, import_garment
 
-    return import_garment(
-        path,
-        out=options.out,
-        category=options.category,
-        units=options.units,
-        up=options.up,
-        scale=options.scale,
-        spacing=options.spacing,
-        lay_flat=_lay_flat if options.lay_flat else None,
-        keypoints=options.keypoints,
-        name=options.name,
-        licence=options.licence,
-        source=options.source,
-        use_textures=options.textures,
-        overwrite=options.overwrite,
-    )
+    try:
+        return import_garment(
+            path,
+            out=options.out,
+            category=options.category,
+            units=options.units,
+            up=options.up,
+            scale=options.scale,
+            spacing=options.spacing,
+            lay_flat=_lay_flat if options.lay_flat else None,
+            keypoints=options.keypoints,
+            name=options.name,
+            licence=options.licence,
+            source=options.source,
+            use_textures=options.textures,
+            overwrite=options.overwrite,
+            mesh=options.mesh,
+            object_name=options.object,
+            weld=None if options.weld is None else options.weld * 1e-3,
+        )
+    except AssetImportError as error:
+        raise type(error)(name_flags(str(error))) from error
+
+
+def name_flags(text: str) -> str:
+    """Write the flags of the command line for the parameters that a message of the library names: `units` is --units."""
+
+    def to_flag(found: re.Match[str]) -> str:
+        name = found.group(1)
+        return _FLAGS.get(name, "--" + name.replace("_", "-"))
+
+    return re.sub(r"`([a-z_]+(?:=False)?)`", to_flag, text)
 
 
 def _lay_flat(
@@ -139,5 +165,5 @@ def _lines(report: "ImportReport") -> list[str]:
         "angles even",
         f"  key points: {', '.join(report.landmarks) or 'none; write them into keypoints.json'}",
         f"  licence: {report.licence}",
-        *(f"  - {text}" for text in report.assumptions),
+        *(f"  - {name_flags(text)}" for text in report.assumptions),
     ]

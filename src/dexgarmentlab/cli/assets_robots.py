@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.assets_import import name_flags
+
+if TYPE_CHECKING:
+    from dgl_assets.robots.importing import RobotReport
 
 __all__ = ["ImportRobotOptions", "ListRobotsOptions", "import_robot", "list_robots"]
 
@@ -85,10 +89,40 @@ class ListRobotsOptions:
 
 def import_robot(options: ImportRobotOptions) -> int:
     """Import a robot, and say what was made and what was assumed."""
+    from dgl_assets.importing import AssetImportError
+
+    try:
+        report = _import(options)
+    except AssetImportError as error:
+        raise type(error)(name_flags(str(error))) from error
+    shapes = ", ".join(f"{count} {kind}" for kind, count in report.collision_shapes.items())
+    if options.json:
+        console.out_json(
+            {
+                "name": report.name,
+                "kind": report.kind,
+                "folder": str(report.folder),
+                "joints": report.joints,
+                "links": report.links,
+                "collision_shapes": dict(report.collision_shapes),
+                "assumptions": list(report.assumptions),
+            }
+        )
+        return EXIT_OK
+    console.out(
+        f"{report.folder}: {report.kind} of {report.joints} joints; collision shapes: {shapes or 'none'}"
+    )
+    for assumption in report.assumptions:
+        console.out(f"  {assumption}")
+    console.out(f"use it: --robot {report.name} --robots {options.robots}")
+    return EXIT_OK
+
+
+def _import(options: ImportRobotOptions) -> "RobotReport":
     from dgl_assets.robots import importing
 
     with console.progress(f"importing {options.name}", None) as bar:
-        report = importing.import_robot(
+        return importing.import_robot(
             options.file,
             name=options.name,
             out=options.robots,
@@ -115,27 +149,6 @@ def import_robot(options: ImportRobotOptions) -> int:
             ),
             on_progress=lambda link: bar.advance(0, note=link),
         )
-    shapes = ", ".join(f"{count} {kind}" for kind, count in report.collision_shapes.items())
-    if options.json:
-        console.out_json(
-            {
-                "name": report.name,
-                "kind": report.kind,
-                "folder": str(report.folder),
-                "joints": report.joints,
-                "links": report.links,
-                "collision_shapes": dict(report.collision_shapes),
-                "assumptions": list(report.assumptions),
-            }
-        )
-        return EXIT_OK
-    console.out(
-        f"{report.folder}: {report.kind} of {report.joints} joints; collision shapes: {shapes or 'none'}"
-    )
-    for assumption in report.assumptions:
-        console.out(f"  {assumption}")
-    console.out(f"use it: --robot {report.name} --robots {options.robots}")
-    return EXIT_OK
 
 
 def list_robots(options: ListRobotsOptions) -> int:

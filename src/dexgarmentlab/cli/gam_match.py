@@ -11,9 +11,13 @@ from dexgarmentlab.cli import EXIT_OK, console
 if TYPE_CHECKING:
     import numpy as np
 
+    from dexgarmentlab.gam.axes import Up
     from dexgarmentlab.gam.clouds import Cloud
 
-__all__ = ["MatchOptions", "match"]
+__all__ = ["MIN_POINTS", "MatchOptions", "match"]
+
+MIN_POINTS = 16
+"""Of a cloud, as `dgl_gam.model` has it; repeated here, since that takes seconds to import."""
 
 _SPREAD = 8
 
@@ -56,17 +60,17 @@ class MatchOptions:
 
 def match(options: MatchOptions) -> int:
     """Match, draw, and write where each point was found."""
-    from dexgarmentlab.gam.clouds import load_cloud
-    from dexgarmentlab.gam.picture import draw_matches
-    from dexgarmentlab.gam.runs import load_models
-
     if options.out.suffix.lower() != ".png":
         raise ValueError(f"--out must be a file .png; got {options.out}")
     if len(options.up) > 2:
         raise ValueError(f"--up must be one axis or two; got {len(options.up)}")
     up_a, up_b = (options.up[0], options.up[-1]) if options.up else (None, None)
-    source = load_cloud(options.source, up=up_a, category=options.category)
-    target = load_cloud(options.target, seed=1, up=up_b, category=options.category)
+    source = _load("A", options.source, seed=0, up=up_a, category=options.category)
+    target = _load("B", options.target, seed=1, up=up_b, category=options.category)
+    # Late: what cannot be matched is refused before torch and the pictures' libraries are loaded.
+    from dexgarmentlab.gam.picture import draw_matches
+    from dexgarmentlab.gam.runs import load_models
+
     for cloud in (source, target):
         for text in cloud.assumptions:
             console.info(f"{cloud.name}: {text}")
@@ -114,6 +118,29 @@ def match(options: MatchOptions) -> int:
     )
     console.out(f"picture: {options.out}")
     return EXIT_OK
+
+
+def _load(which: str, what: str, *, seed: int, up: "Up | None", category: str | None) -> "Cloud":
+    """Load a cloud, and refuse one in which nothing can be found."""
+    import numpy as np
+
+    from dexgarmentlab.gam.clouds import load_cloud
+
+    try:
+        cloud = load_cloud(what, seed=seed, up=up, category=category)
+    except MemoryError as err:
+        raise ValueError(f"{which}, {what}, must fit into memory; it declares more") from err
+    if len(cloud.points) < MIN_POINTS:
+        raise ValueError(
+            f"{which}, {what}, must have at least {MIN_POINTS} points; got {len(cloud.points)}"
+        )
+    bad = np.flatnonzero(~np.isfinite(cloud.points).all(axis=1))
+    if len(bad):
+        raise ValueError(
+            f"{which}, {what}, must have finite coordinates; got {len(bad)} point(s) that have not, "
+            f"first {bad[0]}"
+        )
+    return cloud
 
 
 def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> str:

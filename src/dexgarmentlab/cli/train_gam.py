@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from dgl_gam.schedule import Schedule
     from dgl_gam.train import Progress, TrainConfig
 
-__all__ = ["TrainGamOptions", "train_gam"]
+__all__ = ["TrainGamOptions", "train_gam", "use_threads"]
+
+MAX_THREADS = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,8 +68,7 @@ def train_gam(options: TrainGamOptions) -> int:
         raise ValueError(f"--preset {options.preset} refines other weights: name them with --start")
     if options.device.startswith("cuda") and not torch.cuda.is_available():
         raise ValueError(f"--device {options.device}: torch finds no CUDA device here")
-    if options.threads is not None:
-        torch.set_num_threads(options.threads)
+    use_threads(options.threads)
     chosen = options.category or None
     folder = GarmentFolder(options.data, categories=chosen, split="train")
     runs = {TOGETHER: folder}
@@ -90,6 +91,17 @@ def train_gam(options: TrainGamOptions) -> int:
         for result in results:
             console.out(_describe(result))
     return EXIT_OK
+
+
+def use_threads(count: int | None) -> None:
+    """Let torch use so many threads of the CPU; as many as it decides when None."""
+    import torch
+
+    if count is None:
+        return
+    if not 1 <= count <= MAX_THREADS:
+        raise ValueError(f"--threads must lie in 1 ... {MAX_THREADS}; got {count}")
+    torch.set_num_threads(count)
 
 
 def _describe(result: dict[str, Any]) -> str:

@@ -2,11 +2,13 @@
 
 import dataclasses
 import math
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.train_gam import use_threads
 
 if TYPE_CHECKING:
     from dgl_sadp import Progress, TrainResult
@@ -29,7 +31,7 @@ class TrainPolicyOptions:
     method: ClassVar[str]
 
     data: Path
-    """Folder of collected episodes (*.h5)."""
+    """Folder of collected episodes (*.h5). Some are kept for validation, where there is more than one."""
     out: Path
     """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
     stage: int = 1
@@ -118,8 +120,6 @@ class TrainDpOptions(TrainPolicyOptions):
 
 def train_policy(options: TrainPolicyOptions) -> int:
     """Train the policy, and say where it is and how it does."""
-    import torch
-
     import dgl_sadp
 
     config = dgl_sadp.get_train_config(options.method, options.preset)
@@ -135,9 +135,8 @@ def train_policy(options: TrainPolicyOptions) -> int:
     if policy.garment is not None:
         garment = dataclasses.replace(policy.garment, use_affordance=options.gam)
         policy = dataclasses.replace(policy, garment=garment)
-    if options.threads is not None:
-        torch.set_num_threads(options.threads)
-    if options.memory < 0:
+    use_threads(options.threads)
+    if not 0 <= options.memory < 2**20:  # Neither NaN nor infinity.
         raise ValueError(f"--memory must be at least 0 GiB; got {options.memory}")
     shown = 0
     with console.progress(f"training {options.method}") as bar:
@@ -164,7 +163,48 @@ def train_policy(options: TrainPolicyOptions) -> int:
         console.out_json(_as_json(options, result))
     else:
         console.out(_as_text(result))
+    if result.validation_episodes == 0 and config.validation_share > 0:
+        console.info(_advise_on_validation(options.data, result.policy))
     return EXIT_OK
+
+
+def _advise_on_validation(data: Path, policy: Path) -> str:
+    """Say that nothing was held out to validate on, and how to collect one more episode."""
+    import dgl_sadp
+    from dgl_collect import OutputFolderError
+    from dgl_collect.results import read_results
+    from dgl_collect.run_folder import ATTEMPTS_FILE, read_run
+
+    tasks = dgl_sadp.read_card(policy).get("tasks") or ["TASK"]
+    folder = data.absolute().parent if data.name in ("", ".") else data.parent
+    words, attempts = ["dgl", "collect", tasks[0]], 1
+    try:
+        run = read_run(folder)
+        attempts = len(read_results(folder / ATTEMPTS_FILE))
+        told = [shlex.split(command) for command in run.commands]
+        told = [command for command in told if command[:2] == ["dgl", "collect"]]
+        words = (
+            _drop(told[-1], "--episodes", "--out") if told else [*words, "--seed", str(run.seed)]
+        )
+    except OutputFolderError:  # The episodes are not where a run has put them.
+        pass
+    words = [word for word in words if word != "--resume"]
+    command = shlex.join(
+        [*words, "--episodes", str(attempts + 1), "--resume", "--out", str(folder)]
+    )
+    return (
+        "there was one episode, which was trained on: to validate takes one more; "
+        f"collect it with `{command}`"
+    )
+
+
+def _drop(words: list[str], *names: str) -> list[str]:
+    """Leave out options, each with its value."""
+    return [
+        word
+        for before, word in zip(["", *words], words, strict=False)
+        if word not in names and before not in names
+    ]
 
 
 def _describe(progress: "Progress") -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from dexgarmentlab.reports import figures
 from dexgarmentlab.reports.page import outcome_badge
+from dexgarmentlab.reports.words import DRAWN, MEASURED, Words, find_words
 from dgl_collect.previews import StagePreview
 from dgl_collect.results import AttemptResult
 from dgl_collect.video import FRAME_RATE
@@ -26,6 +27,7 @@ def attempt_card(
     name: str,
     heading: str = "",
     stages: Sequence[StagePreview] = (),
+    fault: str = "",
 ) -> str:
     """Show an attempt: its film, what was measured, and its stages.
 
@@ -35,6 +37,7 @@ def attempt_card(
         name: Anchor on the page.
         heading: Plain text; none where the page has no other attempt, and the film plays by itself then.
         stages: What its episode file shows.
+        fault: Why it shows nothing, if it should.
     """
     title = ""
     if heading:
@@ -44,14 +47,15 @@ def attempt_card(
         detail = f"<br>{html.escape(result.detail)}" if result.detail else ""
         reason = f'<p class="reason"><b>{html.escape(result.reason)}</b>{detail}</p>'
     criteria = "".join(figures.meter(criterion) for criterion in result.criteria)
-    facts = {"garment": result.garment_id or "none", "attempt's seed": result.seed}
+    told = f'<p class="reason">{html.escape(fault)}</p>' if fault else ""
+    facts = {"garment": result.garment_id or "none", "seed of the attempt": result.seed}
     return (
         f'<article id="{name}">{title}<div class="card">'
         f'<div class="media">{reason}{_film(media, is_single=not heading)}{_time(result)}</div>'
-        f'<div class="facts">{criteria}{_facts("Attempt", facts)}'
-        f"{_facts('Measured', result.measurements)}"
-        f"{_facts('Drawn at random', result.randomisation)}{_picture(media)}</div></div>"
-        f"{_stages(stages)}</article>"
+        f'<div class="facts">{criteria}{_picture(media)}</div></div><div class="lists">'
+        f"{_facts('Attempt', facts)}{_facts('Measured', result.measurements, MEASURED)}"
+        f"{_facts('Drawn at random', result.randomisation, DRAWN)}</div>"
+        f"{_stages(stages)}{told}</article>"
     )
 
 
@@ -88,40 +92,64 @@ def _stages(stages: Sequence[StagePreview]) -> str:
         return ""
     rows = "".join(_stage(number, stage) for number, stage in enumerate(stages, start=1))
     heights = figures.hand_heights([(stage.name, stage.ee_pose) for stage in stages])
-    legend = '<span class="key left">left hand</span><span class="key right">right hand</span>'
+    legend = "".join(f'<span class="key {side}">{side} hand</span>' for side in figures.SIDES)
     return (
-        f"<h4>Stages {legend}</h4><div class='stages'>{rows}</div>"
-        f'<h4>Height of the hands <span class="quiet">metres</span> {legend}</h4>{heights}'
+        f"<h4>Stages</h4><div class='stages'>{rows}</div>"
+        f'<h4>Height of the hands <span class="quiet">metres</span> {legend}'
+        f'<span class="quiet"> (faint: parked)</span></h4>{heights}'
     )
 
 
 def _stage(number: int, stage: StagePreview) -> str:
     name = stage.name.replace("_", " ")
-    first = figures.picture_with_points(stage.first_image, stage.points, alt=f"{name}, start")
+    hands = figures.find_hands(stage.ee_pose)
+    wanted = figures.find_wanted(
+        stage.garment_point_cloud, stage.points_affordance_feature, stage.points, hands=hands
+    )
+    first = figures.picture_with_points(
+        stage.first_image, stage.points, alt=f"{name}, start", wanted=wanted
+    )
     last = figures.picture_with_points(stage.last_image, {}, alt=f"{name}, end")
     cloud = figures.cloud_figure(
         stage.garment_point_cloud,
         stage.points_affordance_feature,
         stage.points,
         alt=f"{name}, the garment's points coloured by affordance",
+        hands=hands,
     )
     return (
         f'<div class="stage"><p><b>{number} · {html.escape(name)}</b> '
         f'<span class="quiet">{len(stage.ee_pose)} frames</span></p>'
-        f"<figure>{cloud}<figcaption>Where each hand may grasp; purple: both</figcaption></figure>"
+        f"<figure>{cloud}<figcaption>{_legend(stage, hands)}</figcaption></figure>"
         f"<figure>{first}<figcaption>Start</figcaption></figure>"
         f"<figure>{last}<figcaption>End</figcaption></figure></div>"
     )
 
 
-def _facts(title: str, facts: Mapping[str, object]) -> str:
+def _legend(stage: StagePreview, hands: Sequence[str]) -> str:
+    """Say whose affordance the colours of a cloud show."""
+    shown = {side: f"{side} hand" for side in hands}
+    for_both = stage.points_affordance_feature.min(axis=1) >= figures.NAMED_FROM
+    if len(hands) > 1 and for_both.any():
+        shown["both"] = "both"
+    keys = "".join(f'<span class="key {kind}">{text}</span>' for kind, text in shown.items())
+    return f"Where to grasp: {keys}"
+
+
+def _facts(
+    title: str, facts: Mapping[str, object], known: Mapping[str, Words] | None = None
+) -> str:
     if not facts:
         return ""
-    rows = "".join(
-        f"<dt>{html.escape(name.replace('_', ' '))}</dt><dd>{html.escape(_value(value))}</dd>"
-        for name, value in facts.items()
-    )
-    return f"<h4>{title}</h4><dl>{rows}</dl>"
+    rows = "".join(_fact(find_words(name, known or {}), value) for name, value in facts.items())
+    return f"<div><h4>{title}</h4><dl>{rows}</dl></div>"
+
+
+def _fact(words: Words, value: object) -> str:
+    if isinstance(value, int | float) and not isinstance(value, bool) and words.factor != 1.0:
+        value = float(value) * words.factor
+    unit = f" {words.unit}" if words.unit else ""
+    return f"<dt>{html.escape(words.text)}</dt><dd>{html.escape(_value(value) + unit)}</dd>"
 
 
 def _value(value: object) -> str:

@@ -2,6 +2,7 @@
 
 import html
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +21,15 @@ from dexgarmentlab.reports.page import (
     tiles,
 )
 from dexgarmentlab.reports.pictures import gallery, make_shot
+from dgl_collect import CorruptEpisodeError
 from dgl_collect.files import written_beside
 from dgl_collect.previews import read_previews
 from dgl_collect.results import AttemptResult, read_results
 from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, SUMMARY_FILE
 
 __all__ = ["REPORT_FILE", "write_report"]
+
+logger = logging.getLogger(__name__)
 
 REPORT_FILE = "index.html"
 SHOWN_EACH = 12
@@ -61,7 +65,6 @@ def write_report(out_dir: Path | str, *, embed_media: bool = False) -> Path:
 
     Raises:
         FileNotFoundError: If the folder holds no run.
-        CorruptEpisodeError: If an episode that is to be shown cannot be read.
     """
     folder = Path(out_dir)
     for name in (RUN_FILE, SUMMARY_FILE):
@@ -162,7 +165,15 @@ def _row(result: AttemptResult, *, is_shown: bool) -> list[str]:
 
 
 def _detail(run: _Run, result: AttemptResult, *, is_single: bool) -> str:
-    stages = read_previews(run.folder / result.files["episode"]) if result.success else ()
+    stages, fault = (), ""
+    if result.success and "episode" in result.files:
+        try:
+            stages = read_previews(run.folder / result.files["episode"])
+        except (CorruptEpisodeError, FileNotFoundError) as err:
+            fault = f"{err}; dgl verify looks at all files"  # the other attempts are worth a page
+            logger.warning("%s", fault)
     heading = "" if is_single else f"Attempt {result.index}"
     media = {kind: run.media(result, kind) for kind in ("video", "picture")}
-    return attempt_card(result, media, heading=heading, name=f"a{result.index}", stages=stages)
+    return attempt_card(
+        result, media, heading=heading, name=f"a{result.index}", stages=stages, fault=fault
+    )

@@ -14,6 +14,8 @@ from dgl_collect.video import FRAME_RATE, encode_picture
 __all__ = [
     "cloud_figure",
     "file_uri",
+    "find_hands",
+    "find_wanted",
     "format_number",
     "hand_heights",
     "meter",
@@ -32,6 +34,11 @@ LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB = (
 CLOUD_WIDTH, CLOUD_HEIGHT, CLOUD_MARGIN = 480, 360, 26
 NAMED_FROM = 0.5
 """Affordance from which a point's name is written; those of others show on hovering, to keep it clear."""
+MOVES_FROM = 0.02
+"""Distance that a hand which works in a stage covers at least [m]; the other is parked and moves by less than 1 mm."""
+OFF_GARMENT = 0.05
+"""Distance from the cloud of a garment from which a point is no longer on it [m]: cloth has been folded away from there."""
+SIDES = ("left", "right")
 _MEDIA_TYPES = {".mp4": "video/mp4", ".png": "image/png", ".webp": "image/webp"}
 
 
@@ -54,19 +61,67 @@ def picture_uri(image: np.ndarray) -> str:
     return _data_uri(encode_picture(image, ".webp"), ".webp")
 
 
-def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
-    """Draw an image with the found points on it; their names show on hovering, to keep it clear.
+def find_hands(ee_pose: np.ndarray) -> tuple[str, ...]:
+    """Tell which hands work in a stage, "left", "right" or both: those that move.
+
+    Args:
+        ee_pose: End-effector poses of its frames, left first, shape (T, 2, 7).
+
+    Returns:
+        Both where neither moves, as in a stage of one frame.
+    """
+    covered = np.ptp(ee_pose[:, :, :3], axis=0).max(axis=1)
+    hands = tuple(s for s, distance in zip(SIDES, covered, strict=True) if distance >= MOVES_FROM)
+    return hands or SIDES
+
+
+def find_wanted(
+    cloud: np.ndarray, affordance: np.ndarray, points: Points, *, hands: Sequence[str] = SIDES
+) -> dict[str, str]:
+    """Tell by which hand each point of a garment is wanted.
+
+    Args:
+        cloud: The garment when the stage begins [m], shape (N, 3), world frame.
+        affordance: For the left and the right hand in [0, 1], shape (N, 2).
+        points: Named points; those with `xyz` [m] are looked for, where they lay when the episode began.
+        hands: Those that work in the stage.
+
+    Returns:
+        "left", "right", "both" or "other" for each point that is on the garment now.
+    """
+    wanted = {}
+    for name, point in points.items():
+        if "xyz" not in point:
+            continue
+        distances = np.linalg.norm(cloud - point["xyz"], axis=1)
+        nearest = int(distances.argmin())
+        if distances[nearest] < OFF_GARMENT:
+            by = [
+                s
+                for k, s in enumerate(SIDES)
+                if s in hands and affordance[nearest, k] >= NAMED_FROM
+            ]
+            wanted[name] = "both" if len(by) == 2 else by[0] if by else "other"
+    return wanted
+
+
+def picture_with_points(
+    image: np.ndarray, points: Points, *, alt: str, wanted: Mapping[str, str] | None = None
+) -> str:
+    """Draw an image with found points on it; their names show on hovering, to keep it clear.
 
     Args:
         image: RGB, shape (480, 640, 3), uint8.
         points: Named points; those with `uv`, a pixel (column, row), are drawn.
         alt: What the picture shows, for those who cannot see it.
+        wanted: As of `find_wanted`; points that it lacks are left out. None draws all, in grey.
     """
     uri = picture_uri(image)
+    hand = dict.fromkeys(points, "other") if wanted is None else wanted
     marks = "".join(
-        _disc(name, float(point["uv"][0]), float(point["uv"][1]), size=0.9)
+        _disc(name, float(point["uv"][0]), float(point["uv"][1]), hand=hand[name], size=0.9)
         for name, point in points.items()
-        if "uv" in point
+        if "uv" in point and name in hand
     )
     return (
         f'<span class="picture"><img src="{uri}" alt="{html.escape(alt)}" width="{IMAGE_WIDTH}" '
@@ -75,14 +130,25 @@ def picture_with_points(image: np.ndarray, points: Points, *, alt: str) -> str:
     )
 
 
-def cloud_figure(cloud: np.ndarray, affordance: np.ndarray, points: Points, *, alt: str) -> str:
+def cloud_figure(
+    cloud: np.ndarray,
+    affordance: np.ndarray,
+    points: Points,
+    *,
+    alt: str,
+    hands: Sequence[str] = SIDES,
+) -> str:
     """Draw a garment's cloud from above, or from the front where it hangs, coloured by affordance.
+
+    It is the same way up as the pictures of the environment camera, which looks towards the robots: their left is on the
+    right, and what lies near them is above.
 
     Args:
         cloud: Positions [m], shape (N, 3), world frame.
         affordance: Affordance for the left and the right hand in [0, 1], shape (N, 2).
-        points: Named points; those with `xyz` [m] are drawn, those that a hand wants with their names.
+        points: Named points; those on the garment are drawn, those that a hand wants with their names.
         alt: What the figure shows.
+        hands: Those that work in the stage; the affordance of others is not shown.
     """
     extent = np.ptp(cloud, axis=0)
     axes = [0, 1] if extent[1] >= extent[2] else [0, 2]
@@ -93,27 +159,24 @@ def cloud_figure(cloud: np.ndarray, affordance: np.ndarray, points: Points, *, a
 
     def project(positions: np.ndarray) -> np.ndarray:
         pixels = (positions[..., axes] - low) * scale + offset
-        pixels[..., 1] = CLOUD_HEIGHT - pixels[..., 1]
+        pixels[..., 0] = CLOUD_WIDTH - pixels[..., 0]
+        if axes[1] == 2:
+            pixels[..., 1] = CLOUD_HEIGHT - pixels[..., 1]
         return pixels
 
-    weight = np.clip(affordance, 0.0, 1.0)
+    weight = np.clip(affordance, 0.0, 1.0) * [side in hands for side in SIDES]
     strength = weight.max(axis=1)
     pixels, colours = project(cloud), _colour_affordance(weight**1.5)
     order = np.argsort(strength)
     canvas = _draw_discs(pixels[order], colours[order])
     uri = _data_uri(encode_picture(canvas, ".png"), ".png")
-    nearest = {
-        name: int(np.linalg.norm(cloud - point["xyz"], axis=1).argmin())
-        for name, point in points.items()
-        if "xyz" in point
-    }
-    places = {name: project(np.asarray(points[name]["xyz"], float)).tolist() for name in nearest}
-    named = [name for name, index in nearest.items() if strength[index] >= NAMED_FROM]
+    wanted = find_wanted(cloud, affordance, points, hands=hands)
+    places = {name: project(np.asarray(points[name]["xyz"], float)).tolist() for name in wanted}
     return (
         f'<span class="picture cloud"><img src="{uri}" alt="{html.escape(alt)}" '
         f'width="{CLOUD_WIDTH}" height="{CLOUD_HEIGHT}">'
         f'<svg viewBox="0 0 {CLOUD_WIDTH} {CLOUD_HEIGHT}" aria-hidden="true">'
-        f"{_marks(places, named, size=1.1)}</svg></span>"
+        f"{_marks(places, wanted, size=1.1)}</svg></span>"
     )
 
 
@@ -127,7 +190,7 @@ def _colour_affordance(weight: np.ndarray) -> np.ndarray:
 
 
 def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
-    """Chart the height of both hands over the recorded frames.
+    """Chart the height of both hands over the recorded frames; a hand that does not work in a stage is drawn faintly.
 
     Args:
         stages: Name and end-effector poses, shape (T, 2, 7), of each stage.
@@ -149,12 +212,14 @@ def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
             f'height="{height - top - bottom}"/>'
             f'<text x="{x + 8:.1f}" y="{top - 9}">{html.escape(_words(name))}</text>'
         )
-        for hand, side in enumerate(("left", "right")):
+        working = find_hands(poses)
+        for hand, side in enumerate(SIDES):
             line = " ".join(
                 f"{x + (frame + 0.5) * step:.1f},{y(float(poses[frame, hand, 2])):.1f}"
                 for frame in range(count)
             )
-            parts.append(f'<polyline class="{side}" points="{line}"/>')
+            state = side if side in working else f"{side} parked"
+            parts.append(f'<polyline class="{state}" points="{line}"/>')
         first += count
     for value in (floor, (floor + ceiling) / 2, ceiling):
         parts.append(
@@ -224,16 +289,16 @@ def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> 
     return canvas
 
 
-def _marks(places: Mapping[str, Sequence[float]], named: Sequence[str], *, size: float) -> str:
-    """Draw discs at pixels (x, y) of the cloud's figure, and some of their names, where there is room."""
+def _marks(places: Mapping[str, Sequence[float]], wanted: Mapping[str, str], *, size: float) -> str:
+    """Draw discs at pixels (x, y) of the cloud's figure, and the names of those that a hand wants, where there is room."""
     line, gap = 17 * size, 12 * size
     taken = [(x - gap / 2, y - gap / 2, x + gap / 2, y + gap / 2) for x, y in places.values()]
     marks = ""
-    for name in named:
-        (x, y), text, side = places[name], _words(name), _side(name)
+    for name in [name for name, hand in wanted.items() if hand != "other"]:
+        (x, y), text = places[name], _words(name)
         length = 0.6 * line * len(text)
         # Outwards if possible, away from the other hand's point, and beside the disc rather than below or above.
-        sides = (x - gap - length, x + gap)[:: -1 if side != "left" else 1]
+        sides = (x - gap - length, x + gap)[:: 1 if x < CLOUD_WIDTH / 2 else -1]
         corners = [
             (min(max(left, 0.0), CLOUD_WIDTH - length), y + (step - 0.5) * line)
             for step in (0, 1, -1, 2, -2, 3, -3)
@@ -246,7 +311,9 @@ def _marks(places: Mapping[str, Sequence[float]], named: Sequence[str], *, size:
             f'<text x="{box[0]:.1f}" y="{box[1] + 0.78 * line:.1f}" font-size="{line:g}">'
             f"{html.escape(text)}</text>"
         )
-    return marks + "".join(_disc(name, x, y, size=size) for name, (x, y) in places.items())
+    return marks + "".join(
+        _disc(name, x, y, hand=wanted[name], size=size) for name, (x, y) in places.items()
+    )
 
 
 def _has_room(
@@ -261,15 +328,11 @@ def _has_room(
     )
 
 
-def _disc(name: str, x: float, y: float, *, size: float) -> str:
+def _disc(name: str, x: float, y: float, *, hand: str, size: float) -> str:
     return (
-        f'<g class="mark {_side(name)}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}">'
+        f'<g class="mark {hand}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}">'
         f"<title>{html.escape(_words(name))}</title></circle></g>"
     )
-
-
-def _side(name: str) -> str:
-    return next((side for side in ("left", "right") if name.startswith(side)), "other")
 
 
 def _words(name: str) -> str:

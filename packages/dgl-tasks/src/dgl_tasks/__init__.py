@@ -5,6 +5,7 @@ when one is made.
 """
 
 import gymnasium
+from gymnasium.envs.registration import WrapperSpec
 
 from dgl_tasks.errors import TaskError as TaskError
 from dgl_tasks.tasks import get_task as get_task
@@ -16,6 +17,9 @@ for _id in task_ids():
         entry_point="dgl_tasks.env:GarmentEnv",
         kwargs={"task": _id},
         disable_env_checker=True,  # it expects NumPy where ManiSkill gives torch
+        additional_wrappers=(
+            WrapperSpec("BatchedTimeLimit", "dgl_tasks.time_limit:BatchedTimeLimit", {}),
+        ),
     )
 
 __all__ = ["TaskError", "get_task", "task_ids"]

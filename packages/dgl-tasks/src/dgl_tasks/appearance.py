@@ -11,6 +11,7 @@ from dgl_assets.materials import FabricMaterial
 from dgl_physics.drawing.mesh import Image, Mesh, Surface
 from dgl_physics.sapien_bridge import GarmentVisual
 from dgl_tasks.drawing.painter import Painter
+from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.scene import LIGHT, STUDIO, FloorLook, FloorPicture
 from dgl_tasks.shadows import FloorShadow, ShadowCaster
 
@@ -162,7 +163,9 @@ class Appearance:
 
     def _get_floor(self) -> FloorPicture:
         if self._floor is None:
-            raise RuntimeError('pictures need a scene that can render; render_backend is "none"')
+            raise RenderingUnavailableError(
+                'pictures need a renderer: make the environment with render_backend="cpu" or "gpu"; got "none"'
+            )
         return self._floor
 
     def _get_garment(self) -> _Garment:

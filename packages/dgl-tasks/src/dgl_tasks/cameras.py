@@ -5,13 +5,14 @@ simulator; only `CameraPlacement.build` does.
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import fpsample
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dgl_physics.drawing.camera import Axes, PinholeCamera, Vector3
+from dgl_physics.drawing.camera import Axes, PinholeCamera
+from dgl_tasks.fields import Bound, Vector3, check_fields
 from dgl_tasks.rotations import to_quaternion
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
 """Horizontal field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
+
+Corner = Annotated[tuple[Bound, Bound, Bound], "(x, y, z), three numbers, perhaps infinite"]
 
 _TREE_HEIGHT = 5
 """Most levels of the tree of buckets that farthest points are looked up in: the fastest for clouds of pictures."""
@@ -36,6 +39,7 @@ class CameraPlacement(PinholeCamera):
     horizontal_fov: float = float(HORIZONTAL_FOV)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         super().__post_init__()
         columns = (self._rotation.as_matrix() @ _OPENCV_TO_SAPIEN).T.tolist()
         object.__setattr__(self, "axes", tuple(tuple(column) for column in columns))
@@ -86,12 +90,13 @@ def look_at(eye: Vector3, target: Vector3) -> Vector3:
 class Workspace:
     """The box that environment clouds are cropped to."""
 
-    low: Vector3 = (-1.3, -0.4, 0.005)
+    low: Corner = (-1.3, -0.4, 0.005)
     """Lower corner [m], world frame; the height removes the ground, but no garment that lies on it."""
-    high: Vector3 = (1.3, 1.9, 1.8)
+    high: Corner = (1.3, 1.9, 1.8)
     """Upper corner [m], world frame."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError(f"low must be below high on every axis; got {self.low}, {self.high}")
 

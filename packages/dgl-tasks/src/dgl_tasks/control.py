@@ -18,6 +18,7 @@ from dgl_assets.robots import (
 )
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
+from dgl_tasks.robot_files import writing_robot_files
 from dgl_tasks.rotations import to_quaternion, to_rotation
 
 CONTROL_DT = 1.0 / CONTROL_FREQUENCY
@@ -153,7 +154,8 @@ class ArmKinematics:
         self._names = robot.joint_names[robot.joint_slice(side, "arm")]
         self._speeds = np.array([joint.speed for joint in robot.arm_joints])
         self._frame = f"{side}_ee"
-        urdf = robot.build_arm_urdf(directory, side, base)
+        with writing_robot_files(directory):
+            urdf = robot.build_arm_urdf(directory, side, base)
         self._robot = placo.RobotWrapper(str(urdf), placo.Flags.ignore_collisions)
         if tuple(self._robot.joint_names()) != self._names:
             raise ValueError(

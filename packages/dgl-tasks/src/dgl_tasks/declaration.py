@@ -6,18 +6,15 @@ demonstration's to say (`dgl_collect.demonstration`); the same declaration serve
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
-
-import numpy as np
+from typing import Literal
 
 from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
 from dgl_physics import ClothMaterial, SolidMaterial
 from dgl_tasks.cameras import CameraPlacement, Workspace
+from dgl_tasks.fields import Range, Vector3, check_fields
 from dgl_tasks.success import SuccessRule
 
-Range = tuple[float, float]
-Vector3 = tuple[float, float, float]
 SolidTo = Literal["robot", "hands", "garment"]
 """What collides with an object: the whole robot, its palms and fingers, or the garment alone; the garment always does."""
 
@@ -49,19 +46,14 @@ class SceneObject:
     """What collides with it besides the garment: the whole robot, its palms and fingers alone, or nothing else."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.name.isidentifier() or self.name in RESERVED_NAMES:
             raise ValueError(
                 f"name of an object must be an identifier other than {', '.join(RESERVED_NAMES)}; got {self.name!r}"
             )
-        if len(self.position) != 3 or not np.isfinite((*self.position, self.yaw)).all():
-            raise ValueError(
-                f"position and yaw must be three finite numbers and one; got {self.position} and {self.yaw}"
-            )
         _check_ranges(self, "x_range", "y_range")
-        if not self.friction >= 0.0:
+        if self.friction < 0.0:
             raise ValueError(f"friction must be >= 0; got {self.friction}")
-        if self.solid_to not in get_args(SolidTo):
-            raise ValueError(f"solid_to must be one of {get_args(SolidTo)}; got {self.solid_to!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +67,10 @@ class HandFriction:
     """Of the thumb, which lies inside of what hangs over a bar as the hand leaves; as the fingers' when None."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("fingers", "thumb"):
             value = getattr(self, name)
-            if value is not None and not value >= 0.0:
+            if value is not None and value < 0.0:
                 raise ValueError(f"{name} must be >= 0; got {value}")
 
 
@@ -104,11 +97,10 @@ class Start:
     steeper each time, since what only lifts it and lets it fall must not succeed. None takes it as it falls."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         _check_ranges(self, "x_range", "y_range", "roll_range")
-        if not 0 <= self.height < np.inf or not np.isfinite(self.yaw):
-            raise ValueError(
-                f"height must be at least 0, and yaw finite; got {self.height} and {self.yaw}"
-            )
+        if self.height < 0:
+            raise ValueError(f"height must be at least 0; got {self.height}")
         if self.settle_frames < 0:
             raise ValueError(f"settle_frames must be at least 0; got {self.settle_frames}")
 
@@ -145,6 +137,7 @@ class Task:
     """Friction of the ground (original code), a factor on the material's."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if set(self.cameras) != set(CAMERAS) or self.picture_camera not in CAMERAS:
             raise ValueError(
                 f"cameras must be {', '.join(CAMERAS)}, and picture_camera one of them; "
@@ -158,5 +151,5 @@ class Task:
 def _check_ranges(declared: object, *names: str) -> None:
     for name in names:
         low, high = getattr(declared, name)
-        if not -np.inf < low <= high < np.inf:
+        if low > high:
             raise ValueError(f"{name} must be (low, high) with low <= high; got {(low, high)}")

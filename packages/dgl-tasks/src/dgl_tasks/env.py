@@ -1,11 +1,16 @@
 """The garment environment: a task's declaration as a ManiSkill environment."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 import sapien
 import torch
+from gymnasium.envs.registration import EnvSpec
+from mani_skill.agents.registration import REGISTERED_AGENTS
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
@@ -22,13 +27,15 @@ from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.drawing.painter import Painter
-from dgl_tasks.errors import RenderingUnavailableError
+from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
+from dgl_tasks.fields import shorten
 from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.inputs import check_choice, check_reset_options, read_action, read_seed
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
-from dgl_tasks.robot import let_robot_pass, make_agent_class
+from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
 from dgl_tasks.scene import (
     FloorLook,
     build_floor,
@@ -39,14 +46,16 @@ from dgl_tasks.scene import (
 from dgl_tasks.scene_check import check_scene, get_frame
 from dgl_tasks.soft_body import SoftBody
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area
-from dgl_tasks.tasks import get_task
+from dgl_tasks.tasks import get_task, task_ids
 from dgl_tasks.views import TrueView
 
 LookName = Literal["studio", "random"]
 """Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
 
-RESET_OPTIONS = ("garment", "reconfigure", "env_idx", "reset_to_env_states")
-"""What options of `reset` there are; all but the first are ManiSkill's."""
+CPU_BACKENDS = ("auto", "cpu", "physx_cpu")
+"""What may be asked for as `sim_backend`: cloth and robots are simulated on the CPU."""
+CONTROL_MODES = ("pd_joint_pos", "pd_ee_pose")
+"""Joint targets, and poses of the end effectors."""
 STEEPER = float(np.radians(5))
 """How much steeper a garment is dropped that has fallen too flat [rad]."""
 STILL_SPEED = 0.05
@@ -72,6 +81,8 @@ class GarmentEnv(BaseEnv):
     """
 
     SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
+    _spec: EnvSpec | None = None
+    _is_closed = False
 
     def __init__(
         self,
@@ -105,8 +116,8 @@ class GarmentEnv(BaseEnv):
             raise ValueError(
                 f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
             )
-        if look not in get_args(LookName):
-            raise ValueError(f"look must be one of {list(get_args(LookName))}; got {look!r}")
+        check_choice("look", look, get_args(LookName))
+        self._check_settings(kwargs)
         self._task: Task = task if isinstance(task, Task) else get_task(task)
         check_scene(self._task)
         self._look: LookName = look
@@ -122,9 +133,15 @@ class GarmentEnv(BaseEnv):
         self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
         self._is_built = False
-        if robot_uids is None:
+        if robot_uids is not None:
+            robot_uids = _find_agent_class(robot_uids)
+        else:
             if isinstance(robot, str):
                 robot = load_robot(robot, robots)
+            if not isinstance(robot, Robot):
+                raise ValueError(
+                    f'robot must be a name, such as "ur10e+shadow", or a `Robot`; got {shorten(robot)}'
+                )
             robot_uids = make_agent_class(
                 robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
             )
@@ -132,15 +149,47 @@ class GarmentEnv(BaseEnv):
         # PhysX solves contacts in an order that depends on what there was in the scene before: in one that has had an
         # episode already, arms that touch would go on differently from the same seed and commands.
         kwargs.setdefault("reconfiguration_freq", 1)
-        try:
+        with _explain_rendering():
             super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
-        except RuntimeError as err:
-            if "vk::" not in str(err) and "render" not in str(err).lower():
-                raise
-            raise RenderingUnavailableError(
-                f"no usable Vulkan device ({err}); `dgl doctor` says what to install"
-            ) from err
         self._is_built = True
+
+    @classmethod
+    def _check_settings(cls, settings: dict[str, Any]) -> None:
+        """Check those of ManiSkill's settings that it takes without a word or refuses with a riddle."""
+        backend = settings.get("sim_backend", "auto")
+        if backend not in CPU_BACKENDS:
+            raise ValueError(
+                f"sim_backend must be one of {list(CPU_BACKENDS)}: tasks run on the CPU, more of them in "
+                f"several processes; got {shorten(backend)}"
+            )
+        for name, choices in (
+            ("reward_mode", cls.SUPPORTED_REWARD_MODES),
+            ("control_mode", CONTROL_MODES),
+            ("render_mode", cls.metadata["render_modes"]),
+        ):
+            if settings.get(name) is not None:
+                check_choice(name, settings[name], choices)
+        has_renderer = settings.get("render_backend", "gpu") not in (None, "none")
+        if settings.get("render_mode") == "human" and not has_renderer:
+            raise RenderingUnavailableError(
+                'render_mode "human" needs a renderer: give render_backend="cpu" or "gpu"; got "none"'
+            )
+
+    # Gymnasium sets it as a plain attribute, which pyright takes for something else than a property.
+    @property
+    def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """How it was made; the id names this package, so that another process finds the task.
+
+        ManiSkill writes the id into recordings, and `gymnasium.make` imports what stands before its colon.
+        """
+        return self._spec
+
+    @spec.setter
+    def spec(self, made: EnvSpec | None) -> None:
+        package = __name__.partition(".")[0]
+        if made is not None and made.id in task_ids():
+            made = replace(made, id=f"{package}:{made.id}")
+        self._spec = made
 
     @property
     def task(self) -> Task:
@@ -150,15 +199,29 @@ class GarmentEnv(BaseEnv):
     def reset(self, seed: Any = None, options: dict | None = None) -> Any:
         """Begin an episode; see the class for the options, and ManiSkill for its own.
 
+        Args:
+            seed: Integer in [0, 2^32), or a list of one; drawn when None.
+            options: By name.
+
         Raises:
-            ValueError: If an option is unknown.
+            ValueError: If the seed or an option is of another form, or an option is unknown.
+            EnvironmentClosedError: After `close`.
         """
-        if options is not None and not isinstance(options, dict):
-            raise ValueError(f"options must be a dict; got {options!r}")
-        unknown = sorted(set(options or {}) - set(RESET_OPTIONS))
-        if unknown:
-            raise ValueError(f"options must be among {list(RESET_OPTIONS)}; got {unknown}")
-        return super().reset(seed=seed, options=options)
+        self._check_open("reset")
+        check_reset_options(options)
+        with _explain_rendering():
+            return super().reset(seed=read_seed(seed), options=options)
+
+    def close(self) -> None:
+        """Give up the scene; a closed environment cannot be used again."""
+        self._is_closed = True
+        super().close()
+
+    def _check_open(self, verb: str) -> None:
+        if self._is_closed:
+            raise EnvironmentClosedError(
+                f"{verb} needs an open environment; this one was closed, make another"
+            )
 
     # Scene ---------------------------------------------------------------------------------
 
@@ -328,23 +391,23 @@ class GarmentEnv(BaseEnv):
 
     def _step_action(self, action: Any) -> torch.Tensor | None:
         """Make the control steps of one action; see the class."""
+        self._check_open("step")
         if action is None:
             for _ in range(STEPS_PER_ACTION):
                 self.advance(None)
             return None
         if isinstance(action, dict):
+            if set(action) != {"control_mode", "action"}:
+                raise ValueError(
+                    f'action must be numbers, or a dict of "control_mode" and "action"; got {shorten(action)}'
+                )
+            check_choice("control_mode", action["control_mode"], CONTROL_MODES)
             if action["control_mode"] != self.agent.control_mode:
                 self.agent.set_control_mode(action["control_mode"])
                 self.agent.controller.reset()
                 self._target = self.agent.get_joint_state()[0].cpu().numpy().astype(np.float64)
             action = action["action"]
-        wanted = self.agent.single_action_space.shape
-        action = torch.as_tensor(action, device=self.device)
-        if action.shape not in (wanted, (1, *wanted)):
-            raise ValueError(
-                f"action must have shape {wanted} or (1, *); got {tuple(action.shape)}"
-            )
-        action = action.reshape(1, *wanted)
+        action = self._read_action(action)
         if self.agent.control_mode == "pd_joint_pos":
             goal = action[0].cpu().numpy().astype(np.float32)
             for row in interpolate_action(self._target, goal):
@@ -354,6 +417,11 @@ class GarmentEnv(BaseEnv):
                 self.advance(action)
         return action
 
+    def _read_action(self, action: Any) -> torch.Tensor:
+        shape = self.agent.single_action_space.shape
+        assert shape is not None
+        return read_action(action, shape, device=self.device)
+
     def advance(self, action: np.ndarray | torch.Tensor | None) -> None:
         """Make one control step of 1/60 s without observation, reward and evaluation.
 
@@ -362,10 +430,15 @@ class GarmentEnv(BaseEnv):
         Args:
             action: Of the control mode, such as joint targets [rad], shape (D,) or (1, D), which hold from now on; None
                 leaves them as they are.
+
+        Raises:
+            ValueError: If the action is of another shape, or not finite.
+            EnvironmentClosedError: After `close`.
         """
+        self._check_open("advance")
         if action is not None:
-            action = torch.as_tensor(action, device=self.device)
-            self.agent.set_action(action.reshape(1, -1))
+            action = self._read_action(action)
+            self.agent.set_action(action)
             if self.agent.control_mode == "pd_joint_pos":
                 self._target = action.reshape(-1).cpu().numpy().astype(np.float64)
         for _ in range(self._sim_steps_per_control // STEPS_PER_ACTION):
@@ -511,6 +584,7 @@ class GarmentEnv(BaseEnv):
 
     def get_state_dict(self) -> dict:
         """Return ManiSkill's state with the garment's particles, contact forces, and the joint targets that hold."""
+        self._check_open("get_state_dict")
         state = super().get_state_dict()
         state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
         state["garment"] = {
@@ -523,7 +597,14 @@ class GarmentEnv(BaseEnv):
         return state
 
     def set_state_dict(self, state: dict, env_idx: torch.Tensor | None = None) -> None:
-        """Restore a state that was taken with the same garment."""
+        """Restore a state that was taken with the same garment.
+
+        Args:
+            state: As of `get_state_dict`; tensors or arrays, shape (1, D) or, as recordings have them, (D,).
+            env_idx: ManiSkill's.
+        """
+        self._check_open("set_state_dict")
+        state = _batch_state(state)
         garment = state["garment"]
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
@@ -552,10 +633,12 @@ class GarmentEnv(BaseEnv):
 
     def draw_garment(self) -> None:
         """Bring the garment in SAPIEN's pictures to its present shape."""
+        self._check_open("drawing")
         self._appearance.draw_garment(self.get_particles())
 
     def get_painter(self) -> Painter:
         """Give what draws pictures, with everything as it is now."""
+        self._check_open("drawing")
         return self._appearance.get_painter(self.get_particles())
 
     @property
@@ -584,8 +667,67 @@ class GarmentEnv(BaseEnv):
 
     def render_human(self) -> Any:
         """Show the viewer, as ManiSkill does."""
-        self.draw_garment()
-        return super().render_human()
+        with _explain_rendering():
+            self.draw_garment()
+            return super().render_human()
+
+
+def _find_agent_class(robot_uids: Any) -> type[BimanualUR10eShadow]:
+    """Find the agent class of `robot_uids`: a class, the name of one, or a tuple of one, as ManiSkill takes them.
+
+    Raises:
+        ValueError: If it is none of two arms with hands.
+    """
+    found = robot_uids
+    if isinstance(found, tuple) and len(found) == 1:
+        (found,) = found
+    if isinstance(found, str) and found in REGISTERED_AGENTS:
+        found = REGISTERED_AGENTS[found].agent_cls
+    if not isinstance(found, type) or not issubclass(found, BimanualUR10eShadow):
+        raise ValueError(
+            f"robot_uids must be {BimanualUR10eShadow.uid!r} or a class of `make_agent_class`; "
+            f'`robot="ARM+HAND"` names other arms and hands; got {shorten(robot_uids)}'
+        )
+    return found
+
+
+@contextmanager
+def _explain_rendering() -> Iterator[None]:
+    """Turn what SAPIEN says where it cannot draw into what is missing.
+
+    Raises:
+        RenderingUnavailableError: If the block raises such a `RuntimeError`.
+    """
+    try:
+        yield
+    except RuntimeError as err:
+        text = str(err)
+        if "window" in text.lower():
+            raise RenderingUnavailableError(
+                f'render_mode "human" needs a display for its window, and there is none ({text}); '
+                '"rgb_array" gives pictures without one'
+            ) from err
+        if "failed to find device" in text:
+            raise RenderingUnavailableError(
+                f'render_backend must be "cpu", "gpu", "none" or a device of this machine; {text}'
+            ) from err
+        if "vk::" in text or "render" in text.lower():
+            raise RenderingUnavailableError(
+                f"no usable Vulkan device ({text}); `dgl doctor` says what to install"
+            ) from err
+        raise
+
+
+def _batch_state(state: dict) -> dict:
+    """Give a state with tensors of shape (1, D), where it may have arrays or vectors."""
+    batched = {}
+    for name, value in state.items():
+        if isinstance(value, dict):
+            batched[name] = _batch_state(value)
+        else:
+            value = torch.as_tensor(value)
+            batched[name] = value[None] if value.ndim == 1 else value
+    return batched
 
 
 def _split_state(state: torch.Tensor, template: dict) -> dict:

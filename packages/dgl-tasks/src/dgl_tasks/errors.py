@@ -18,7 +18,19 @@ class PerceptionError(TaskError):
 
 
 class RenderingUnavailableError(TaskError):
-    """No renderer could be started; state observations with `render_backend="none"` need none."""
+    """There is no renderer or no window for what was asked; state observations with `render_backend="none"` need none."""
+
+
+class EnvironmentClosedError(TaskError):
+    """An environment is used after `close`."""
+
+
+class RobotFilesError(OSError):
+    """The folder of generated robot files cannot be written. It is no `TaskError`: the machine is at fault, not the task."""
+
+    def __str__(self) -> str:
+        """Give the message alone, without the number that `OSError` puts before it."""
+        return str(self.args[0])
 
 
 class UnreachableError(TaskError):

@@ -6,7 +6,8 @@ import numpy as np
 import sapien
 
 from dgl_assets.props import Prop, PropPart, PropShape, make_prop
-from dgl_tasks.declaration import SceneObject, Vector3
+from dgl_tasks.declaration import SceneObject
+from dgl_tasks.fields import Vector3
 from dgl_tasks.robot import let_robot_pass, let_robot_through
 
 if TYPE_CHECKING:

@@ -27,11 +27,9 @@ from dgl_assets.robots import (
     Robot,
     Side,
 )
+from dgl_tasks.robot_files import DEFAULT_ROBOT_DIRECTORY, writing_robot_files
 
 GroundContact = Literal["hands", "all", "none"]
-
-DEFAULT_ROBOT_DIRECTORY = Path.home() / ".cache" / "dexgarmentlab" / "robots"
-"""Where generated robot files are kept between runs."""
 
 SIDE_COLLISION_BITS: dict[Side, int] = {"left": 27, "right": 28}
 """Bits of collision group 2: shapes that share one ignore each other, so a side ignores itself."""
@@ -86,11 +84,12 @@ class BimanualUR10eShadow(BaseAgent):
     """Folder for the generated robot files."""
 
     def _load_articulation(self, initial_pose: SapienPose | Pose | None = None) -> None:
-        self.urdf_path = str(
-            self.model.build_urdf(
-                self.directory, left_base=self.left_base, right_base=self.right_base
+        with writing_robot_files(self.directory):
+            self.urdf_path = str(
+                self.model.build_urdf(
+                    self.directory, left_base=self.left_base, right_base=self.right_base
+                )
             )
-        )
         # The bases are placed inside the file, so the root stands at the world's origin.
         super()._load_articulation(SapienPose() if initial_pose is None else initial_pose)
 
@@ -140,13 +139,15 @@ class BimanualUR10eShadow(BaseAgent):
                 joints[group] = JointTargetControllerConfig(lower=None, upper=None, **drive)
                 poses[group] = joints[group]
                 if part == "arm":
+                    with writing_robot_files(self.directory):
+                        urdf = self.model.build_arm_urdf(self.directory, side, bases[side])
                     poses[group] = PDEEPoseControllerConfig(
                         pos_lower=-np.inf,
                         pos_upper=np.inf,
                         rot_lower=-np.inf,
                         rot_upper=np.inf,
                         ee_link=f"{side}_ee",
-                        urdf_path=str(self.model.build_arm_urdf(self.directory, side, bases[side])),
+                        urdf_path=str(urdf),
                         use_delta=False,
                         **drive,
                     )

@@ -4,9 +4,11 @@ import math
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
+
+from dgl_tasks.fields import check_fields
 
 AREA_CELL = 0.01
 """Side of the cells in which covered area is counted [m]."""
@@ -117,6 +119,7 @@ class SceneView(Protocol):
         ...
 
 
+@runtime_checkable
 class SuccessRule(Protocol):
     """Judges a scene."""
 
@@ -177,17 +180,18 @@ def compute_box_share(points: np.ndarray, box: Box) -> float:
 
 
 def _check_numbers(rule: object, *shares: str) -> None:
-    """Check that a rule's numbers are finite and not negative, and that shares are at most 1.
+    """Check the types of a rule's fields, that its numbers are not negative, and that shares are at most 1.
 
     Raises:
         ValueError: If one is not.
     """
+    check_fields(rule)
     for declared in fields(rule):  # pyright: ignore[reportArgumentType] - rules are dataclasses
         value = getattr(rule, declared.name)
         if declared.type not in (float, float | None) or value is None:
             continue
         most = 1.0 if declared.name in shares else math.inf
-        if not (isinstance(value, (int, float)) and 0 <= value <= most and math.isfinite(value)):
+        if not 0 <= value <= most:
             allowed = "in [0, 1]" if most == 1.0 else "a finite number of at least 0"
             raise ValueError(f"{declared.name} must be {allowed}; got {value!r}")
 

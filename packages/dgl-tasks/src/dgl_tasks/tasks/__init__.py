@@ -37,6 +37,10 @@ def get_task(task_id: str) -> Task:
     Raises:
         UnknownTaskError: Naming the closest id and all valid ones.
     """
+    if not isinstance(task_id, str):
+        raise UnknownTaskError(
+            f"a task must be an id, such as {next(iter(_TASKS))!r}, or a declaration (`Task`); got {task_id!r}"
+        )
     if task_id not in _TASKS:
         close = difflib.get_close_matches(task_id, _TASKS, n=1, cutoff=0.0)
         raise UnknownTaskError(

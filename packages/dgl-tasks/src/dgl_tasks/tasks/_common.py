@@ -3,8 +3,9 @@
 import numpy as np
 
 from dgl_assets.robots import BasePlacement
-from dgl_tasks.cameras import CameraPlacement, Vector3, look_at
-from dgl_tasks.declaration import Range, SceneObject
+from dgl_tasks.cameras import CameraPlacement, look_at
+from dgl_tasks.declaration import SceneObject
+from dgl_tasks.fields import Range, Vector3
 
 STEEP: Range = (float(np.radians(65)), float(np.radians(80)))
 """Range of the tilt of a garment that lands in a heap [rad] (paper)."""
