@@ -14,7 +14,7 @@ from pathlib import Path
 from dgl_collect.errors import MachineError, WorkerError
 from dgl_collect.files import describe_full_disk
 from dgl_collect.results import package_versions
-from dgl_collect.workers.engine import Engine, Worker, Workers, start_engine
+from dgl_collect.workers.engine import Engine, Worker, Workers
 from dgl_collect.workers.jobs import (
     Done,
     Failure,
@@ -29,6 +29,7 @@ from dgl_collect.workers.jobs import (
     StartFailed,
     Work,
 )
+from dgl_collect.workers.local import LocalEngine
 
 logger = logging.getLogger(__name__)
 
@@ -159,7 +160,7 @@ class Dispatcher:
         if not self._left:
             return
         (self._folder / "logs").mkdir(exist_ok=True)
-        engine = start_engine(self._workers)
+        engine = _start_engine(self._workers)
         try:
             for number in range(min(self._workers.count, len(self._left))):
                 self._start(engine, number)
@@ -327,3 +328,16 @@ class Dispatcher:
         self._posts.remove(post)
         if self._left:
             self._start(engine, post.worker.number)
+
+
+def _start_engine(workers: Workers) -> Engine:
+    """Start the engine of a run.
+
+    Raises:
+        WorkerError: If there is no cluster at the address, or Ray is not installed.
+    """
+    if workers.engine == "ray":
+        from dgl_collect.workers.ray_cluster import RayEngine  # Ray is an extra
+
+        return RayEngine(workers)
+    return LocalEngine()

@@ -1,4 +1,4 @@
-"""What an engine is: it starts workers, and hears from them."""
+"""What an engine and a worker are: an engine starts workers, and hears from them."""
 
 from __future__ import annotations
 
@@ -77,18 +77,3 @@ class Engine(Protocol):
     def close(self) -> None:
         """End what the engine has started; its workers have ended by then."""
         ...
-
-
-def start_engine(workers: Workers) -> Engine:
-    """Start the engine of a run.
-
-    Raises:
-        WorkerError: If there is no cluster at the address, or Ray is not installed.
-    """
-    if workers.engine == "ray":
-        from dgl_collect.workers.ray_cluster import RayEngine
-
-        return RayEngine(workers)
-    from dgl_collect.workers.local import LocalEngine
-
-    return LocalEngine()
