@@ -132,7 +132,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shirt_fields():
     """Maker of everything that `write_garment` takes, but the path."""
     return make_fields

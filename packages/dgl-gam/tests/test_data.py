@@ -5,6 +5,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from dgl_gam import DataError
+from dgl_gam._tensor_file import seal
 from dgl_gam.data import GarmentFolder, read_garment, read_header, write_garment
 
 
@@ -24,7 +25,7 @@ def rewrite(path, *, arrays=(), metadata=(), without=()):
     new = {**load_file(path), **dict(arrays)}
     new = {name: array for name, array in new.items() if name not in without}
     old = {name: text for name, text in {**old, **dict(metadata)}.items() if name not in without}
-    save_file(new, path, metadata=old)
+    save_file(new, path, metadata=seal(old, new))
 
 
 def test_what_is_written_is_read(garment_path, shirt_fields):
@@ -89,7 +90,7 @@ def test_damaged_and_foreign_files_are_refused_by_name(garment_path, tmp_path):
         read_header(garment_path)
     garment_path.write_bytes(whole)
     rewrite(garment_path, metadata={"format_version": "99"})
-    with pytest.raises(DataError, match="format version must be 1; got 99"):
+    with pytest.raises(DataError, match="format version must be '2'; got '99'"):
         read_header(garment_path)
     garment_path.write_bytes(whole)
     rewrite(garment_path, without=("seed",))
@@ -133,3 +134,71 @@ def test_memory_is_bounded_and_the_last_used_is_kept(shirts):
     kept = folder.load(11)
     folder.load(5)
     assert folder.load(11) is kept
+
+
+def test_flipped_bits_are_found(garment_path):
+    whole = garment_path.read_bytes()
+    header = 8 + int.from_bytes(whole[:8], "little")
+    for share in (0.01, 0.5, 0.99):
+        content = bytearray(whole)
+        content[header + int(share * (len(content) - header))] ^= 1
+        garment_path.write_bytes(content)
+        with pytest.raises(DataError, match=r"shirt\.safetensors is damaged: its checksum"):
+            read_garment(garment_path)
+    garment_path.write_bytes(whole.replace(b"Shirt/000001", b"Shirt/000002"))
+    for read in (read_header, read_garment):
+        with pytest.raises(DataError, match="metadata are damaged: their checksum"):
+            read(garment_path)
+
+
+def test_files_of_the_first_version_are_read(garment_path, shirt_fields):
+    rewrite(garment_path, metadata={"format_version": "1"}, without=("checksum",))
+    np.testing.assert_array_equal(read_garment(garment_path).faces, shirt_fields(1)["faces"])
+
+
+@pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        ({"seed": "9" * 5000}, "seed must be an integer; got"),
+        ({"category": "../Shirt"}, r"a category must be letters.*got '\.\./Shirt'"),
+        ({"garment_id": ""}, "garment_id must not be empty"),
+        ({"state_names": '["flat", 1, 2]'}, r"state_names\[1\] must be a text; got 1"),
+        ({"state_names": "[" * 100_000}, "state_names: JSON must be at most 32 deep"),
+        (
+            {"view_directions": "[[0, 0], [1]]"},
+            r"view_directions\[0\] must have 3 \.\.\. 3 entries",
+        ),
+        (
+            {"view_directions": "[[0, 0, 1e999]]"},
+            r"view_directions: \[0\]\[2\] must be finite; got 1e999",
+        ),
+        (
+            {"view_directions": f"[[0, 0, {'1' * 400}]]"},
+            r"\[0\]\[2\] must have at most 18 digits; got 400",
+        ),
+        ({"generator_versions": '{"a": 1}'}, r"generator_versions\.a must be a text; got 1"),
+    ],
+)
+def test_metadata_of_other_types_are_refused(garment_path, metadata, message):
+    rewrite(garment_path, metadata=metadata)
+    with pytest.raises(DataError, match=message) as caught:
+        read_header(garment_path)
+    assert str(caught.value).startswith(str(garment_path))
+
+
+def test_more_than_fits_into_memory_is_refused_before_it_is_read(garment_path, monkeypatch):
+    monkeypatch.setattr("dgl_gam.data.garment_file.MAX_BYTES", 1000)
+    for read in (read_header, read_garment):
+        with pytest.raises(DataError, match="arrays must have at most 1000 bytes; got"):
+            read(garment_path)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    import os
+
+    pipe, link = tmp_path / "pipe.safetensors", tmp_path / "link.safetensors"
+    os.mkfifo(pipe)
+    link.symlink_to(link)
+    for path, message in ((pipe, "it is no file"), (link, "cannot be read"), (tmp_path, "no file")):
+        with pytest.raises(DataError, match=message):
+            read_header(path)

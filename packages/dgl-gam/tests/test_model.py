@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.numpy import save_file
 
 from dgl_gam import CheckpointError, GarmentAffordanceModel, Matcher, WeightsNotFoundError
+from dgl_gam._tensor_file import seal
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.confidence import Calibration, compute_auroc, compute_evidence, fit_calibration
 from dgl_gam.config import PRESETS
-from dgl_gam.model import Encoded
+from dgl_gam.model import WEIGHTS, Encoded
 from dgl_gam.network import GarmentNetwork
 
 
@@ -261,9 +262,13 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
     path = tmp_path / "a.safetensors"
     save_checkpoint(path, checkpoint)
     whole = path.read_bytes()
-    tensors = {name: t.clone() for name, t in load_file(path).items()}  # off the mapped file
-    with safe_open(path, framework="pt") as file:
+    tensors = {name: t.numpy() for name, t in checkpoint.network.state_dict().items()}
+    with safe_open(path, framework="np") as file:
         metadata = dict(file.metadata())
+
+    def write(arrays=tensors, **changes):
+        """Write the file with checksums that fit, as another program might."""
+        save_file(arrays, path, metadata=seal({**metadata, **changes}, arrays))
 
     def refuse(message):
         with pytest.raises(CheckpointError, match=message) as caught:
@@ -274,29 +279,100 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
     for content in (whole[:1000], whole[:-100], b"", b"garbage" * 100):
         path.write_bytes(content)
         refuse("cannot be read as a network")
-    save_file(tensors, path, metadata={"format": "another"})
+    write(format="another")
     refuse("is no network of dgl_gam")
-    save_file(tensors, path, metadata={**metadata, "version": "9"})
-    refuse("version must be '1'; got '9'")
-    save_file(tensors, path, metadata={**metadata, "network": "{}"})
-    refuse("metadata are damaged")
+    write(version="9")
+    refuse("version must be '2'; got '9'")
+    write(network="{}")
+    refuse("metadata are damaged: NetworkConfig must have levels")
     config = json.loads(metadata["network"])
-    for key, value in (("features", "many"), ("features", -3), ("attention_heads", 0)):
-        changed = json.dumps({**config, key: value})
-        save_file(tensors, path, metadata={**metadata, "network": changed})
-        refuse("metadata are damaged")
-    huge = json.dumps({**config, "head_width": 10**9})  # not to be allocated before it is compared
-    save_file(tensors, path, metadata={**metadata, "network": huge})
+    for key, value, message in (
+        ("features", "many", "features must be a whole number; got 'many'"),
+        ("features", -3, r"features must lie in 1 \.\.\. 8192; got -3"),
+        ("attention_heads", 0, r"attention_heads must lie in 1 \.\.\. 1024; got 0"),
+        ("attention_blocks", 10**9, r"attention_blocks must lie in 0 \.\.\. 64; got 1000000000"),
+        ("head_width", 10**9, r"head_width must lie in 1 \.\.\. 8192"),
+    ):
+        write(network=json.dumps({**config, key: value}))
+        refuse(f"metadata are damaged: {message}")
+    write(network=json.dumps({**config, "head_width": 8192}))  # Compared, before it is allocated.
     refuse("do not fit its configuration")
-    save_file(tensors, path, metadata={**metadata, "card": "[1]"})
-    refuse("metadata are damaged: a card must be an object")
-    save_file(dict(list(tensors.items())[1:]), path, metadata=metadata)
+    for card, message in (
+        ("[1]", "a card must be an object"),
+        ("[" * 100_000, "JSON must be at most 32 deep"),
+        ('{"steps_done": 1e999}', "steps_done must be finite; got 1e999"),
+        ('{"steps_done": "many"}', r"card\.steps_done must be a whole number; got 'many'"),
+        ('{"train": []}', r"card\.train must be an object"),
+        ('{"earlier": [{"parts": []}]}', r"card\.parts must be a text"),
+        ('{"versions": {"torch": 2}}', r"card\.versions\.torch must be a text"),
+    ):
+        write(card=card)
+        refuse(f"metadata are damaged: {message}")
+    for calibration, message in (
+        ("{}", "a calibration must have weights"),
+        ('{"weights": [1, 2], "bias": 0, "samples": 0}', "weights must be 4 numbers"),
+        ('{"weights": [1, 2, 3, "4"], "bias": 0, "samples": 0}', "must be a finite number"),
+        ('{"weights": [1, 2, 3, 4], "bias": NaN, "samples": 0}', "bias must be finite; got NaN"),
+        ('{"weights": [1, 2, 3, 4], "bias": 0, "samples": 1.5}', "samples must be a whole number"),
+    ):
+        write(calibration=calibration)
+        refuse(message)
+    write(dict(list(tensors.items())[1:]))
     refuse("do not fit its configuration")
     name = "position.weight"
-    save_file({**tensors, name: tensors[name][:5].clone()}, path, metadata=metadata)
+    write({**tensors, name: tensors[name][:5].copy()})
     refuse("do not fit its configuration: position.weight")
-    save_file({**tensors, name: tensors[name] * float("nan")}, path, metadata=metadata)
+    write({**tensors, name: tensors[name] * float("nan")})
     refuse("must be finite; not so: position.weight")
+    for dtype in (np.int64, np.float64, np.bool_, np.complex64, np.uint8):
+        write({**tensors, name: tensors[name].astype(dtype)})
+        refuse("position.weight must be of type F16 or F32; got")
+
+
+def test_flipped_bits_of_weights_are_found(checkpoint, tmp_path):
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(path, checkpoint)
+    whole = path.read_bytes()
+    header = 8 + int.from_bytes(whole[:8], "little")
+    for share in (0.0, 0.3, 0.9):
+        content = bytearray(whole)
+        content[header + int(share * (len(content) - header))] ^= 1
+        path.write_bytes(content)
+        with pytest.raises(CheckpointError, match=r"a\.safetensors is damaged: its checksum"):
+            load_checkpoint(path)
+    path.write_bytes(whole.replace(b'bias\\": -3.0', b'bias\\": -4.0'))
+    assert path.read_bytes() != whole
+    with pytest.raises(CheckpointError, match="metadata are damaged: their checksum"):
+        load_checkpoint(path)
+
+
+def test_weights_of_float8_are_refused(checkpoint, tmp_path):
+    from safetensors.torch import save_file as save_tensors
+
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(path, checkpoint)
+    with safe_open(path, framework="np") as file:
+        metadata = file.metadata()
+    state = checkpoint.network.state_dict()
+    save_tensors({name: t.to(torch.float8_e4m3fn) for name, t in state.items()}, path, metadata)
+    with pytest.raises(CheckpointError, match="must be of type F16 or F32; got F8_E4M3"):
+        load_checkpoint(path)
+
+
+def test_weights_of_the_first_version_are_read(checkpoint, tmp_path):
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(path, checkpoint)
+    with safe_open(path, framework="np") as file:
+        metadata = {k: v for k, v in file.metadata().items() if "checksum" not in k}
+    state = {name: t.numpy() for name, t in checkpoint.network.state_dict().items()}
+    save_file(state, path, metadata={**metadata, "version": "1"})
+    assert load_checkpoint(path).network.config == checkpoint.network.config
+
+
+def test_weights_that_come_along_have_checksums():
+    for path in WEIGHTS.glob("*.safetensors"):
+        with safe_open(path, framework="np") as file:
+            assert file.metadata()["version"] == "2"
 
 
 def test_evidence_tells_a_sharp_match_from_a_flat_one():

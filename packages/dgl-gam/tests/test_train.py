@@ -3,10 +3,14 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.numpy import save_file
 
 from dgl_gam import CheckpointError
+from dgl_gam._tensor_file import seal
 from dgl_gam.checkpoint import load_checkpoint, save_checkpoint
 from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig, YawConfig
 from dgl_gam.data import GarmentFolder, write_garment
@@ -252,3 +256,43 @@ def test_a_run_that_ends_early_keeps_its_learning_rate(folder, tmp_path):
     assert all(torch.equal(first[name], second[name]) for name in first)
     with pytest.raises(ValueError, match="decay must not be below steps; got 2 and 3"):
         dataclasses.replace(short, decay=2)
+
+
+def test_a_damaged_state_is_refused_in_one_line(folder, tmp_path):
+    train(folder, tmp_path, CONFIG, stop_after=1)
+    path = tmp_path / "state.safetensors"
+    whole = path.read_bytes()
+    with safe_open(path, framework="np") as file:
+        metadata = file.metadata()
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+
+    def refuse(message):
+        with pytest.raises(CheckpointError, match=message) as caught:
+            train(folder, tmp_path, CONFIG, is_resumed=True)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    refuse("is damaged: its checksum does not fit")
+    for name, text, message in (
+        ("step", "1e999", "metadata are damaged: the number must be finite; got 1e999"),
+        ("step", "-1", "step must lie in 0"),
+        ("step", "9" * 400, "must have at most 18 digits; got 400"),
+        ("described", "[" * 100_000, "JSON must be at most 32 deep"),
+        ("described", "", "metadata are damaged: Expecting value"),
+        ("version", "3", "version must be '2'; got '3'"),
+        ("format", "other", "is no state of a training; got 'other'"),
+    ):
+        save_file(arrays, path, metadata=seal({**metadata, name: text}, arrays))
+        refuse(message)
+    name = next(name for name in arrays if name.startswith("exp_avg/"))
+    other = name.replace("exp_avg/", "exp_avg_sq/")
+    for changed, message in (
+        ({name: arrays[name][:0]}, f"{name} must have shape"),
+        ({name: arrays[name].astype(np.int32)}, f"{name} must be of type F32; got I32"),
+    ):
+        save_file({**arrays, **changed}, path, metadata=seal(metadata, {**arrays, **changed}))
+        refuse(message)
+    fewer = {key: array for key, array in arrays.items() if key != other}
+    save_file(fewer, path, metadata=seal(metadata, fewer))
+    refuse(f"lacks {other}")

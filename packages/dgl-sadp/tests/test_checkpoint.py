@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import zlib
 
 import numpy as np
 import pytest
@@ -27,7 +28,10 @@ def path(tmp_path, policy):
 def rewrite(path, *, tensors=None, **metadata):
     with safe_open(path, framework="pt") as file:
         before = file.metadata()
-    save_file(load_file(path) if tensors is None else tensors, path, {**before, **metadata})
+    after = {**before, **metadata}
+    if "values_checksum" not in metadata:
+        after["values_checksum"] = f"{zlib.crc32(after['values'].encode()):08x}"
+    save_file(load_file(path) if tensors is None else tensors, path, after)
 
 
 def test_a_policy_is_read_as_it_was_written(path, policy, random_batch):
@@ -94,11 +98,11 @@ def test_foreign_files_are_refused(tmp_path, path):
 
 
 def test_other_versions_and_wrong_metadata_are_refused(path):
-    rewrite(path, version="2")
-    with pytest.raises(CheckpointError, match="version must be '1'; got '2'"):
+    rewrite(path, version="3")
+    with pytest.raises(CheckpointError, match="version must be '2'; got '3'"):
         load_policy(path)
     for values in ("{", "[1]"):
-        rewrite(path, version="1", values=values)
+        rewrite(path, version="2", values=values)
         with pytest.raises(CheckpointError, match="its metadata are damaged"):
             read_card(path)
 
@@ -128,3 +132,115 @@ def test_weights_that_are_not_finite_are_refused(path, policy):
 def test_another_ending_is_refused(tmp_path, policy):
     with pytest.raises(ValueError, match=r"must end in \.safetensors; got .*policy\.pt"):
         save_policy(tmp_path / "policy.pt", policy)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joints": 10**9}, r"joints must lie in 1 \.\.\. 1024; got 1000000000"),
+        ({"joints": True}, "joints must be a whole number; got True"),
+        ({"joints": 60.0}, r"joints must be a whole number; got 60\.0"),
+        ({"horizon": 2**40}, r"horizon must lie in 1 \.\.\. 1024"),
+        ({"unet": {"groups": -8}}, r"groups must lie in 1 \.\.\. 1024; got -8"),
+        ({"unet": {"groups": 0}}, r"groups must lie in 1 \.\.\. 1024; got 0"),
+        ({"unet": {"widths": [800] * 3}}, "do not fit its configuration"),
+        ({"unet": {"widths": [8000] * 3}}, "at most 536870912 weights; got"),
+        ({"unet": {"widths": [10**9]}}, r"widths\[0\] must lie in 1 \.\.\. 8192"),
+        ({"unet": {"widths": "ab"}}, "unet: widths must be a list of values; got 'ab'"),
+        ({"unet": 5}, "unet must be a UNetConfig; got 5"),
+        ({"diffusion": {"training_steps": 10**9}}, r"training_steps must lie in 1 \.\.\. 10000"),
+        ({"diffusion": {"beta_end": 1e-9}}, "beta_start must be positive and at most beta_end"),
+        ({"environment": {"points": 10**9}}, r"points must lie in 1 \.\.\. 65536"),
+        ({"environment": {"points": 65536, "widths": [8192]}}, "points x the widest layer must"),
+        ({"state": [[1]]}, r"state\[0\] must be a whole number; got \[1\]"),
+    ],
+)
+def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy, change, message):
+    values = dataclasses.asdict(policy.config)
+    for key, value in change.items():
+        values[key] = {**values[key], **value} if isinstance(value, dict) else value
+    rewrite(path, values=json.dumps({"policy": values, "card": {}}))
+    with pytest.raises(CheckpointError, match=message) as caught:
+        load_policy(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("9" * 400, r"policy\.joints must have at most 18 digits; got 400"),
+        ("1e999", r"policy\.joints must be finite; got 1e999"),
+        ("NaN", r"policy\.joints must be finite; got NaN"),
+        ("[" * 100_000 + "]" * 100_000, "JSON must be at most 32 deep"),
+        ('{"a":' * 40 + "1" + "}" * 40, "JSON must be at most 32 deep"),
+        ("true", "joints must be a whole number; got True"),
+        ('1, "a\\nb": 1e999', r"policy\.'a\\nb' must be finite; got 1e999"),
+    ],
+)
+def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy, text, message):
+    values = json.dumps({"policy": dataclasses.asdict(policy.config), "card": {}})
+    rewrite(path, values=values.replace('"joints": 60', f'"joints": {text}'))
+    with pytest.raises(CheckpointError, match=message):
+        load_policy(path)
+
+
+@pytest.mark.parametrize(
+    ("card", "message"),
+    [
+        ({"stage": "1"}, r"card\.stage must be a whole number; got '1'"),
+        ({"stage": 0}, r"card\.stage must lie in 1 \.\.\. 1000; got 0"),
+        ({"tasks": "FoldTops-v1"}, r"card\.tasks must be a list"),
+        ({"tasks": [1]}, r"card\.tasks\[0\] must be a text; got 1"),
+        ({"longest": 10**9}, r"card\.longest must lie in 1 \.\.\. 1000000"),
+        ({"training": []}, r"card\.training must be an object"),
+        ({"training": {"with_approach": "no"}}, "with_approach must be true or false; got 'no'"),
+    ],
+)
+def test_a_card_of_wrong_types_is_refused(path, policy, card, message):
+    save_policy(path, policy, card)
+    for read in (read_card, load_policy):
+        with pytest.raises(CheckpointError, match=message):
+            read(path)
+
+
+def test_a_card_of_numbers_that_are_not_finite_is_not_written(tmp_path, policy):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        save_policy(tmp_path / "policy.safetensors", policy, {"loss": float("nan")})
+
+
+@pytest.mark.parametrize(
+    "dtype", [torch.int64, torch.float64, torch.float16, torch.float8_e4m3fn, torch.bool]
+)
+def test_weights_of_other_types_are_refused(path, dtype):
+    tensors = load_file(path)
+    name = next(iter(tensors))
+    rewrite(path, tensors={**tensors, name: torch.zeros(tensors[name].shape).to(dtype)})
+    with pytest.raises(CheckpointError, match=f"{name} must be of type F32; got"):
+        load_policy(path)
+
+
+def test_a_changed_configuration_is_found_by_its_checksum(path):
+    content = path.read_bytes()
+    assert content.count(b"beta_end") == 1
+    where = content.index(b"0.02", content.index(b"beta_end"))
+    path.write_bytes(content[:where] + b"0.03" + content[where + 4 :])
+    for read in (read_card, load_policy):
+        with pytest.raises(CheckpointError, match="metadata are damaged: their checksum"):
+            read(path)
+
+
+def test_files_of_the_first_version_are_read(path, policy):
+    rewrite(path, version="1", values_checksum="")
+    assert load_policy(path).config == policy.config
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    import os
+
+    pipe, link = tmp_path / "pipe.safetensors", tmp_path / "link.safetensors"
+    os.mkfifo(pipe)
+    link.symlink_to(link)
+    for path, message in ((pipe, "it is no file"), (link, "cannot be read"), (tmp_path, "no file")):
+        with pytest.raises(CheckpointError, match=message):
+            load_policy(path)

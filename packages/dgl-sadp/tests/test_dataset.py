@@ -7,7 +7,8 @@ from torch.utils.data import DataLoader
 
 import dgl_sadp._episode_file
 import dgl_sadp.dataset
-from dgl_sadp import CorruptEpisodeError, EpisodeDataset
+from dgl_sadp import CorruptEpisodeError, EpisodeDataset, UnsuitableEpisodeError
+from dgl_sadp._episode_file import FRAME_KEYS
 
 POINTS = 5  # In the clouds of `make_episode`.
 
@@ -177,13 +178,92 @@ def _attribute(name, value):
     return change
 
 
+def _stage_attribute(name, value):
+    def change(file):
+        file["stage_1"].attrs[name] = value
+
+    return change
+
+
+def _link(key, link):
+    def change(file):
+        del file[key]
+        file[key] = link
+
+    return change
+
+
+def _declare(key, shape, dtype):
+    """Declare an array and write nothing."""
+
+    def change(file):
+        if key in file["stage_1"]:
+            del file["stage_1"][key]
+        file["stage_1"].create_dataset(key, shape=shape, dtype=dtype, chunks=True)
+
+    return change
+
+
+def _declare_all(frames):
+    def change(file):
+        for key, (shape, dtype) in FRAME_KEYS.items():
+            size = tuple(each or 16 for each in shape)
+            _declare(key, (frames, *size), dtype)(file)
+
+    return change
+
+
+def _store_outside(file):
+    del file["stage_1/action"]
+    file["stage_1"].create_dataset(
+        "action", shape=(12, 60), dtype="f4", external=[("/etc/passwd", 0, 12 * 60 * 4)]
+    )
+
+
+def _make_virtual(file):
+    del file["stage_1/action"]
+    layout = h5py.VirtualLayout(shape=(12, 60), dtype="f4")
+    layout[:] = h5py.VirtualSource("other.h5", "action", shape=(12, 60))
+    file["stage_1"].create_virtual_dataset("action", layout)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (_attribute("format_version", 2), r"format version 2; this package reads 1"),
         (_attribute("format_version", None), r"no attribute format_version"),
         (_attribute("success", None), r"no attribute success"),
-        (_delete("stage_1"), r"no stage_1; it has \[\]"),
+        (_attribute("format_version", 1.9), r"format_version must be a whole number; got 1\.9"),
+        (_attribute("format_version", "1"), r"format_version must be a whole number; got '1'"),
+        (_attribute("format_version", True), r"format_version must be a whole number; got True"),
+        (_attribute("format_version", [1]), r"format_version must be one value; got an array"),
+        (_attribute("success", "False"), r"success must be true or false; got 'False'"),
+        (_attribute("success", float("nan")), r"success must be true or false; got nan"),
+        (_attribute("success", 1), r"success must be true or false; got 1"),
+        (_attribute("success", np.ones(3, bool)), r"success must be one value; got an array"),
+        (_attribute("success", h5py.Empty("f4")), r"success must be one value; got an array"),
+        (_attribute("robot", 5), r"robot must be a text of at most 200 characters; got 5"),
+        (_attribute("robot", "a\nb"), r"recorded with robot 'a\\nb'; policies are of"),
+        (_attribute("task", "x" * 1000), r"task must be a text of at most 200 characters; got"),
+        (_stage_attribute("approach_frames", 1.5), r"must be a whole number; got 1\.5"),
+        (_stage_attribute("approach_frames", "no"), r"must be a whole number; got 'no'"),
+        (_replace("stage_1/action", h5py.Empty("f4")), r"float32 of shape .*; got float32 of \(\)"),
+        (_replace("stage_1/action", np.bool_(True)), r"float32 of shape .*; got bool of \(\)"),
+        (_link("stage_1/action", h5py.ExternalLink("/etc/passwd", "/x")), "link to another file"),
+        (_link("stage_1/action", h5py.SoftLink("/stage_1/joint_state")), "itself; got a link"),
+        (_link("stage_1/action", h5py.SoftLink("/stage_1/action")), "itself; got a link"),
+        (_link("stage_1", h5py.ExternalLink("other.h5", "/stage_1")), "link to another file"),
+        (_declare("image", (6000, 480, 640, 3), "u1"), "arrays of different lengths"),
+        (_declare("image", (12, 2**20, 2**20, 3), "u1"), r"4194304 pixels a frame"),
+        (_declare("image", (12, 480, 640, 3), "u1"), r"declares 11059200 bytes.*but holds 0"),
+        (_declare("env_point_cloud", (12, 10**6, 6), "f4"), r"262144 environment points a frame"),
+        (_declare("garment_point_cloud", (10**12, 3), "f4"), r"at most 262144 points"),
+        (_declare("object_point_cloud", (10**5, 3), "f4"), r"declares .*but holds 0"),
+        (_declare_all(10**12), r"1 \.\.\. 100000 frames; got 1000000000000"),
+        (_declare_all(6000), r"declares .*but holds 0"),
+        (_store_outside, "must be in the file itself; got data of other files"),
+        (_make_virtual, "must be in the file itself; got data of other files"),
+        (_delete("stage_1"), "no stage_1; it has no stages"),
         (_delete("stage_1/action"), r"no array /stage_1/action"),
         (_delete("stage_1/garment_point_cloud"), r"no array /stage_1/garment_point_cloud"),
         (
@@ -363,3 +443,58 @@ def test_less_than_no_memory_is_refused(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5")
     with pytest.raises(ValueError, match="keep_bytes must be at least 0; got -1"):
         EpisodeDataset(tmp_path, 1, keep_bytes=-1)
+
+
+def test_a_stage_that_no_episode_has_is_told_with_those_that_there_are(tmp_path, make_episode):
+    for name in ("a.h5", "b.h5"):
+        make_episode(tmp_path / name, stages=3)
+    (tmp_path / "c.h5").write_text("episode")
+    for skip_corrupt in (False, True):
+        if not skip_corrupt:
+            (tmp_path / "c.h5").rename(tmp_path / "c.txt")
+        else:
+            (tmp_path / "c.txt").rename(tmp_path / "c.h5")
+        with pytest.raises(
+            ValueError, match=r"one of \[1, 2, 3\], which the 2 .*FoldTops"
+        ) as caught:
+            EpisodeDataset(tmp_path, 4, skip_corrupt=skip_corrupt)
+        assert str(caught.value).endswith("have; got 4")
+        assert "remove" not in str(caught.value)
+
+
+def test_good_episodes_that_do_not_fit_are_not_advised_to_be_removed(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5", stages=2)
+    path = make_episode(tmp_path / "b.h5", stages=1)
+    with pytest.raises(UnsuitableEpisodeError, match=r"b\.h5: no stage_2; it has .*stage_1'\]$"):
+        EpisodeDataset(tmp_path, 2)
+    dataset = EpisodeDataset(tmp_path, 2, skip_corrupt=True)
+    assert [error.path for error in dataset.refused] == [path]
+    assert str(pickle.loads(pickle.dumps(dataset.refused[0]))) == str(dataset.refused[0])
+    for name, value in (("format_version", 2), ("robot", "arm+claw")):
+        path = make_episode(tmp_path / "b.h5", stages=2)
+        with h5py.File(path, "a") as file:
+            file.attrs[name] = value
+        with pytest.raises(UnsuitableEpisodeError) as caught:
+            EpisodeDataset(tmp_path, 2)
+        assert "remove" not in str(caught.value)
+
+
+def test_pipes_and_links_to_nothing_are_refused(tmp_path, make_episode):
+    import os
+
+    make_episode(tmp_path / "a.h5")
+    os.mkfifo(tmp_path / "b.h5")
+    (tmp_path / "c.h5").symlink_to(tmp_path / "c.h5")
+    (tmp_path / "d.h5").symlink_to(tmp_path / "none")
+    (tmp_path / "e.h5").mkdir()
+    dataset = EpisodeDataset(tmp_path, 1, skip_corrupt=True)
+    assert [error.path.name for error in dataset.refused] == ["b.h5", "c.h5", "d.h5", "e.h5"]
+
+
+def test_a_link_put_in_after_the_scan_is_refused(tmp_path, make_episode):
+    path = make_episode(tmp_path / "0.h5")
+    dataset = EpisodeDataset(tmp_path, 1)
+    with h5py.File(path, "a") as file:
+        _link("stage_1", h5py.ExternalLink("other.h5", "/stage_1"))(file)
+    with pytest.raises(CorruptEpisodeError, match="link to another file"):
+        dataset[0]

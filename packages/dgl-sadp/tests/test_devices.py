@@ -22,7 +22,7 @@ from dgl_sadp import (
 )
 from dgl_sadp._clouds import Augmentation
 from dgl_sadp._random import Draws, Share
-from dgl_sadp._tensor_file import read_tensors
+from dgl_sadp._tensor_file import open_tensors
 from dgl_sadp._train_data import Batches
 from dgl_sadp.synthetic import write_synthetic_episodes
 
@@ -52,7 +52,8 @@ def train(episodes, tmp_path, tiny_config):
 
 
 def read_state(folder):
-    return read_tensors(folder / "state.safetensors", kind="dgl_sadp.training")[0]
+    with open_tensors(folder / "state.safetensors", kind="dgl_sadp.training") as file:
+        return {name: tensor.clone() for name, tensor in file.read().items()}
 
 
 def shares_of(total, processes):

@@ -20,7 +20,7 @@ from dgl_sadp import (
     read_card,
     train_policy,
 )
-from dgl_sadp._tensor_file import read_tensors
+from dgl_sadp._tensor_file import open_tensors
 from dgl_sadp.normalizer import Range
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
@@ -119,7 +119,8 @@ def test_a_resumed_run_ends_as_if_it_had_not_been_interrupted(train, whole, at):
 @pytest.mark.parametrize("rate", [None, 0.02])
 def test_muon_trains_the_matrices_where_it_is_asked_for_and_adamw_the_rest(train, tmp_path, rate):
     result = train(config=dataclasses.replace(CONFIG, epochs=1, muon_learning_rate=rate))
-    kept, _ = read_tensors(tmp_path / "run" / "state.safetensors", kind="dgl_sadp.training")
+    with open_tensors(tmp_path / "run" / "state.safetensors", kind="dgl_sadp.training") as file:
+        kept = set(file.shapes)
     parts = {name: tensor.ndim for name, tensor in weights(result).items() if "range" not in name}
     by_muon = {name.partition("/")[2] for name in kept if name.startswith("momentum_buffer/")}
     by_adamw = {name.partition("/")[2] for name in kept if name.startswith("exp_avg/")}
@@ -321,3 +322,67 @@ def test_paper_presets_are_the_published_ones():
     assert config.muon_learning_rate is None
     with pytest.raises(ValueError, match=r"method must be one of .*; got 'act'"):
         get_train_config("act")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"step": "many"}, "step must be a whole number; got 'many'"),
+        ({"step": -1}, r"step must lie in 0 \.\.\."),
+        ({"step": None}, "step must be a whole number; got None"),
+        ({"schedules": []}, "schedules must be 2; got 0"),
+        ({"schedules": [{}, {}]}, r"schedules must have \[.*; got \[\]"),
+        (lambda kept: kept["_last_lr"].append(1.0), r"schedules\._last_lr must be like"),
+        (lambda kept: kept.update(last_epoch="x"), r"schedules\.last_epoch must be a whole number"),
+        (lambda kept: kept.update(lr_lambdas=[{}]), r"schedules\.lr_lambdas\[0\] must be a finite"),
+        ({"last": {"validation": {"epoch": 1}}}, r"last\.validation must have \["),
+        ({"described": []}, "described must be an object"),
+    ],
+)
+def test_a_state_of_wrong_values_is_refused_in_one_line(train, tmp_path, changes, message):
+    from dgl_sadp._tensor_file import write_tensors
+
+    train(config=dataclasses.replace(CONFIG, epochs=1))
+    path = tmp_path / "run" / "state.safetensors"
+    with open_tensors(path, kind="dgl_sadp.training") as file:
+        tensors = {name: tensor.clone() for name, tensor in file.read().items()}
+        values = file.values
+    if callable(changes):
+        changes(values["schedules"][0])
+    else:
+        values |= changes
+    write_tensors(path, tensors, kind="dgl_sadp.training", values=values)
+    with pytest.raises(CheckpointError, match=message) as caught:
+        train(config=dataclasses.replace(CONFIG, epochs=1), is_resumed=True)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_a_state_of_other_shapes_is_refused(train, tmp_path):
+    from dgl_sadp._tensor_file import write_tensors
+
+    train(config=dataclasses.replace(CONFIG, epochs=1))
+    path = tmp_path / "run" / "state.safetensors"
+    with open_tensors(path, kind="dgl_sadp.training") as file:
+        tensors = {name: tensor.clone() for name, tensor in file.read().items()}
+        values = file.values
+    for kind, message in (
+        ("weight", "do not fit its configuration"),
+        ("exp_avg", "must have shape"),
+    ):
+        name = next(name for name in tensors if name.startswith(f"{kind}/"))
+        changed = {**tensors, name: torch.zeros(3, 3, 3)}
+        write_tensors(path, changed, kind="dgl_sadp.training", values=values)
+        with pytest.raises(CheckpointError, match=message):
+            train(config=dataclasses.replace(CONFIG, epochs=1), is_resumed=True)
+
+
+def test_one_episode_is_trained_on_without_validation(tmp_path, tiny_config):
+    write_synthetic_episodes(tmp_path / "one", 1, frames=6, points=64)
+    result = train_policy(
+        tmp_path / "one",
+        tmp_path / "out",
+        tiny_config("dp3"),
+        dataclasses.replace(CONFIG, epochs=1, validation_share=0.5),
+        stage=1,
+    )
+    assert (result.episodes, result.validation_episodes, result.validation) == (1, 0, None)

@@ -193,7 +193,7 @@ def _advise_on_validation(data: Path, policy: Path) -> str:
         [*words, "--episodes", str(attempts + 1), "--resume", "--out", str(folder)]
     )
     return (
-        "there was one episode, which was trained on: to validate takes one more; "
+        "only one episode could be used, and it was trained on: to validate takes one more; "
         f"collect it with `{command}`"
     )
 

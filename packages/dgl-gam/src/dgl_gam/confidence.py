@@ -1,12 +1,14 @@
 """How sure a match is: the probability that the true point is among the observed ones."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import torch
 from torch import Tensor
+
+from dgl_gam._fields import Bound, check_fields, decode_json, from_plain, show
 
 __all__ = ["EVIDENCE", "Calibration", "compute_auroc", "compute_evidence", "fit_calibration"]
 
@@ -24,14 +26,13 @@ class Calibration:
     """Weight of each kind of evidence. The default states only their signs and rough sizes."""
     bias: float = -3.0
     """Added to the weighted evidence."""
-    samples: int = 0
+    samples: Annotated[int, Bound(0, 2**60)] = 0
     """Matches that it was fitted to; 0: not fitted, so that only the order of the probabilities has a meaning."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if len(self.weights) != len(EVIDENCE):
             raise ValueError(f"weights must be {len(EVIDENCE)} numbers; got {self.weights}")
-        if not np.isfinite([*self.weights, self.bias]).all():
-            raise ValueError(f"weights and bias must be finite; got {self.weights}, {self.bias}")
 
     def apply(self, evidence: np.ndarray) -> np.ndarray:
         """Map evidence, shape (K, 4), to probabilities, shape (K,), float32."""
@@ -47,17 +48,12 @@ class Calibration:
     @classmethod
     def from_json(cls, text: str) -> "Calibration":
         """Read what `to_json` wrote; a `ValueError` says what is wrong."""
-        values = json.loads(text)
-        if not isinstance(values, Mapping) or set(values) != {"weights", "bias", "samples"}:
-            raise ValueError(f"a calibration must have weights, bias and samples; got {text[:80]}")
-        try:
-            return cls(
-                weights=tuple(float(w) for w in values["weights"]),
-                bias=float(values["bias"]),
-                samples=int(values["samples"]),
+        values = decode_json(text)
+        if not isinstance(values, dict) or set(values) != {"weights", "bias", "samples"}:
+            raise ValueError(
+                f"a calibration must have weights, bias and samples; got {show(values)}"
             )
-        except TypeError as err:
-            raise ValueError(f"a calibration must hold numbers; got {text[:80]}") from err
+        return from_plain(cls, values)
 
 
 def compute_evidence(

@@ -3,31 +3,53 @@
 import dataclasses
 import difflib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
-__all__ = ["PRESETS", "LevelConfig", "NetworkConfig", "YawConfig", "get_network_config"]
+from dgl_gam._fields import Bound, Count, check_fields, decode_json, from_plain
+
+__all__ = [
+    "PRESETS",
+    "LevelConfig",
+    "NetworkConfig",
+    "YawConfig",
+    "check_category",
+    "get_network_config",
+]
+
+Width = Annotated[int, Bound(1, 8192)]
+Widths = Annotated[tuple[Width, ...], Count(1, 16)]
+MAX_ACTIVATIONS = 2**26
+"""Most values [float32] of one layer's output for one cloud: 256 MiB."""
+_NAME = re.compile(r"\w[\w.-]*")
+
+
+def _check_activations(name: str, count: int) -> None:
+    if count > MAX_ACTIVATIONS:
+        raise ValueError(f"{name} must be at most {MAX_ACTIVATIONS}; got {count}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LevelConfig:
     """One set-abstraction level: points are grouped around centres, and each group becomes one feature."""
 
-    centres: int
+    centres: Annotated[int, Bound(0, 2**14)]
     """Centres, chosen by farthest-point sampling. 0: one group of all points, around the origin."""
-    radius: float
+    radius: Annotated[float, Bound(0.0, 1000.0)]
     """Radius of a group, in the normalised frame. Not used where `centres` is 0."""
-    neighbours: int
+    neighbours: Annotated[int, Bound(0, 4096)]
     """Largest number of points in a group. Not used where `centres` is 0."""
-    widths: tuple[int, ...]
+    widths: Widths
     """Widths of the layers that each point of a group passes."""
 
     def __post_init__(self) -> None:
-        if self.centres < 0 or not self.widths or min(self.widths) < 1:
-            raise ValueError(
-                f"centres must be >= 0 and widths positive; got {self.centres} and {self.widths}"
-            )
+        check_fields(self)
+        _check_activations(
+            "centres x neighbours x the widest layer",
+            self.centres * self.neighbours * max(self.widths),
+        )
         if self.centres and (self.radius <= 0 or self.neighbours < 1):
             raise ValueError(
                 f"radius and neighbours must be positive; got {self.radius} and {self.neighbours}"
@@ -38,59 +60,69 @@ class LevelConfig:
 class YawConfig:
     """The network that finds how a garment is turned about the vertical."""
 
-    bins: int = 60
+    bins: Annotated[int, Bound(8, 4096)] = 60
     """Angles that are told apart, evenly around the circle."""
-    rings: int = 10
+    rings: Annotated[int, Bound(2, 1024)] = 10
     """Distances from the centre that are told apart."""
-    radius: float = 1.25
+    radius: Annotated[float, Bound(1e-3, 1000.0)] = 1.25
     """Outermost ring, in the normalised frame."""
-    width: int = 48
-    """Channels of the layers."""
+    width: Annotated[int, Bound(4, 4096)] = 48
+    """Channels of the layers, a multiple of 4."""
 
     def __post_init__(self) -> None:
-        if self.bins < 8 or self.rings < 2 or self.width < 1 or self.radius <= 0:
-            raise ValueError(
-                "bins must be >= 8, rings >= 2, width and radius positive; got "
-                f"{self.bins}, {self.rings}, {self.width}, {self.radius}"
-            )
+        check_fields(self)
+        if self.width % 4:
+            raise ValueError(f"width must be a multiple of 4; got {self.width}")
+        _check_activations("rings x bins", self.rings * self.bins)
+        _check_activations("bins x width", self.bins * self.width)
 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
     """The network that gives every point of a cloud a feature."""
 
-    levels: tuple[LevelConfig, ...]
+    levels: Annotated[tuple[LevelConfig, ...], Count(1, 8)]
     """Set-abstraction levels, fine to coarse."""
-    up: tuple[tuple[int, ...], ...]
+    up: Annotated[tuple[Widths, ...], Count(1, 8)]
     """Widths of the layers on the way back, coarse to fine, one entry for each level."""
-    attention_blocks: int
+    attention_blocks: Annotated[int, Bound(0, 64)]
     """Self-attention blocks among the centres of the coarsest level."""
-    attention_heads: int
+    attention_heads: Annotated[int, Bound(1, 1024)]
     """Heads of each of them."""
-    head_width: int
+    head_width: Width
     """Width of the hidden layer before the features."""
-    features: int
+    features: Width
     """Length of a point's feature."""
-    categories: tuple[str, ...] = ()
+    categories: Annotated[tuple[Annotated[str, Count(1, 100)], ...], Count(0, 1000)] = ()
     """Categories of garments that it is for. More than one: each has a learned embedding."""
     yaw: YawConfig = YawConfig()
     """The network that turns clouds into the garment's own frame first."""
 
     def __post_init__(self) -> None:
-        if len(self.up) != len(self.levels) or not self.levels:
+        check_fields(self)
+        if len(self.up) != len(self.levels):
             raise ValueError(
                 f"up must have one entry for each level; got {len(self.up)} for {len(self.levels)}"
             )
+        if self.levels[0].centres == 0:
+            raise ValueError("centres of the first level must be at least 1; got 0")
         for finer, coarser in zip(self.levels, self.levels[1:], strict=False):
             if finer.centres == 0 or coarser.centres > finer.centres:
                 raise ValueError(
                     f"centres must fall from level to level; got {finer.centres}, {coarser.centres}"
                 )
         width = self.levels[-1].widths[-1]
-        if self.attention_heads < 1 or (self.attention_blocks and width % self.attention_heads):
+        if self.attention_blocks and width % self.attention_heads:
             raise ValueError(f"attention_heads must divide {width}; got {self.attention_heads}")
+        if self.attention_blocks:
+            _check_activations(
+                "attention_heads x the square of the last level's centres",
+                self.attention_heads * self.levels[-1].centres ** 2,
+            )
         if len(set(self.categories)) != len(self.categories):
             raise ValueError(f"categories must differ; got {self.categories}")
+        for name in self.categories:
+            check_category(name)
 
     def to_json(self) -> str:
         """Write as JSON, as checkpoints store it."""
@@ -103,21 +135,15 @@ class NetworkConfig:
         Raises:
             ValueError: If it is no JSON object, or a field is missing, unknown or of a wrong type.
         """
-        values = json.loads(text)
-        if not isinstance(values, dict):
-            raise ValueError(f"a network's configuration must be an object; got {text[:60]}")
-        try:
-            fields: dict[str, Any] = dict(values)
-            fields["levels"] = tuple(
-                LevelConfig(**{**level, "widths": tuple(level["widths"])})
-                for level in values["levels"]
-            )
-            fields["up"] = tuple(tuple(widths) for widths in values["up"])
-            fields["categories"] = tuple(values["categories"])
-            fields["yaw"] = YawConfig(**values["yaw"])
-            return cls(**fields)
-        except (TypeError, KeyError, AttributeError) as err:
-            raise ValueError(f"a network's configuration is wrong: {err}") from err
+        return from_plain(cls, decode_json(text))
+
+
+def check_category(name: str) -> None:
+    """Refuse names of categories that are no names of files: runs and weights are named by them."""
+    if not _NAME.fullmatch(name):
+        raise ValueError(
+            f"a category must be letters, digits, '_', '-' and '.', such as Tops_LongSleeve; got {name!r}"
+        )
 
 
 PRESETS: Mapping[str, NetworkConfig] = {

@@ -25,7 +25,7 @@ from dgl_gam.confidence import Calibration, compute_evidence
 from dgl_gam.errors import WeightsNotFoundError
 from dgl_gam.network import center_clouds
 
-__all__ = ["Encoded", "GarmentAffordanceModel", "Matches"]
+__all__ = ["Encoded", "GarmentAffordanceModel", "Matches", "check_garment_cloud"]
 
 MIN_POINTS = 16
 NETWORK_POINTS = 2048
@@ -239,12 +239,12 @@ class GarmentAffordanceModel:
             raise ValueError(
                 f"yaws must be one finite angle for each of {len(target_clouds)} clouds; got {yaws}"
             )
-        cloud = check_cloud(source_cloud, "source_cloud", min_points=MIN_POINTS)
+        cloud = check_garment_cloud(source_cloud, "source_cloud")
         points = check_cloud(source_points, "source_points", min_points=0)
         targets = [
-            check_cloud(target, f"target_clouds[{number}]", min_points=MIN_POINTS)
-            if len(target_clouds) > 1
-            else check_cloud(target, "target_cloud", min_points=MIN_POINTS)
+            check_garment_cloud(
+                target, f"target_clouds[{number}]" if len(target_clouds) > 1 else "target_cloud"
+            )
             for number, target in enumerate(target_clouds)
         ]
         index = (
@@ -264,8 +264,7 @@ class GarmentAffordanceModel:
     def encode(self, clouds: Sequence[np.ndarray]) -> list[Encoded]:
         """Compute the features of every point of clouds, each of shape (N, 3) [m], N >= 16."""
         checked = [
-            check_cloud(cloud, f"clouds[{number}]", min_points=MIN_POINTS)
-            for number, cloud in enumerate(clouds)
+            check_garment_cloud(cloud, f"clouds[{number}]") for number, cloud in enumerate(clouds)
         ]
         with torch.inference_mode():
             return self._encode(checked, None)
@@ -314,15 +313,6 @@ class GarmentAffordanceModel:
         """Encode clouds, those of one size together. With a source, its features settle an ambiguous yaw."""
         groups: dict[int, list[int]] = {}
         for number, cloud in enumerate(clouds):
-            extent = float(np.ptp(cloud, axis=0).max())
-            if extent < _MIN_EXTENT_M:
-                raise ValueError(
-                    f"a cloud must have an extent above {_MIN_EXTENT_M} m; got {extent} m"
-                )
-            if extent > _MAX_EXTENT_M:
-                raise ValueError(
-                    f"a cloud must have an extent below {_MAX_EXTENT_M:g} m; got {extent:g} m"
-                )
             groups.setdefault(len(cloud), []).append(number)
         results: dict[int, Encoded] = {}
         for numbers in groups.values():
@@ -395,6 +385,26 @@ class GarmentAffordanceModel:
             indices, weights = find_three_nearest(part, kept)
             parts.append(functional.normalize(interpolate(features, indices, weights), dim=2))
         return torch.cat(parts, dim=1)
+
+
+def check_garment_cloud(cloud: np.ndarray, name: str) -> np.ndarray:
+    """Return the cloud of a garment as float64 after checking it: shape (N, 3) [m], N >= 16, finite, of some extent.
+
+    Args:
+        cloud: Points, any real dtype.
+        name: What to call it in a message.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    points = check_cloud(cloud, name, min_points=MIN_POINTS)
+    with np.errstate(over="ignore"):  # Of numbers near the largest; it is then infinite.
+        extent = float(np.ptp(points, axis=0).max())
+    if extent < _MIN_EXTENT_M:
+        raise ValueError(f"{name} must have an extent above {_MIN_EXTENT_M} m; got {extent} m")
+    if extent > _MAX_EXTENT_M:
+        raise ValueError(f"{name} must have an extent below {_MAX_EXTENT_M:g} m; got {extent:g} m")
+    return points
 
 
 def _score(source: Encoded, features: Tensor) -> float:

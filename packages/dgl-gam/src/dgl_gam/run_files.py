@@ -4,21 +4,24 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.numpy import save_file
 from torch import Tensor
 
+from dgl_gam._fields import Bound, check_value, decode_json, show
+from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
 from dgl_gam.errors import CheckpointError
 
-__all__ = ["CONFIG_FILE", "LOG_FILE", "begin_run", "save_state", "write_whole"]
+__all__ = ["CONFIG_FILE", "LOG_FILE", "begin_run", "read_config", "save_state", "write_whole"]
 
 CONFIG_FILE = "config.json"
 LOG_FILE = "log.jsonl"
 STATE_FILE = "state.safetensors"
 _FORMAT = "dgl_gam.training"
+_MAX_BYTES = 2**32
+_MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
 def begin_run(
@@ -40,11 +43,7 @@ def begin_run(
         return 0
     if not (out / CONFIG_FILE).exists():
         raise CheckpointError(f"{out} holds no run to resume")
-    try:
-        before = json.loads((out / CONFIG_FILE).read_text(encoding="utf-8"))
-    except ValueError as err:
-        raise CheckpointError(f"{out / CONFIG_FILE} cannot be read: {err}") from err
-    _compare(out, before, described)
+    _compare(out, read_config(out), described)
     done = 0
     if (out / STATE_FILE).exists():  # or else it was interrupted before its first state
         done = _load_state(out / STATE_FILE, described, parameters, optimizer)
@@ -61,16 +60,35 @@ def save_state(
 ) -> None:
     """Save weights and moments beside the state that there is, then rename."""
     path = out / STATE_FILE
-    tensors = {}
+    arrays = {}
     for name, parameter in parameters.items():
-        tensors[f"weight/{name}"] = parameter.detach().cpu().contiguous()
-        for key in ("exp_avg", "exp_avg_sq", "step"):
+        arrays[f"weight/{name}"] = parameter.detach().cpu().contiguous().numpy()
+        for key in (*_MOMENTS, "step"):
             if parameter in optimizer.state:
-                tensors[f"{key}/{name}"] = optimizer.state[parameter][key].cpu().contiguous()
+                moment = optimizer.state[parameter][key].detach().cpu().contiguous()
+                arrays[f"{key}/{name}"] = moment.numpy()
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    meta = {"format": _FORMAT, "step": str(step), "described": json.dumps(described)}
-    save_file(tensors, beside, metadata=meta)
+    meta = {
+        "format": _FORMAT,
+        "version": SEALED,
+        "step": str(step),
+        "described": json.dumps(described),
+    }
+    save_file(arrays, beside, metadata=seal(meta, arrays))
     beside.replace(path)
+
+
+def read_config(out: Path) -> Any:
+    """Read what a run was begun as.
+
+    Raises:
+        CheckpointError: If its file is damaged.
+    """
+    path = out / CONFIG_FILE
+    try:
+        return decode_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as err:
+        raise CheckpointError(f"{path} cannot be read: {err}") from err
 
 
 def _load_state(
@@ -80,28 +98,47 @@ def _load_state(
     optimizer: torch.optim.Optimizer,
 ) -> int:
     """Put weights and moments back; returns the steps done."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            meta = file.metadata() or {}
-            # Cloned: the file is mapped, and will be replaced while these are in use.
-            tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as err:
-        raise CheckpointError(f"{path} cannot be read: {err}") from err
-    if meta.get("format") != _FORMAT:
-        raise CheckpointError(f"{path} is no state of a training; got {meta.get('format')!r}")
-    _compare(path.parent, json.loads(meta["described"]), described)
-    wanted = {f"weight/{name}" for name in parameters}
-    if not wanted <= set(tensors):
-        raise CheckpointError(f"{path} lacks weights of the network")
+    with open_arrays(path, what="a state of a training", error=CheckpointError) as file:
+        found_format = file.metadata.get("format")
+        if found_format != _FORMAT:
+            raise CheckpointError(f"{path} is no state of a training; got {show(found_format)}")
+        if "version" in file.metadata:  # States from before there were checksums have none.
+            file.check_version("version")
+        try:
+            before = decode_json(file.metadata.get("described", ""))
+            step = decode_json(file.metadata.get("step", ""))
+            check_value("step", step, Annotated[int, Bound(0, 2**40)])
+        except ValueError as err:
+            raise CheckpointError(f"{path}: its metadata are damaged: {err}") from err
+        _compare(path.parent, before, described)
+        _check_arrays(file, parameters)
+        tensors = {name: torch.from_numpy(array) for name, array in file.read().items()}
     for name, parameter in parameters.items():
         with torch.no_grad():
             parameter.copy_(tensors[f"weight/{name}"])
         if f"exp_avg/{name}" in tensors:
             optimizer.state[parameter] = {
                 key: tensors[f"{key}/{name}"].to("cpu" if key == "step" else parameter.device)
-                for key in ("step", "exp_avg", "exp_avg_sq")
+                for key in ("step", *_MOMENTS)
             }
-    return int(meta["step"])
+    return step
+
+
+def _check_arrays(file: ArrayFile, parameters: Mapping[str, Tensor]) -> None:
+    """Compare a state's arrays with the network's parameters, before any is read."""
+    file.check_types(("F32",), max_bytes=_MAX_BYTES)
+    for name, parameter in parameters.items():
+        wanted = {f"weight/{name}": tuple(parameter.shape)}
+        if f"exp_avg/{name}" in file.found:
+            wanted |= {f"{key}/{name}": tuple(parameter.shape) for key in _MOMENTS}
+            wanted[f"step/{name}"] = ()
+        for key, shape in wanted.items():
+            if key not in file.found:
+                raise CheckpointError(f"{file.path} lacks {key}, of the network")
+            if file.found[key][0] != shape:
+                raise CheckpointError(
+                    f"{file.path}: {key} must have shape {shape}; got {file.found[key][0]}"
+                )
 
 
 def _compare(out: Path, before: Any, described: Mapping[str, Any]) -> None:
@@ -117,7 +154,7 @@ def _compare(out: Path, before: Any, described: Mapping[str, Any]) -> None:
 def _trim_log(path: Path, step: int) -> None:
     """Keep the lines of the steps that are not done again."""
     if path.exists():
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         write_whole(path, "".join(line + "\n" for line in lines[:step]))
 
 

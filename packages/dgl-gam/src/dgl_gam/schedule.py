@@ -16,7 +16,7 @@ from dgl_gam.config import YawConfig
 from dgl_gam.data.batches import BatchConfig
 from dgl_gam.data.folder import GarmentFolder
 from dgl_gam.errors import CheckpointError
-from dgl_gam.run_files import CONFIG_FILE, write_whole
+from dgl_gam.run_files import CONFIG_FILE, read_config, write_whole
 from dgl_gam.train import (
     NETWORK_FILE,
     TRAIN_PRESETS,
@@ -258,7 +258,7 @@ def _open_run(out: Path, described: Mapping[str, Any], *, is_resumed: bool) -> N
         return
     if not is_resumed:
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
-    if json.loads(path.read_text(encoding="utf-8")) != json.loads(json.dumps(described)):
+    if read_config(out) != json.loads(json.dumps(described)):
         raise CheckpointError(
             f"{out} was begun with other stages; resume it with the same preset, steps and seed, or start anew"
         )

@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
 
 from dgl_gam._device import find_device
+from dgl_gam._fields import Bound, check_fields
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
@@ -29,6 +30,7 @@ __all__ = ["TRAIN_PRESETS", "Progress", "TrainConfig", "get_train_config", "trai
 logger = logging.getLogger(__name__)
 
 NETWORK_FILE = "network.safetensors"
+Positive = Annotated[int, Bound(1, 10**9)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +39,11 @@ class TrainConfig:
 
     network: str = "small"
     """Preset of the network; not used when training starts from other weights."""
-    steps: int = 3000
+    steps: Positive = 3000
     """Batches."""
     lr: float = 1.5e-3
     """Largest learning rate, of AdamW."""
-    warmup: int = 50
+    warmup: Annotated[int, Bound(0, 10**9)] = 50
     """Steps over which it rises; it then falls to zero as a cosine."""
     decay: int | None = None
     """Step at which it would be zero, where that is later than the last step: a run that ends early."""
@@ -53,9 +55,9 @@ class TrainConfig:
     """Weight of the yaw's loss beside InfoNCE."""
     max_gradient: float = 1.0
     """Norm that gradients are clipped to."""
-    seed: int = 0
+    seed: Annotated[int, Bound(0, 2**63 - 1)] = 0
     """Of the weights and of everything drawn."""
-    save_every: int = 200
+    save_every: Positive = 200
     """Steps between saved states."""
     parts: Literal["all", "features", "yaw"] = "all"
     """What is trained. The network of the features and that of the yaw share nothing, and the second is far smaller: alone it
@@ -66,14 +68,10 @@ class TrainConfig:
     """What a batch holds."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "save_every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
+        check_fields(self)
         for name in ("lr", "temperature", "max_gradient"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive; got {getattr(self, name)}")
-        if self.parts not in ("all", "features", "yaw"):
-            raise ValueError(f"parts must be all, features or yaw; got {self.parts!r}")
         if self.decay is not None and self.decay < self.steps:
             raise ValueError(f"decay must not be below steps; got {self.decay} and {self.steps}")
         if self.new_yaw is not None and self.parts == "features":

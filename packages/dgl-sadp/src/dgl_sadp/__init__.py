@@ -13,6 +13,7 @@ from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
 from dgl_sadp.errors import TrainingProcessError as TrainingProcessError
+from dgl_sadp.errors import UnsuitableEpisodeError as UnsuitableEpisodeError
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 from dgl_sadp.runner import PolicyRunner as PolicyRunner
 from dgl_sadp.train import Progress as Progress
@@ -35,6 +36,7 @@ __all__ = [
     "TrainResult",
     "TrainingDivergedError",
     "TrainingProcessError",
+    "UnsuitableEpisodeError",
     "get_policy_config",
     "get_train_config",
     "load_policy",

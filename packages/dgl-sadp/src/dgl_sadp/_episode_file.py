@@ -3,6 +3,7 @@
 The format is written by another package; what is needed of it is repeated here, so that neither needs the other.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,13 +12,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp._fields import show, tell
+from dgl_sadp.errors import CorruptEpisodeError, UnsuitableEpisodeError
 
 __all__ = [
     "FORMAT_VERSION",
     "FRAME_KEYS",
     "JOINTS",
     "FrameSlice",
+    "MissingStageError",
     "StageFile",
     "measure_frames",
     "read_frames",
@@ -46,6 +49,33 @@ _STATIC_KEYS: dict[str, tuple[tuple[int | None, ...], str]] = {
 }
 _OPTIONAL_KEYS = frozenset({"object_point_cloud"})
 
+MAX_FRAMES = 100_000
+"""Of a stage: two hours at 12 Hz."""
+MAX_POINTS = 2**18
+"""Of a cloud."""
+MAX_PIXELS = 2**22
+"""Of a picture: 2048 x 2048."""
+MAX_COMPRESSION = 1100
+"""Declared for each stored byte: gzip does not reach it. Arrays beyond were declared, but not written."""
+MAX_CHUNK_BYTES = 2**28
+"""A chunk is read as a whole."""
+MAX_TEXT = 200
+"""Characters of a text attribute."""
+_MAX_STAGES = 1000
+# HDF5 and h5py report damage by these, depending on where it lies.
+_HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+    AttributeError,
+    IndexError,
+    SystemError,
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class StageFile:
@@ -63,6 +93,18 @@ class StageFile:
     """Which of the arrays that are stored once in a stage are there."""
     task: str
     """Environment id, such as `FoldTops-v1`; empty if it was not recorded."""
+
+
+class MissingStageError(UnsuitableEpisodeError):
+    """A whole, successful episode lacks a stage."""
+
+    def __init__(self, path: Path, stage: int, stages: tuple[int, ...], task: str) -> None:
+        super().__init__(path, f"no stage_{stage}; it has {[f'stage_{each}' for each in stages]}")
+        self.stage, self.stages, self.task = stage, stages, task
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        """Keep all arguments, as the base does its own."""
+        return type(self), (self.path, self.stage, self.stages, self.task)
 
 
 @dataclass(frozen=True)
@@ -88,45 +130,51 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
         CorruptEpisodeError: If the file is not a whole episode of the known format, or lacks the stage.
         ValueError: If the approach is wanted and was not recorded.
     """
-    with _open(path) as file:
-        version = file.attrs.get("format_version")
-        if version is None:
-            raise CorruptEpisodeError(path, "no attribute format_version")
-        if int(version) != FORMAT_VERSION:
-            raise CorruptEpisodeError(
-                path, f"format version {version}; this package reads {FORMAT_VERSION}"
-            )
-        if "success" not in file.attrs:
-            raise CorruptEpisodeError(path, "no attribute success")
-        if not bool(file.attrs["success"]):
-            return None
-        robot = str(file.attrs.get("robot", ROBOT))
-        if robot != ROBOT:
-            raise CorruptEpisodeError(path, f"recorded with robot {robot}; policies are of {ROBOT}")
-        group = file.get(f"stage_{stage}")
-        if not isinstance(group, h5py.Group):
-            stages = sorted(str(key) for key in file if str(key).startswith("stage_"))
-            raise CorruptEpisodeError(path, f"no stage_{stage}; it has {stages}")
-        frames = _check_frames(path, group)
-        approach = int(group.attrs.get("approach_frames", 0))
-        if not 0 <= approach < frames:
-            raise CorruptEpisodeError(
-                path, f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}"
-            )
-        if with_approach and approach == 0:
-            raise ValueError(
-                f"{path.name}: stage {stage} must have its approach recorded; it has not: "
-                "collect with --record approaches"
-            )
-        first = 0 if with_approach else approach
-        return StageFile(
-            path=path,
-            stage=stage,
-            frames=frames - first,
-            first=first,
-            static_keys=_check_static(path, group),
-            task=str(file.attrs.get("task", "")),
+    try:
+        with _open(path) as file:
+            version = _read_integer(path, file, "format_version")
+            if version != FORMAT_VERSION:
+                raise UnsuitableEpisodeError(
+                    path, f"format version {version}; this package reads {FORMAT_VERSION}"
+                )
+            if not _read_truth(path, file, "success"):
+                return None
+            robot = _read_text(path, file, "robot", ROBOT)
+            if robot != ROBOT:
+                raise UnsuitableEpisodeError(
+                    path, f"recorded with robot {tell(robot)}; policies are of {ROBOT}"
+                )
+            task = _read_text(path, file, "task", "")
+            if f"stage_{stage}" not in file:
+                stages = _list_stages(file)
+                if not stages:
+                    raise CorruptEpisodeError(path, f"no stage_{stage}; it has no stages")
+                raise MissingStageError(path, stage, stages, task)
+            group = _find_group(path, file, f"stage_{stage}")
+            frames = _check_frames(path, group)
+            approach = _read_integer(path, group, "approach_frames", 0)
+            if not 0 <= approach < frames:
+                raise CorruptEpisodeError(
+                    path,
+                    f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}",
+                )
+            static_keys = _check_static(path, group)
+    except FileNotFoundError as error:
+        raise CorruptEpisodeError(path, "there is no such file, or it is a link to none") from error
+    if with_approach and approach == 0:
+        raise ValueError(
+            f"{path.name}: stage {stage} must have its approach recorded; it has not: "
+            "collect with --record approaches"
         )
+    first = 0 if with_approach else approach
+    return StageFile(
+        path=path,
+        stage=stage,
+        frames=frames - first,
+        first=first,
+        static_keys=static_keys,
+        task=task,
+    )
 
 
 def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.ndarray]:
@@ -144,11 +192,12 @@ def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.
     """
     arrays: dict[str, np.ndarray] = {}
     with _open(file.path) as opened:
+        group = _find_group(file.path, opened, f"stage_{file.stage}")
         for key, part in wanted.items():
             index = np.clip(np.arange(part.start, part.stop), 0, file.frames - 1)
             first, last = int(index[0]), int(index[-1])
             # One contiguous read; repeating happens in memory.
-            dataset = _dataset(file.path, opened, f"stage_{file.stage}/{key}")
+            dataset = _find_dataset(file.path, group, key)
             arrays[key] = dataset[file.first + first : file.first + last + 1][index - first]
     return arrays
 
@@ -165,7 +214,8 @@ def measure_frames(file: StageFile, keys: Sequence[str]) -> int:
         CorruptEpisodeError: If the file has been damaged since it was scanned.
     """
     with _open(file.path) as opened:
-        stored = [_dataset(file.path, opened, f"stage_{file.stage}/{key}") for key in keys]
+        group = _find_group(file.path, opened, f"stage_{file.stage}")
+        stored = [_find_dataset(file.path, group, key) for key in keys]
         return sum(array.nbytes // len(array) * file.frames for array in stored)
 
 
@@ -176,37 +226,53 @@ def read_static(file: StageFile) -> dict[str, np.ndarray]:
         CorruptEpisodeError: If the file has been damaged since it was scanned.
     """
     with _open(file.path) as opened:
-        return {
-            key: _dataset(file.path, opened, f"stage_{file.stage}/{key}")[()]
-            for key in file.static_keys
-        }
+        group = _find_group(file.path, opened, f"stage_{file.stage}")
+        return {key: _find_dataset(file.path, group, key)[()] for key in file.static_keys}
 
 
 @contextmanager
 def _open(path: Path) -> Iterator[h5py.File]:
     """Open a file for reading, and name it in whatever HDF5 has to complain about."""
     try:
+        if path.exists() and not path.is_file():  # To open a pipe would wait for ever.
+            raise CorruptEpisodeError(path, "cannot be read as an episode (it is no file)")
         with h5py.File(path, "r") as file:
             yield file
     except FileNotFoundError:
         raise
-    # HDF5 reports damage as OSError, RuntimeError or KeyError, depending on where it lies.
-    except (OSError, RuntimeError, KeyError) as error:
-        reason = str(error.args[0]) if error.args else type(error).__name__
+    except _HDF5_ERRORS as error:
+        reason = " ".join(str(error.args[0] if error.args else "").split())
+        reason = reason[:200] or type(error).__name__
         raise CorruptEpisodeError(path, f"cannot be read as an episode ({reason})") from error
 
 
+def _list_stages(file: h5py.File) -> tuple[int, ...]:
+    return tuple(number for number in range(1, _MAX_STAGES) if f"stage_{number}" in file)
+
+
 def _check_frames(path: Path, group: h5py.Group) -> int:
-    counts: dict[str, int] = {}
+    found = {key: _find_dataset(path, group, key) for key in FRAME_KEYS}
     for key, (shape, dtype) in FRAME_KEYS.items():
-        dataset = _dataset(path, group, key)
-        _check_array(path, dataset, (None, *shape), dtype)
-        counts[key] = dataset.shape[0]
+        _check_array(path, found[key], (None, *shape), dtype)
+    counts = {key: dataset.shape[0] for key, dataset in found.items()}
     if len(set(counts.values())) != 1:
         raise CorruptEpisodeError(path, f"{group.name} has arrays of different lengths: {counts}")
     frames = counts["joint_state"]
-    if frames < 1:
-        raise CorruptEpisodeError(path, f"{group.name} has no frames")
+    if not 1 <= frames <= MAX_FRAMES:
+        raise CorruptEpisodeError(
+            path, f"{group.name} must have 1 ... {MAX_FRAMES} frames; got {frames}"
+        )
+    pixels, points = math.prod(found["image"].shape[1:3]), found["env_point_cloud"].shape[1]
+    for what, count, limit in (
+        ("pixels", pixels, MAX_PIXELS),
+        ("environment points", points, MAX_POINTS),
+    ):
+        if not 1 <= count <= limit:
+            raise CorruptEpisodeError(
+                path, f"{group.name} must have 1 ... {limit} {what} a frame; got {count}"
+            )
+    for dataset in found.values():
+        _check_stored(path, dataset)
     return frames
 
 
@@ -215,9 +281,14 @@ def _check_static(path: Path, group: h5py.Group) -> tuple[str, ...]:
     for key, (shape, dtype) in _STATIC_KEYS.items():
         if key in _OPTIONAL_KEYS and key not in group:
             continue
-        dataset = _dataset(path, group, key)
+        dataset = _find_dataset(path, group, key)
         _check_array(path, dataset, shape, dtype)
         points[key] = dataset.shape[0]
+        if points[key] > MAX_POINTS:
+            raise CorruptEpisodeError(
+                path, f"{dataset.name} must have at most {MAX_POINTS} points; got {points[key]}"
+            )
+        _check_stored(path, dataset)
     if points["garment_point_cloud"] != points["points_affordance_feature"]:
         raise CorruptEpisodeError(
             path,
@@ -227,22 +298,108 @@ def _check_static(path: Path, group: h5py.Group) -> tuple[str, ...]:
     return tuple(points)
 
 
-def _dataset(path: Path, group: h5py.Group, key: str) -> h5py.Dataset:
-    dataset = group.get(key)
+def _find_group(path: Path, parent: h5py.Group, key: str) -> h5py.Group:
+    node = _follow(path, parent, key)
+    if not isinstance(node, h5py.Group):
+        raise CorruptEpisodeError(path, f"{key} must be a group; got {type(node).__name__}")
+    return node
+
+
+def _find_dataset(path: Path, group: h5py.Group, key: str) -> h5py.Dataset:
+    """Return an array that lies in the file itself."""
+    dataset = _follow(path, group, key) if key in group else None
     if not isinstance(dataset, h5py.Dataset):
         raise CorruptEpisodeError(path, f"no array {str(group.name).rstrip('/')}/{key}")
+    if dataset.is_virtual or dataset.external:
+        raise CorruptEpisodeError(
+            path, f"{dataset.name} must be in the file itself; got data of other files"
+        )
     return dataset
+
+
+def _follow(path: Path, parent: h5py.Group, key: str) -> object:
+    """Return a member of a group, unless it is a link, which may lead out of the file."""
+    link = parent.get(key, getlink=True)
+    if not isinstance(link, h5py.HardLink):
+        raise CorruptEpisodeError(path, f"{key} must be in the file itself; got {_name(link)}")
+    return parent.get(key)
+
+
+def _name(link: object) -> str:
+    return {h5py.ExternalLink: "a link to another file", h5py.SoftLink: "a link"}.get(
+        type(link), "nothing"
+    )
 
 
 def _check_array(
     path: Path, dataset: h5py.Dataset, shape: Sequence[int | None], dtype: str
 ) -> None:
-    is_shape = len(dataset.shape) == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, dataset.shape, strict=True)
+    found = dataset.shape or ()  # An empty data space has none.
+    is_shape = len(found) == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, found, strict=True)
     )
     if not is_shape or dataset.dtype != np.dtype(dtype):
         wanted = tuple("any" if size is None else size for size in shape)
         raise CorruptEpisodeError(
             path,
-            f"{dataset.name} must be {dtype} of shape {wanted}; got {dataset.dtype} of {dataset.shape}",
+            f"{dataset.name} must be {dtype} of shape {wanted}; got {dataset.dtype} of {found}",
         )
+
+
+def _check_stored(path: Path, dataset: h5py.Dataset) -> None:
+    """Refuse what was declared, but never written: it takes no place in the file, and much memory when read."""
+    stored, chunk = int(dataset.id.get_storage_size()), math.prod(dataset.chunks or (0,))
+    if chunk * dataset.dtype.itemsize > MAX_CHUNK_BYTES:
+        raise CorruptEpisodeError(
+            path, f"{dataset.name} must have chunks of at most {MAX_CHUNK_BYTES} bytes"
+        )
+    if dataset.nbytes > MAX_COMPRESSION * stored:
+        raise CorruptEpisodeError(
+            path,
+            f"{dataset.name} declares {dataset.nbytes} bytes, of shape {dataset.shape}, but holds {stored}",
+        )
+
+
+def _read_integer(path: Path, node: h5py.Group, name: str, default: int | None = None) -> int:
+    value = _read_attribute(path, node, name, default)
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
+        raise CorruptEpisodeError(
+            path, f"attribute {name} must be a whole number; got {_tell(value)}"
+        )
+    return int(value)
+
+
+def _read_truth(path: Path, node: h5py.Group, name: str) -> bool:
+    value = _read_attribute(path, node, name, None)
+    if not isinstance(value, (bool, np.bool_)):
+        raise CorruptEpisodeError(
+            path, f"attribute {name} must be true or false; got {_tell(value)}"
+        )
+    return bool(value)
+
+
+def _read_text(path: Path, node: h5py.Group, name: str, default: str) -> str:
+    value = _read_attribute(path, node, name, default)
+    if not isinstance(value, str) or len(value) > MAX_TEXT:
+        raise CorruptEpisodeError(
+            path,
+            f"attribute {name} must be a text of at most {MAX_TEXT} characters; got {_tell(value)}",
+        )
+    return value
+
+
+def _read_attribute(path: Path, node: h5py.Group, name: str, default: object) -> object:
+    if name not in node.attrs:
+        if default is None:
+            raise CorruptEpisodeError(path, f"no attribute {name}")
+        return default
+    shape = node.attrs.get_id(name).shape
+    if shape != ():
+        raise CorruptEpisodeError(
+            path, f"attribute {name} must be one value; got an array of shape {shape}"
+        )
+    return node.attrs[name]
+
+
+def _tell(value: object) -> str:
+    return show(value.item() if isinstance(value, np.generic) else value)

@@ -24,9 +24,8 @@ def choose_farthest(planes: Tensor, first: Tensor, count: int) -> Tensor:
     _, batch, size = planes.shape
     chosen = torch.empty(batch, count, dtype=torch.int64, device=planes.device)
     block = triton.next_power_of_2(size)
-    _choose[(batch,)](
-        planes, first, chosen, batch, size, count, BLOCK=block, num_warps=4 if block <= 2048 else 16
-    )
+    warps = 4 if block <= 2048 else 16  # An argument of the launch, which the types do not know.
+    _choose[(batch,)](planes, first, chosen, batch, size, count, BLOCK=block, num_warps=warps)  # type: ignore[call-arg]
     return chosen
 
 

@@ -56,7 +56,7 @@ class TrainData:
         whole = measured.dataset
         count = len(whole.episodes)
         train, validation = np.arange(count), np.arange(0)
-        if config.validation_share > 0:
+        if config.validation_share > 0 and count > 1:  # One episode is all to be trained on.
             train, validation = split_episodes(count, config.validation_share, config.split_seed)
         held_out = whole.select(validation) if len(validation) else None
         if held_out is not None:

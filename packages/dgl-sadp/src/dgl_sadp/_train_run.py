@@ -258,6 +258,11 @@ class TrainRun:
                 windows=self.config.validation_windows,
                 seed=self.config.seed,
             )
+        if not all(map(math.isfinite, (found.loss, found.error, found.largest_error))):
+            raise TrainingDivergedError(
+                f"the validation after epoch {epoch} is not finite; lower learning_rate "
+                f"({self.config.learning_rate:g}) and start anew"
+            )
         self.state.last["validation"] = dataclasses.asdict(found)
         writer.add_scalar("loss/validation", found.loss, self.state.step)
         for name, error in {"mean": found.error, "largest": found.largest_error}.items():

@@ -1,19 +1,22 @@
 """The state of a training: all that it takes to go on as if it had not been interrupted."""
 
+import dataclasses
 import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import torch
 from torch import Tensor
 
-from dgl_sadp._tensor_file import read_tensors, write_tensors
+from dgl_sadp._fields import Bound, check_value
+from dgl_sadp._tensor_file import open_tensors, write_tensors
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
+from dgl_sadp.validation import Validation
 
 if TYPE_CHECKING:
     from diffusers.training_utils import EMAModel
@@ -22,6 +25,16 @@ if TYPE_CHECKING:
 __all__ = ["Interrupts", "TrainState", "hold_interrupts"]
 
 _KIND = "dgl_sadp.training"
+_VALUES: Mapping[str, Any] = {
+    "step": Annotated[int, Bound(0, 2**40)],
+    "loss_sum": float,
+    "last": dict[str, Any],
+    "average_step": Annotated[int, Bound(0, 2**40)],
+    "schedules": list[dict[str, Any]],
+    "described": dict[str, Any],
+}
+"""The plain values of a state, all of which must be there."""
+_VALIDATION = {field.name for field in dataclasses.fields(Validation)}
 _MOMENTS = ("step", "exp_avg", "exp_avg_sq", "momentum_buffer")  # Of AdamW and of Muon.
 
 
@@ -82,23 +95,35 @@ class TrainState:
         Raises:
             CheckpointError: If the file is damaged, or of a training that was begun with something else.
         """
-        tensors, values = read_tensors(path, kind=_KIND)
-        before = values.get("described", {})
-        for part, now in described.items():
-            if before.get(part) != now:
+        with open_tensors(path, kind=_KIND) as file:
+            values = file.values
+            try:
+                _check_values(values, schedules=[each.state_dict() for each in self.schedules])
+            except ValueError as err:
+                raise CheckpointError(f"{path}: {err}") from err
+            before = values["described"]
+            for part, now in described.items():
+                if before.get(part) != now:
+                    raise CheckpointError(
+                        f"{path.parent} was begun with another {part} "
+                        f"({_find_difference(before.get(part), now)}); resume it with the same, "
+                        "or start anew"
+                    )
+            parameters = dict(self.policy.named_parameters())
+            buffers = {f"range/{name}": b for name, b in self.policy.normalizer.named_buffers()}
+            wanted = {
+                f"{kind}/{name}": parameter
+                for kind in ("weight", "average")
+                for name, parameter in parameters.items()
+            }
+            file.check({**wanted, **buffers}, allow_more=True)
+            # Cloned: the file is mapped, and will be replaced while these are in use.
+            tensors = {name: tensor.clone() for name, tensor in file.read().items()}
+        for name, buffer in buffers.items():
+            if not torch.equal(buffer.cpu(), tensors[name]):
                 raise CheckpointError(
-                    f"{path.parent} was begun with another {part} "
-                    f"({_find_difference(before.get(part), now)}); resume it with the same, or start anew"
-                )
-        parameters = dict(self.policy.named_parameters())
-        wanted = {f"{kind}/{name}" for kind in ("weight", "average") for name in parameters}
-        wanted |= {f"range/{name}" for name, _ in self.policy.normalizer.named_buffers()}
-        if not wanted <= set(tensors):
-            raise CheckpointError(f"{path} lacks {min(wanted - set(tensors))}")
-        for name, buffer in self.policy.normalizer.named_buffers():
-            if not torch.equal(buffer.cpu(), tensors[f"range/{name}"]):
-                raise CheckpointError(
-                    f"{path.parent} was begun with other values in its episodes ({name}); start anew"
+                    f"{path.parent} was begun with other values in its episodes "
+                    f"({name.removeprefix('range/')}); start anew"
                 )
         with torch.no_grad():
             for (name, parameter), average in zip(
@@ -111,10 +136,16 @@ class TrainState:
                     for key in _MOMENTS
                     if f"{key}/{name}" in tensors
                 }
+                for key, moment in moments.items():
+                    if moment.shape not in (parameter.shape, torch.Size([])):
+                        raise CheckpointError(
+                            f"{path}: {key}/{name} must have shape {tuple(parameter.shape)}; "
+                            f"got {tuple(moment.shape)}"
+                        )
                 for optimizer in self.optimizers:
                     if moments and any(parameter is p for p in optimizer.param_groups[0]["params"]):
                         optimizer.state[parameter] = moments
-        self.ema.optimization_step = int(values["average_step"])
+        self.ema.optimization_step = values["average_step"]
         for optimizer, schedule, kept in zip(
             self.optimizers, self.schedules, values["schedules"], strict=True
         ):
@@ -169,6 +200,35 @@ def hold_interrupts(*, is_repeated: bool = False) -> Iterator[Interrupts]:
         yield held
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _check_values(values: Mapping[str, Any], *, schedules: Sequence[Mapping[str, Any]]) -> None:
+    """Check the plain values of a state; a `ValueError` says what is wrong."""
+    for name, hint in _VALUES.items():
+        check_value(name, values.get(name), hint)
+    last = values["last"]
+    check_value("last.loss", last.get("loss", 0.0), float)
+    check_value("last.validation", last.get("validation"), dict[str, float] | None)
+    if set(last.get("validation") or _VALIDATION) != _VALIDATION:
+        raise ValueError(f"last.validation must have {sorted(_VALIDATION)}")
+    if len(values["schedules"]) != len(schedules):
+        raise ValueError(f"schedules must be {len(schedules)}; got {len(values['schedules'])}")
+    for kept, now in zip(values["schedules"], schedules, strict=True):
+        _check_schedule(kept, now)
+
+
+def _check_schedule(kept: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Compare the state of a learning rate's schedule with the present one, in all but the numbers."""
+    if set(kept) != set(now):
+        raise ValueError(f"schedules must have {sorted(now)}; got {sorted(kept)}")
+    for key, value in now.items():
+        name = f"schedules.{key}"
+        if isinstance(value, list):
+            check_value(name, kept[key], list[float | None])
+            if [each is None for each in kept[key]] != [each is None for each in value]:
+                raise ValueError(f"{name} must be like {value}; got {kept[key]}")
+        else:
+            check_value(name, kept[key], type(value))
 
 
 def _find_difference(before: object, now: object) -> str:

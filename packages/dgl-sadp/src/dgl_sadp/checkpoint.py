@@ -3,18 +3,37 @@
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 
-from dgl_sadp._tensor_file import read_header, read_tensors, write_tensors
-from dgl_sadp.config import PolicyConfig, from_plain
+from dgl_sadp._fields import Bound, Count, check_value, from_plain
+from dgl_sadp._tensor_file import open_tensors, read_header, write_tensors
+from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
 
 __all__ = ["load_policy", "read_card", "save_policy"]
 
+MAX_WEIGHTS = 2**29
+"""Of a policy: twice as many as the largest preset has; 2 GiB."""
+
 _KIND = "dgl_sadp.policy"
+_CARD: Mapping[str, Any] = {
+    "stage": Annotated[int, Bound(1, 1000)],
+    "tasks": list[Annotated[str, Count(0, 200)]],
+    "windows": Annotated[int, Bound(1, 2**40)],
+    "longest": Annotated[int, Bound(1, 10**6)],
+    "episodes": list[str],
+    "validation_episodes": list[str],
+    "training": dict[str, Any],
+    "epochs_done": Annotated[int, Bound(0, 2**40)],
+    "steps_done": Annotated[int, Bound(0, 2**40)],
+    "loss": float,
+    "validation": dict[str, float] | None,
+    "versions": dict[str, str],
+}
+"""Fields of the card that a training writes; none of them must be there."""
 
 
 def save_policy(
@@ -37,28 +56,29 @@ def save_policy(
 def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> DiffusionPolicy:
     """Read a policy, in evaluation mode.
 
+    Its configuration is checked, and compared with the shapes of the tensors, before any of them is read.
+
     Raises:
         CheckpointError: If the file is missing, damaged, of another format, or does not fit its own configuration.
     """
     path = Path(path)
-    found, values = read_tensors(path, kind=_KIND)
-    try:
-        config = from_plain(PolicyConfig, values.get("policy"))
-    except ValueError as err:
-        raise CheckpointError(f"{path}: its configuration is wrong: {err}") from err
-    policy = DiffusionPolicy.make(config, seed=0)
-    wanted = policy.state_dict()
-    differing = sorted(set(wanted) ^ set(found)) or sorted(
-        name for name in wanted if wanted[name].shape != found[name].shape
-    )
-    if differing:
-        raise CheckpointError(
-            f"{path}: its tensors do not fit its configuration: {', '.join(differing[:4])}"
-        )
-    bad = sorted(name for name, tensor in found.items() if not torch.isfinite(tensor).all())
-    if bad:
-        raise CheckpointError(f"{path}: its tensors must be finite; not so: {', '.join(bad[:4])}")
-    policy.load_state_dict(found)
+    with open_tensors(path, kind=_KIND) as file:
+        _read_card(path, file.values)
+        try:
+            config = from_plain(PolicyConfig, file.values.get("policy"))
+        except ValueError as err:
+            raise CheckpointError(f"{path}: its configuration is wrong: {err}") from err
+        with torch.device("meta"):  # Whatever sizes it claims, nothing is allocated.
+            wanted = DiffusionPolicy(config).state_dict()
+        count = sum(tensor.numel() for tensor in wanted.values())
+        if count > MAX_WEIGHTS:
+            raise CheckpointError(
+                f"{path}: it must have at most {MAX_WEIGHTS} weights; got {count}"
+            )
+        file.check(wanted)
+        found = file.read()
+        policy = DiffusionPolicy.make(config, seed=0)
+        policy.load_state_dict(found)
     return policy.to(device).eval()
 
 
@@ -66,9 +86,23 @@ def read_card(path: str | Path) -> dict[str, Any]:
     """Read how a policy was made, without its weights.
 
     Raises:
-        CheckpointError: If the file is no whole policy.
+        CheckpointError: If the file is no whole policy, or a field of the card is of a wrong type.
     """
-    card = read_header(Path(path), kind=_KIND).get("card")
+    return _read_card(Path(path), read_header(Path(path), kind=_KIND))
+
+
+def _read_card(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Check the fields that a training writes, where they are there; others may be of any kind."""
+    card = values.get("card")
     if not isinstance(card, dict):
         raise CheckpointError(f"{path}: it has no card")
+    try:
+        for name, hint in _CARD.items():
+            if name in card:
+                check_value(f"card.{name}", card[name], hint)
+        training = card.get("training", {})
+        if "with_approach" in training:
+            check_value("card.training.with_approach", training["with_approach"], bool)
+    except ValueError as err:
+        raise CheckpointError(f"{path}: {err}") from err
     return card

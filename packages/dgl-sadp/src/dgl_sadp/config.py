@@ -5,7 +5,9 @@ import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, get_args
+from typing import Annotated, Literal, get_args
+
+from dgl_sadp._fields import Bound, Count, check_fields, decode_json, from_plain
 
 __all__ = [
     "DiffusionConfig",
@@ -17,7 +19,6 @@ __all__ = [
     "PolicyConfig",
     "PolicySize",
     "UNetConfig",
-    "from_plain",
     "get_policy_config",
 ]
 
@@ -26,31 +27,36 @@ Method = Literal["sadp", "sadp-g", "dp3", "dp"]
 PolicySize = Literal["small", "paper"]
 """The presets of each: "small" trains on a CPU, "paper" has the published sizes."""
 
-C = TypeVar("C")
+Width = Annotated[int, Bound(1, 8192)]
+Widths = Annotated[tuple[Width, ...], Count(1, 16)]
+Points = Annotated[int, Bound(1, 2**16)]
+MAX_ACTIVATIONS = 2**26
+"""Most values [float32] of one layer's output for one observation: 256 MiB."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UNetConfig:
     """Sizes of the one-dimensional U-Net that denoises action chunks."""
 
-    widths: tuple[int, ...]
+    widths: Annotated[tuple[Width, ...], Count(1, 8)]
     """Channels of each level, each a multiple of `groups`."""
-    step_embedding: int
+    step_embedding: Annotated[int, Bound(4, 8192)]
     """Length of the embedding of the denoising step, even."""
-    kernel: int = 5
+    kernel: Annotated[int, Bound(1, 63)] = 5
     """Length of the convolutions [frames], odd."""
-    groups: int = 8
+    groups: Annotated[int, Bound(1, 1024)] = 8
     """Groups of the group norms."""
 
     def __post_init__(self) -> None:
-        if not self.widths or any(width < 1 or width % self.groups for width in self.widths):
+        check_fields(self)
+        if any(width % self.groups for width in self.widths):
             raise ValueError(
-                f"widths must be positive multiples of groups = {self.groups}; got {self.widths}"
+                f"widths must be multiples of groups = {self.groups}; got {self.widths}"
             )
-        if self.kernel < 1 or self.kernel % 2 == 0:
+        if self.kernel % 2 == 0:
             raise ValueError(f"kernel must be odd; got {self.kernel}")
-        if self.step_embedding < 4 or self.step_embedding % 2:
-            raise ValueError(f"step_embedding must be even and >= 4; got {self.step_embedding}")
+        if self.step_embedding % 2:
+            raise ValueError(f"step_embedding must be even; got {self.step_embedding}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,21 +67,27 @@ class DiffusionConfig:
     """How noise is removed."""
     prediction: Literal["sample", "epsilon"] = "sample"
     """What the network predicts: the clean actions or the noise."""
-    training_steps: int = 100
+    training_steps: Annotated[int, Bound(1, 10_000)] = 100
     """Levels of noise."""
-    inference_steps: int = 10
+    inference_steps: Annotated[int, Bound(1, 10_000)] = 10
     """Denoising steps of an inference, at most `training_steps`."""
-    beta_start: float = 1e-4
+    beta_start: Annotated[float, Bound(0.0, 0.999)] = 1e-4
     """First variance of the schedule."""
-    beta_end: float = 0.02
+    beta_end: Annotated[float, Bound(0.0, 0.999)] = 0.02
     """Last variance of the schedule; the squared cosine schedule does not use it, others would."""
     beta_schedule: Literal["squaredcos_cap_v2", "linear"] = "squaredcos_cap_v2"
     """How the variance grows."""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.inference_steps <= self.training_steps:
+        check_fields(self)
+        if self.inference_steps > self.training_steps:
             raise ValueError(
                 f"inference_steps must lie in 1 ... {self.training_steps}; got {self.inference_steps}"
+            )
+        if not 0.0 < self.beta_start <= self.beta_end:
+            raise ValueError(
+                "beta_start must be positive and at most beta_end; "
+                f"got {self.beta_start} and {self.beta_end}"
             )
 
 
@@ -83,36 +95,40 @@ class DiffusionConfig:
 class PointsConfig:
     """A cloud seen point by point: layers of each point, the maximum over them, one layer."""
 
-    points: int
+    points: Points
     """Points taken from the cloud."""
-    widths: tuple[int, ...]
+    widths: Widths
     """Channels of the layers of a point."""
-    features: int
+    features: Width
     """Length of the cloud's feature."""
     use_color: bool = False
     """Whether colour is observed beside position; the cloud must have it."""
 
     def __post_init__(self) -> None:
-        _check_positive(self, "points", "features")
-        _check_widths("widths", self.widths)
+        check_fields(self)
+        _check_activations("points x the widest layer", self.points * max(self.widths))
 
 
 @dataclass(frozen=True, kw_only=True)
 class LevelConfig:
     """One level of PointNet++: centres, and a network over the neighbours of each."""
 
-    centres: int
+    centres: Annotated[int, Bound(0, 2**16)]
     """Centres; 0 gathers all points into one group."""
-    radius: float
+    radius: Annotated[float, Bound(0.0, 1000.0)]
     """Largest distance of a neighbour, in the normalised frame (garments lie within [-1, 1])."""
-    neighbours: int
+    neighbours: Annotated[int, Bound(0, 4096)]
     """Neighbours of a centre."""
-    widths: tuple[int, ...]
+    widths: Widths
     """Channels of the layers."""
 
     def __post_init__(self) -> None:
-        _check_widths("widths", self.widths)
-        if self.centres and not (self.centres > 0 and self.radius > 0 and self.neighbours > 0):
+        check_fields(self)
+        _check_activations(
+            "centres x neighbours x the widest layer",
+            self.centres * self.neighbours * max(self.widths),
+        )
+        if self.centres and not (self.radius > 0 and self.neighbours > 0):
             raise ValueError(
                 "a level with centres needs a radius and neighbours > 0; "
                 f"got centres {self.centres}, radius {self.radius}, neighbours {self.neighbours}"
@@ -123,40 +139,47 @@ class LevelConfig:
 class GarmentConfig:
     """The garment with its affordance, seen by a PointNet++ that ends in one feature."""
 
-    points: int
+    points: Points
     """Points taken from the cloud."""
-    levels: tuple[LevelConfig, ...]
+    levels: Annotated[tuple[LevelConfig, ...], Count(1, 8)]
     """Levels, fine to coarse; the last one, and it alone, has no centres."""
-    features: int
+    features: Width
     """Length of the garment's feature."""
     use_affordance: bool = True
     """Whether the affordance channels are observed; without them there is nothing for a matcher to say."""
 
     def __post_init__(self) -> None:
-        _check_positive(self, "points", "features")
+        check_fields(self)
         centres = [level.centres for level in self.levels]
-        if not centres or centres[-1] != 0 or 0 in centres[:-1]:
+        if centres[-1] != 0 or 0 in centres[:-1]:
             raise ValueError(f"of the levels only the last has no centres; got {centres}")
         if any(a <= b for a, b in zip([self.points, *centres], centres, strict=False)):
             raise ValueError(f"levels must have fewer and fewer of {self.points}; got {centres}")
+        last = centres[-2] if len(centres) > 1 else self.points
+        _check_activations(
+            "the points of the last level x its widest layer", last * max(self.levels[-1].widths)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageConfig:
     """The environment camera's picture, seen by a residual network of 18 layers."""
 
-    height: int
+    height: Annotated[int, Bound(32, 4096)]
     """Rows that pictures are scaled to [pixel]."""
-    width: int
+    width: Annotated[int, Bound(32, 4096)]
     """Columns that pictures are scaled to [pixel]."""
-    widths: tuple[int, int, int, int]
+    widths: tuple[Width, Width, Width, Width]
     """Channels of the four stages, multiples of 16; the last is the length of the picture's feature."""
 
     def __post_init__(self) -> None:
-        if self.height < 32 or self.width < 32:
-            raise ValueError(f"height and width must be >= 32; got {self.height} x {self.width}")
-        if len(self.widths) != 4 or any(width < 16 or width % 16 for width in self.widths):
+        check_fields(self)
+        if any(width % 16 for width in self.widths):
             raise ValueError(f"widths must be four multiples of 16; got {self.widths}")
+        _check_activations(
+            "a quarter of height x width x the widest layer",
+            self.height * self.width * max(self.widths) // 4,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,9 +192,9 @@ class PolicyConfig:
     """The denoising network."""
     diffusion: DiffusionConfig
     """The noise."""
-    state: tuple[int, ...]
+    state: Annotated[tuple[Width, ...], Count(0, 16)]
     """Widths of the joint state's layers with ReLU between them; none passes the normalised state on."""
-    relative_joints: tuple[int, ...]
+    relative_joints: Annotated[tuple[int, ...], Count(0, 1024)]
     """Joints, ascending, whose targets are learned relative to where they were when the stage began; those of all others
     are learned as they are. How far they have come since then is observed beside the joint state."""
     environment: PointsConfig | None = None
@@ -182,19 +205,21 @@ class PolicyConfig:
     """Object cloud, once a stage."""
     image: ImageConfig | None = None
     """Picture, in every observation."""
-    joints: int = 60
+    joints: Annotated[int, Bound(1, 1024)] = 60
     """Joints of the robot, and length of an action."""
-    horizon: int = 8
+    horizon: Annotated[int, Bound(1, 1024)] = 8
     """Predicted actions. Source: paper."""
-    observation_steps: int = 3
+    observation_steps: Annotated[int, Bound(1, 64)] = 3
     """Observations that a prediction sees. Source: paper."""
-    action_steps: int = 4
+    action_steps: Annotated[int, Bound(1, 1024)] = 4
     """Executed actions, from the last observation's on. Source: paper."""
 
     def __post_init__(self) -> None:
-        if self.method not in get_args(Method):
-            raise ValueError(f"method must be one of {get_args(Method)}; got {self.method!r}")
-        _check_positive(self, "joints", "horizon", "observation_steps", "action_steps")
+        check_fields(self)
+        _check_activations(
+            "horizon x kernel x the widest level",
+            self.horizon * self.unet.kernel * max(*self.unet.widths, self.joints),
+        )
         needed = self.observation_steps - 1 + self.action_steps
         if self.horizon < needed:
             raise ValueError(
@@ -207,10 +232,8 @@ class PolicyConfig:
                 f"horizon must be a multiple of {factor}, since the U-Net has "
                 f"{len(self.unet.widths)} levels; got {self.horizon}"
             )
-        if self.state:
-            _check_widths("state", self.state)
-        allowed = range(self.joints)
-        if [*self.relative_joints] != [joint for joint in allowed if joint in self.relative_joints]:
+        chosen = set(self.relative_joints)
+        if [*self.relative_joints] != [joint for joint in range(self.joints) if joint in chosen]:
             raise ValueError(
                 f"relative_joints must ascend within 0 ... {self.joints - 1}; got {self.relative_joints}"
             )
@@ -258,7 +281,7 @@ class PolicyConfig:
         Raises:
             ValueError: If it is no JSON object, or a field is missing, unknown or of a wrong type.
         """
-        return from_plain(cls, json.loads(text))
+        return from_plain(cls, decode_json(text))
 
 
 ARM_JOINTS = (*range(6), *range(30, 36))
@@ -270,24 +293,6 @@ _OBSERVED: Mapping[str, set[str]] = {
     "dp3": {"environment"},
     "dp": {"image"},
 }
-
-
-def from_plain(cls: type[C], values: Any) -> C:
-    """Build a configuration from plain values, as JSON holds them.
-
-    Raises:
-        ValueError: If the values are no mapping, or a field is missing, unknown or of a wrong type.
-    """
-    import dacite
-
-    if not isinstance(values, dict):
-        raise ValueError(f"{cls.__name__} must be an object; got {str(values)[:60]}")
-    try:
-        return dacite.from_dict(cls, values, dacite.Config(strict=True, cast=[tuple]))
-    except dacite.DaciteError as err:
-        raise ValueError(f"{cls.__name__}: {' '.join(str(err).split())}") from err
-    except TypeError as err:  # What cannot be cast.
-        raise ValueError(f"{cls.__name__}: {err}") from err
 
 
 def get_policy_config(method: str, size: str = "small") -> PolicyConfig:
@@ -403,15 +408,9 @@ def _small_presets() -> Mapping[str, PolicyConfig]:
     }
 
 
-def _check_positive(config: object, *names: str) -> None:
-    for name in names:
-        if getattr(config, name) < 1:
-            raise ValueError(f"{name} must be at least 1; got {getattr(config, name)}")
-
-
-def _check_widths(name: str, widths: tuple[int, ...]) -> None:
-    if not widths or min(widths) < 1:
-        raise ValueError(f"{name} must be positive, at least one; got {widths}")
+def _check_activations(name: str, count: int) -> None:
+    if count > MAX_ACTIVATIONS:
+        raise ValueError(f"{name} must be at most {MAX_ACTIVATIONS}; got {count}")
 
 
 _PRESETS: Mapping[str, Mapping[str, PolicyConfig]] = {

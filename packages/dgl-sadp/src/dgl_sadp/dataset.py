@@ -10,6 +10,7 @@ import numpy as np
 from dgl_sadp._episode_file import (
     FRAME_KEYS,
     FrameSlice,
+    MissingStageError,
     StageFile,
     measure_frames,
     read_frames,
@@ -17,6 +18,7 @@ from dgl_sadp._episode_file import (
     scan_stage,
     take_frames,
 )
+from dgl_sadp._fields import tell
 from dgl_sadp.errors import CorruptEpisodeError
 
 __all__ = ["EpisodeDataset", "split_episodes"]
@@ -77,8 +79,8 @@ class EpisodeDataset:
                 reached the grasp points.
 
         Raises:
-            ValueError: If an argument is out of range, no episode succeeded, only some episodes have an object's
-                cloud, or an approach is wanted and was not recorded.
+            ValueError: If an argument is out of range, no episode succeeded or has the stage, only some episodes have an
+                object's cloud, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             CorruptEpisodeError: If a file is damaged or of another format.
         """
@@ -260,15 +262,22 @@ def _scan(
         try:
             episode = scan_stage(path, stage, with_approach=with_approach)
         except CorruptEpisodeError as error:
-            if not skip_corrupt:
+            # That no episode has the stage is said once, below.
+            if not skip_corrupt and not isinstance(error, MissingStageError):
                 raise
-            logger.warning("left out: %s", error)
             refused.append(error)
             continue
         if episode is None:
             failed.append(path)
         else:
             episodes.append(episode)
+    lacking = [error for error in refused if isinstance(error, MissingStageError)]
+    if lacking and not episodes:
+        raise ValueError(_describe_stages(directory, stage, lacking))
+    for error in refused:
+        if not skip_corrupt:
+            raise error
+        logger.warning("left out: %s", error)
     if not episodes:
         also = f", and {len(refused)} are refused: {refused[0]}" if refused else ""
         raise ValueError(f"none of the {len(failed)} episode(s) in {directory} succeeded{also}")
@@ -279,3 +288,13 @@ def _scan(
             + " but ".join(f"{path.name} has {list(keys)}" for keys, path in kinds.items())
         )
     return tuple(episodes), tuple(failed), tuple(refused)
+
+
+def _describe_stages(directory: Path, stage: int, lacking: list[MissingStageError]) -> str:
+    """Say which stages there are where no episode has the one that is asked for."""
+    numbers = sorted({number for error in lacking for number in error.stages})
+    tasks = " and ".join(sorted({tell(error.task) for error in lacking if error.task}))
+    return (
+        f"stage must be one of {numbers}, which the {len(lacking)} episode(s)"
+        f"{f' of {tasks}' if tasks else ''} in {directory} have; got {stage}"
+    )

@@ -9,6 +9,7 @@ __all__ = [
     "SadpError",
     "TrainingDivergedError",
     "TrainingProcessError",
+    "UnsuitableEpisodeError",
 ]
 
 
@@ -35,11 +36,19 @@ class TrainingProcessError(SadpError):
 class CorruptEpisodeError(SadpError):
     """A file is damaged, or is not an episode of the format that this package reads."""
 
+    advice = "; remove the file or collect the episode again"
+
     def __init__(self, path: Path, reason: str) -> None:
-        super().__init__(f"{path}: {reason}; remove the file or collect the episode again")
+        super().__init__(f"{path}: {reason}{self.advice}")
         self.path = path
         self.reason = reason
 
     def __reduce__(self) -> tuple[type, tuple[Path, str]]:
         """Keep both arguments when a data loader's worker sends the error to its parent."""
         return type(self), (self.path, self.reason)
+
+
+class UnsuitableEpisodeError(CorruptEpisodeError):
+    """A file is whole as far as is known, but its episode does not fit: of another robot, format version or stages."""
+
+    advice = ""

@@ -3,28 +3,33 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from dgl_sadp._clouds import Augmentation
+from dgl_sadp._fields import Bound, check_fields
 from dgl_sadp.config import Method, PolicySize
 
 __all__ = ["TrainConfig", "get_train_config"]
+
+Positive = Annotated[int, Bound(1, 10**9)]
+NotNegative = Annotated[int, Bound(0, 10**9)]
+Seed = Annotated[int, Bound(0, 2**63 - 1)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """How a policy is trained. Source of the optimiser's and EMA's numbers: DexGarmentLab's code."""
 
-    epochs: int
+    epochs: Positive
     """Passes over all windows."""
-    batch: int
+    batch: Positive
     """Windows in a batch."""
     learning_rate: float = 1e-4
     """Largest learning rate, of AdamW. Source: paper."""
     muon_learning_rate: float | None = None
     """Largest learning rate of Muon, which trains the layers' matrices then; AdamW trains all when None, as published. It
     takes a quarter of AdamW's steps. Source: Jordan et al., "Muon: an optimizer for hidden layers", 2024."""
-    warmup_steps: int = 500
+    warmup_steps: NotNegative = 500
     """Batches over which it rises, at most a tenth of all; it then falls to zero as a cosine. Source: paper."""
     betas: tuple[float, float] = (0.95, 0.999)
     """Decay of AdamW's moments."""
@@ -35,16 +40,16 @@ class TrainConfig:
     ema_decay: float = 0.9999
     """Largest share of the average that a step keeps."""
     validation_share: float = 0.02
-    """Share of whole episodes for validation, at least one; 0 for none. Source: paper."""
-    split_seed: int = 0
+    """Share of whole episodes for validation, at least one; 0 for none, as where there is only one. Source: paper."""
+    split_seed: Seed = 0
     """Of which episodes these are."""
-    validate_every: int = 25
+    validate_every: Positive = 25
     """Epochs between validations; there is one after the last."""
-    validation_windows: int = 256
+    validation_windows: Positive = 256
     """Most windows of a validation, evenly spread."""
-    save_every: int = 1
+    save_every: Positive = 1
     """Epochs between states to go on from."""
-    keep_every: int = 0
+    keep_every: NotNegative = 0
     """Epochs between policies that are kept besides the last; 0 for none."""
     precision: Literal["no", "bf16"] = "no"
     """Mixed precision; "no" is float32."""
@@ -52,22 +57,11 @@ class TrainConfig:
     """How clouds are varied; None leaves them as they are."""
     with_approach: bool = False
     """Whether the policy also learns the hands' way from where they park to the grasp points."""
-    seed: int = 42
+    seed: Seed = 42
     """Of the weights and of everything drawn."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "epochs",
-            "batch",
-            "validate_every",
-            "validation_windows",
-            "save_every",
-        ):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1; got {getattr(self, name)}")
-        for name in ("warmup_steps", "keep_every", "seed", "split_seed"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} must be at least 0; got {getattr(self, name)}")
+        check_fields(self)
         for name in ("learning_rate", "muon_learning_rate"):
             value = getattr(self, name)
             if value is not None and not value > 0:
@@ -75,8 +69,6 @@ class TrainConfig:
         for name in ("validation_share", "ema_decay"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ValueError(f"{name} must lie in [0, 1); got {getattr(self, name)}")
-        if self.precision not in ("no", "bf16"):
-            raise ValueError(f"precision must be 'no' or 'bf16'; got {self.precision!r}")
 
 
 # Source: DexGarmentLab's code; the batch of SADP: paper.

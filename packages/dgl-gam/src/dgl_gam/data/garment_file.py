@@ -6,12 +6,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from dgl_gam._fields import Count, check_value, decode_json, show, tell
+from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
+from dgl_gam.config import check_category
 from dgl_gam.errors import DataError
 
 __all__ = [
@@ -26,7 +28,9 @@ __all__ = [
     "write_garment",
 ]
 
-FORMAT_VERSION = "1"
+FORMAT_VERSION = SEALED
+MAX_BYTES = 2**30
+"""Of a file's arrays."""
 VIEW_POINTS = 2048
 FACING = ("hung_one", "hung_two")
 """Kinds of states that hang with the front towards -y, whichever end is up, instead of lying."""
@@ -43,7 +47,13 @@ _TENSORS: dict[str, tuple[tuple[str | int, ...], tuple[str, ...]]] = {
 }
 _DTYPES = {"F16": np.float16, "F32": np.float32, "I32": np.int32}
 _STRINGS = ("format_version", "category", "garment_id", "split", "seed")
-_JSON = ("state_names", "landmark_names", "view_directions", "generator_versions")
+_Name = Annotated[str, Count(0, 200)]
+_JSON: dict[str, Any] = {
+    "state_names": list[_Name],
+    "landmark_names": list[_Name],
+    "view_directions": list[Annotated[list[float], Count(3, 3)]],
+    "generator_versions": dict[str, _Name],
+}
 
 
 def get_state_kind(name: str) -> str:
@@ -129,37 +139,31 @@ def read_header(path: Path) -> GarmentHeader:
     Raises:
         DataError: If the file is missing, damaged, of another format, or contradicts itself.
     """
-    path = Path(path)
-    try:
-        with safe_open(path, framework="np") as file:
-            metadata = file.metadata() or {}
-            slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118
-            found = {name: (tuple(s.get_shape()), s.get_dtype()) for name, s in slices.items()}
-    except (OSError, SafetensorError) as err:
-        raise DataError(f"{path} cannot be read as a garment's data: {err}") from err
-    _check_metadata(path, metadata)
-    shapes = _check_shapes(path, found)
+    with open_arrays(Path(path), what="a garment's data", error=DataError) as file:
+        return _read_header(file)
+
+
+def _read_header(file: ArrayFile) -> GarmentHeader:
+    path, metadata = file.path, file.metadata
+    _check_metadata(file)
+    shapes = _check_shapes(path, file.found)
+    file.check_types(tuple(_DTYPES), max_bytes=MAX_BYTES)
     values = {name: _parse(path, name, metadata[name]) for name in _JSON}
     for name, tensor, axis in (
         ("state_names", "states", 0),
         ("landmark_names", "landmarks", 0),
         ("view_directions", "view_points", 0),
     ):
-        if not isinstance(values[name], list) or len(values[name]) != shapes[tensor][axis]:
+        if len(values[name]) != shapes[tensor][axis]:
             raise DataError(
                 f"{path}: {name} must be a list of {shapes[tensor][axis]}, one for each of {tensor}; "
-                f"got {metadata[name][:80]}"
+                f"got {show(values[name])}"
             )
     for name in ("state_names", "landmark_names"):
-        if len(set(map(str, values[name]))) != len(values[name]):
-            raise DataError(f"{path}: {name} must differ from each other; got {values[name]}")
+        if len(set(values[name])) != len(values[name]):
+            raise DataError(f"{path}: {name} must differ from each other; got {show(values[name])}")
     if not values["state_names"] or values["state_names"][0] != "flat":
         raise DataError(f"{path}: the first state must be 'flat'; got {values['state_names'][:1]}")
-    directions = np.asarray(values["view_directions"], dtype=np.float64).reshape(-1)
-    if directions.size != 3 * shapes["view_points"][0] or not np.isfinite(directions).all():
-        raise DataError(f"{path}: view_directions must be W finite vectors of 3")
-    if not isinstance(values["generator_versions"], dict):
-        raise DataError(f"{path}: generator_versions must be an object of names and versions")
     return GarmentHeader(
         path=path,
         category=metadata["category"],
@@ -168,7 +172,7 @@ def read_header(path: Path) -> GarmentHeader:
         state_names=tuple(values["state_names"]),
         landmark_names=tuple(values["landmark_names"]),
         view_directions=tuple(
-            (float(x), float(y), float(z)) for x, y, z in directions.reshape(-1, 3)
+            (float(x), float(y), float(z)) for x, y, z in values["view_directions"]
         ),
         generator_versions=dict(values["generator_versions"]),
         seed=int(metadata["seed"]),
@@ -182,12 +186,9 @@ def read_garment(path: Path) -> GarmentData:
     Raises:
         DataError: If the file is missing, damaged, of another format, or an index or a value in it is wrong.
     """
-    header = read_header(path)
-    try:
-        with safe_open(header.path, framework="np") as file:
-            arrays = {name: file.get_tensor(name) for name in _TENSORS}
-    except (OSError, SafetensorError) as err:
-        raise DataError(f"{path} cannot be read as a garment's data: {err}") from err
+    with open_arrays(Path(path), what="a garment's data", error=DataError) as file:
+        header = _read_header(file)
+        arrays = {name: array for name, array in file.read().items() if name in _TENSORS}
     arrays["states"] = arrays["states"].astype(np.float32)
     _check_values(header, arrays)
     return GarmentData(header=header, **arrays, nbytes=sum(a.nbytes for a in arrays.values()))
@@ -266,7 +267,7 @@ def write_garment(
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        save_file(arrays, beside, metadata=metadata)
+        save_file(arrays, beside, metadata=seal(metadata, arrays))
         try:
             read_garment(beside)
         except DataError as err:
@@ -276,21 +277,26 @@ def write_garment(
         beside.unlink(missing_ok=True)
 
 
-def _check_metadata(path: Path, metadata: Mapping[str, str]) -> None:
+def _check_metadata(file: ArrayFile) -> None:
+    path, metadata = file.path, file.metadata
     missing = [name for name in (*_STRINGS, *_JSON) if name not in metadata]
     if missing:
         raise DataError(f"{path} is not a garment's data: its metadata lack {', '.join(missing)}")
-    if metadata["format_version"] != FORMAT_VERSION:
-        raise DataError(
-            f"{path}: format version must be {FORMAT_VERSION}; got {metadata['format_version']}"
-        )
+    file.check_version("format_version")
     if metadata["split"] not in _SPLITS:
-        raise DataError(f"{path}: split must be train or test; got {metadata['split']!r}")
-    if not re.fullmatch(r"-?\d+", metadata["seed"]):
-        raise DataError(f"{path}: seed must be an integer; got {metadata['seed']!r}")
+        raise DataError(f"{path}: split must be train or test; got {show(metadata['split'])}")
+    if not re.fullmatch(r"-?[0-9]{1,18}", metadata["seed"]):
+        raise DataError(f"{path}: seed must be an integer; got {show(metadata['seed'])}")
     for name in ("category", "garment_id"):
-        if not metadata[name]:
-            raise DataError(f"{path}: {name} must not be empty")
+        if not 1 <= len(metadata[name]) <= 200:
+            raise DataError(
+                f"{path}: {name} must not be empty, and have at most 200 characters; "
+                f"got {show(metadata[name])}"
+            )
+    try:
+        check_category(metadata["category"])
+    except ValueError as err:
+        raise DataError(f"{path}: {err}") from err
 
 
 def _check_shapes(
@@ -299,7 +305,9 @@ def _check_shapes(
     sizes: dict[str, int] = {}
     for name, (wanted, dtypes) in _TENSORS.items():
         if name not in found:
-            raise DataError(f"{path} lacks the array {name}; it has {', '.join(sorted(found))}")
+            raise DataError(
+                f"{path} lacks the array {name}; it has {', '.join(map(tell, sorted(found)[:9]))}"
+            )
         shape, dtype = found[name]
         text = ", ".join(map(str, wanted))
         if len(shape) != len(wanted) or dtype not in dtypes:
@@ -321,9 +329,11 @@ def _check_shapes(
 
 def _parse(path: Path, name: str, text: str) -> Any:
     try:
-        return json.loads(text)
-    except json.JSONDecodeError as err:
-        raise DataError(f"{path}: {name} must be JSON; got {text[:80]!r}") from err
+        value = decode_json(text)
+        check_value(name, value, _JSON[name])
+    except ValueError as err:
+        raise DataError(f"{path}: {name}: {err}") from err
+    return value
 
 
 def _check_values(header: GarmentHeader, arrays: Mapping[str, np.ndarray]) -> None:
