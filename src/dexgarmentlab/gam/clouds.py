@@ -121,7 +121,8 @@ def _turn(path: Path, points: np.ndarray, up: Up | None) -> Cloud:
 
 def _read_npy(path: Path) -> np.ndarray:
     try:
-        array = np.load(path, allow_pickle=False)
+        # Mapped: a file that declares more than it holds is refused before memory is taken.
+        array = np.load(path, allow_pickle=False, mmap_mode="r")
     except (ValueError, EOFError) as err:
         raise ValueError(f"{path} is no array of numbers: {err}") from err
     return _check(path, array)
