@@ -61,6 +61,20 @@ def robot(name, *parts):
     )
 
 
+def make_glb_of_nodes(count: int) -> bytes:
+    """A binary glTF that shows one ball of 162 vertices in many places."""
+    data = bytes(trimesh.creation.icosphere(subdivisions=2, radius=0.1).export(file_type="glb"))
+    size = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + size])
+    tree["nodes"] = [{"mesh": 0}] * count
+    tree["scenes"] = [{"nodes": list(range(count))}]
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + size :]
+    head = b"glTF" + (2).to_bytes(4, "little") + (20 + len(text) + len(rest)).to_bytes(4, "little")
+    return head + len(text).to_bytes(4, "little") + b"JSON" + text + rest
+
+
 def six_joint_arm():
     """Primitives only: an arm with an offset wrist, cylinders as its maker draws them."""
     tube = '<cylinder radius="0.05" length="{}"/>'

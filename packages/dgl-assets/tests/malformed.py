@@ -288,9 +288,13 @@ def broken_surfaces() -> Iterator[tuple[str, Case]]:
         points = np.vstack([vertices, (vertices[a] + vertices[b]) / 2])
         return points, np.vstack([*cut, faces[100:]])
 
-    def fin(vertices, faces):
-        apex = vertices[faces[0]].mean(axis=0) + np.array([0, 0, 0.1])
-        return np.vstack([vertices, apex]), np.vstack([faces, [*faces[0, :2], len(vertices)]])
+    def fins(vertices, faces):
+        """A fan around an edge, as large as the cloth: which of them is the cloth?"""
+        shifted = [vertices + np.array([0, 0, height]) for height in (0.2, 0.4)]
+        count = len(vertices)
+        layers = [np.where(faces == 5, 5, faces + k * count) for k in (1, 2)]
+        layers = [np.where(faces == 6, 6, layer) for layer in layers]
+        return np.vstack([vertices, *shifted]), np.vstack([faces, *layers])
 
     def twin(vertices, faces):
         return np.vstack([vertices, vertices + np.array([0, 0, 0.4])]), np.vstack(
@@ -352,7 +356,7 @@ def broken_surfaces() -> Iterator[tuple[str, Case]]:
         return np.vstack([vertices, np.tile(vertices, (2, 1))]), faces
 
     changes = (
-        repeated, line, point, slivers, fin, twin, flap, one, torn, sewn_up, ball, doughnut, twisted,
+        repeated, line, point, slivers, fins, twin, flap, one, torn, sewn_up, ball, doughnut, twisted,
         strange_size, tiny, no_faces, no_vertices,
     )  # fmt: skip
     for change in changes:
@@ -397,9 +401,31 @@ def hostile_archives() -> Iterator[tuple[str, Case]]:
     yield "encrypted zip", written("locked.zip", bytes(locked))
     yield "empty zip", written("empty.zip", zipped({}))
     yield "zip without a mesh", written("text.zip", zipped({"readme.txt": b"hello"}))
-    yield "zip in a zip", written("nested.zip", zipped({"inner.zip": zipped({"top.obj": body})}))
+    inner = zipped({"inner.zip": zipped({"top.obj": body})})
+    yield "zip in a zip in a zip", written("nested.zip", zipped({"middle.zip": inner}))
+    empty = zipped({"inner.zip": zipped({"readme.txt": b"hello"})})
+    yield "zip in a zip without a mesh", written("nested.zip", empty)
     yield "zip with two meshes", written("two.zip", zipped({"a.obj": body, "b.obj": body}))
     yield "zip with a name twice", twice
+    yield "zip with a long name", written("long.zip", zipped({"n" * 300 + ".obj": body}))
+    yield "zip with a long path", written("far.zip", zipped({"folder/" * 300 + "a.obj": body}))
+    yield "zip with a file as folder", written("both.zip", zipped({"a": body, "a/b.obj": body}))
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("top.obj", body)
+    packed = bytearray(stream.getvalue())
+    packed[60:90] = b"\xff" * 30
+    yield "zip with damaged LZMA", written("lzma.zip", bytes(packed))
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_BZIP2) as archive:
+        archive.writestr("top.obj", body)
+    packed = bytearray(stream.getvalue())
+    packed[60:90] = b"\xff" * 30
+    yield "zip with damaged bzip2", written("bzip2.zip", bytes(packed))
+    flagged = bytearray(zipped({"\u00e9.obj": body}))
+    place = flagged.rfind(b"\xc3\xa9")
+    flagged[place : place + 2] = b"\xff\xfe"
+    yield "zip with a name that is not UTF-8", written("name.zip", bytes(flagged))
     damaged = bytearray(zipped({"top.obj": body}))
     damaged[200:260] = b"\0" * 60
     yield "zip with a damaged member", written("damaged.zip", bytes(damaged))
@@ -442,6 +468,9 @@ def hostile_references() -> Iterator[tuple[str, Case]]:
 
     Image.new("RGB", (64, 64), (200, 90, 10)).save(stream, format="PNG")
     yield "picture is cut off", material("cloth.png", picture=stream.getvalue()[:60])
+    for name in ("cloth.eps", "cloth.png", "cloth.mtl"):
+        script = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n"
+        yield f"picture {name} is PostScript", material(name, picture=script)
     yield "picture is empty", material("cloth.png", picture=b"")
     bomb = bytearray(stream.getvalue())
     bomb[16:24] = struct.pack(">II", 60000, 60000)
@@ -502,12 +531,25 @@ def broken_gltf() -> Iterator[tuple[str, Case]]:
         "no node": lambda t: t.update(nodes=[{}]),
         "meshes is text": lambda t: t.update(meshes="none"),
         "nodes is null": lambda t: t.update(nodes=None),
+        "scene of none": lambda t: t.update(scene=4),
+        "negative index": lambda t: primitive(t).update(indices=-1),
+        "count beyond numbers": lambda t: t["accessors"][0].update(count=10**30),
+        "matrix of three": lambda t: t["nodes"][0].update(matrix=[1, 2, 3]),
+        "no rotation": lambda t: t["nodes"][0].update(rotation=[0, 0, 0, 0]),
+        "scale of 1e300": lambda t: t["nodes"][0].update(scale=[1e300] * 3),
+        "many nodes": lambda t: t.update(
+            nodes=[{"mesh": 0}] * 9000, scenes=[{"nodes": list(range(9000))}]
+        ),
         "count is text": lambda t: t["accessors"][0].update(count="many"),
     }
     for name, edit in edits.items():
         yield f"gltf: {name}", edited(edit)
     yield "gltf: deep brackets", written("deep.gltf", "[" * 100_000)
     yield "gltf: deep object", written("deep.gltf", '{"asset":' * 100_000)
+    text = json.dumps(to_gltf(vertices, faces))
+    for number in ("1e999", "9" * 400, "NaN", "-Infinity"):
+        broken = text.replace('"count": ', f'"count": {number}, "was": ', 1)
+        yield f"gltf: count {number[:9]}", written("count.gltf", broken)
     yield "gltf: a list", written("list.gltf", '{"a": [1, 2]}')
     body = to_glb(vertices, faces)
     yield "glb version 1", written("old.glb", body[:4] + struct.pack("<I", 1) + body[8:])
@@ -550,6 +592,13 @@ def folders() -> Iterator[tuple[str, Case]]:
         "cut off": '{"left_cuff": 12',
         "too many": json.dumps({f"p{i}": i for i in range(1001)}),
         "deep": "[" * 100_000,
+        "400 digits": '{"left_cuff": ' + "9" * 400 + "}",
+        "position of 400 digits": '{"left_cuff": [0, 0, ' + "9" * 400 + "]}",
+        "beyond numbers": '{"left_cuff": [0, 0, 1e999]}',
+        "far away": '{"left_cuff": [0, 0, 1e300]}',
+        "half a character": '{"left_\\ud800": 1}',
+        "long name": json.dumps({"x" * 600: 1}),
+        "nested": '{"left_cuff": ' + "[" * 900 + "]" * 900 + "}",
     }.items():
         yield f"key points: {name}", folder_with({"mesh.obj": body, "keypoints.json": text})
     for name, text in {
@@ -558,6 +607,10 @@ def folders() -> Iterator[tuple[str, Case]]:
         "category": '{"category": "Socks"}',
         "number": '{"licence": 4}',
         "long text": json.dumps({"source": "x" * 5000}),
+        "units": '{"units": "feet"}',
+        "axis": '{"up": "w"}',
+        "nested": '{"licence": ' + "[" * 900 + "]" * 900 + "}",
+        "half a character": '{"licence": "\\udfff"}',
     }.items():
         yield f"meta: {name}", folder_with({"mesh.obj": body, "meta.json": text})
 
@@ -580,11 +633,28 @@ def folders() -> Iterator[tuple[str, Case]]:
         (folder / "inner" / "mesh.obj").symlink_to(folder / "secret.obj")
         return folder / "inner"
 
+    def linked_to_itself(folder: Path) -> Path:
+        (folder / "inner").mkdir()
+        written("mesh.obj", body)(folder / "inner")
+        (folder / "inner" / "meta.json").symlink_to(folder / "inner" / "meta.json")
+        return folder / "inner"
+
+    def long_name(folder: Path) -> Path:
+        return folder / ("n" * 300 + ".obj")
+
     def pipe(folder: Path) -> Path:
         os.mkfifo(folder / "top.obj")
         return folder / "top.obj"
 
-    for case in (named_like_a_mesh, dangling, circular, leads_out, pipe):
+    for case in (
+        named_like_a_mesh,
+        dangling,
+        circular,
+        leads_out,
+        linked_to_itself,
+        long_name,
+        pipe,
+    ):
         yield case.__name__.replace("_", " "), case
 
 

@@ -174,7 +174,7 @@ def test_usd_in_centimetres_as_in_clothesnet(tmp_path, suffix):
     path = folder / f"TNLC_Top099_obj{suffix}"
     vertices = foreign.to_file(shape, unit=0.01, axes=foreign.Y_UP)
     foreign.save_usd(path, shape, vertices, unit=0.01, up="Y")
-    report = import_garment(path, out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(path, out=tmp_path / "out", spacing=0.016)
     smaller = foreign.Shape(vertices=0.85 * shape.vertices, faces=shape.faces)
     check(report, smaller, category="Tops_LongSleeve", openings=4)
     assert report.scale == pytest.approx(0.0085)

@@ -303,7 +303,7 @@ def test_a_garment_with_other_openings_than_its_category_is_refused(scarf, tmp_p
 def test_usd_without_its_library_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
     (tmp_path / "a.usda").write_text("#usda 1.0\n")
-    with pytest.raises(UnreadableFileError, match=r"pip install 'dgl-assets\[usd\]'"):
+    with pytest.raises(UnreadableFileError, match=r"uv sync --all-packages --extra usd"):
         read_mesh(tmp_path / "a.usda")
 
 
@@ -359,7 +359,9 @@ def test_an_asset_can_be_imported_again(scarf, tmp_path):
 def test_an_asset_is_not_overwritten_unasked(scarf, tmp_path):
     report = bring(scarf, tmp_path)
     before = (report.folder / "mesh.obj").read_bytes()
-    with pytest.raises(AssetImportError, match="exists; choose another name"):
+    with pytest.raises(
+        AssetImportError, match="exists; choose another `name`, or replace it: `overwrite`"
+    ):
         bring(scarf, tmp_path)
     assert (report.folder / "mesh.obj").read_bytes() == before
     bring(scarf, tmp_path, overwrite=True, licence="CC0")

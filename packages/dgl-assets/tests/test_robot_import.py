@@ -98,7 +98,7 @@ def test_unknown_and_unfitting_names_are_refused(library):
         load_robot("shadow+six", library[0])
     with pytest.raises(AssetError, match="ARM\\+HAND"):
         load_robot("six+shadow+six", library[0])
-    with pytest.raises(AssetNotFoundError, match="name the folder"):
+    with pytest.raises(AssetNotFoundError, match="imported ones need their folder"):
         load_robot("six")
     hand = load_robot("sixteen", library[0]).hand
     with pytest.raises(ValueError, match="different names"):

@@ -22,7 +22,7 @@ def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
         Path(beside).replace(path)
     except BaseException:
         Path(beside).unlink(missing_ok=True)

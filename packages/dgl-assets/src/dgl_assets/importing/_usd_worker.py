@@ -26,7 +26,7 @@ def read_to_file(source: str, target: str, most_vertices: str, most_corners: str
         most_corners: Largest number of corners of faces.
 
     `facts` holds `problem` (a text, or null), `parts` (other files that it is composed of), `unit` [m] or null, `up`,
-    `polygons` (faces of more than three corners) and `picture` (reference, or null).
+    `polygons` (faces of more than three corners), `objects` (names of each mesh) and `picture` (reference, or null).
     """
     facts, arrays = _read(Path(source), int(most_vertices), int(most_corners))
     with Path(target).open("wb") as file:
@@ -47,7 +47,8 @@ def _read(
         return facts, {}
     stage = Usd.Stage.Open(layer)
     vertices, faces, uvs = [], [], []
-    offset = polygons = 0
+    names, owners = [], []
+    offset = polygons = total = 0
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh):
             continue
@@ -57,8 +58,12 @@ def _read(
         corners = np.array(mesh.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int64)
         if not len(sizes):
             continue
-        if len(points) > most_vertices or len(corners) > most_corners:
-            problem = f"{name} has {len(points):,} vertices and {len(corners):,} corners, too many"
+        total += len(corners)
+        if offset + len(points) > most_vertices or total > most_corners:
+            problem = (
+                f"up to {name} it has {offset + len(points):,} vertices and {total:,} corners, at most "
+                f"{most_vertices:,} and {most_corners:,} are read"
+            )
             return {**facts, "problem": problem}, {}
         if sizes.min() < 3 or sizes.sum() != len(corners):
             problem = f"{name} has {len(sizes)} faces with {sizes.sum()} corners, but {len(corners)} indices"
@@ -73,6 +78,8 @@ def _read(
         with np.errstate(invalid="ignore", over="ignore"):  # judged by the caller
             vertices.append(points @ matrix[:3, :3] + matrix[3, :3])  # USD multiplies rows
         faces.append(corners[triangles] + offset)
+        owners.append(np.full(len(triangles), len(names)))
+        names.append([prim.GetName(), name])
         uvs.append(_read_uvs(prim, corners, triangles))
         offset += len(points)
         polygons += int((sizes > 3).sum())
@@ -83,7 +90,12 @@ def _read(
     facts["up"] = str(UsdGeom.GetStageUpAxis(stage)).lower()
     facts["polygons"] = polygons
     facts["picture"] = _find_picture(stage)
-    arrays = {"vertices": np.concatenate(vertices), "faces": np.concatenate(faces)}
+    facts["objects"] = names
+    arrays = {
+        "vertices": np.concatenate(vertices),
+        "faces": np.concatenate(faces),
+        "object_ids": np.concatenate(owners),
+    }
     if all(uv is not None for uv in uvs):
         arrays["uvs"] = np.concatenate([uv for uv in uvs if uv is not None])
     return facts, arrays

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,14 @@ from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.imported import ImportedGarment
 from dgl_assets.importing.paths import read_bytes, read_json
-from dgl_assets.importing.raw import Texture
+from dgl_assets.importing.raw import RawMesh, Texture, check_raw
 from dgl_assets.importing.read_obj import read_obj
 from dgl_assets.importing.source import KEYPOINTS_FILE, META_FILE
 
 FORMAT = 1
 """Version of the folder's layout, in meta.json."""
 MESH_FILE, REST_FILE, MATERIAL_FILE = "mesh.obj", "rest.obj", "material.mtl"
+_THICKEST = 0.05  # wall of a hat or a glove [m]
 
 
 def write_asset(
@@ -103,15 +105,29 @@ def load_asset(folder: str | Path) -> ImportedGarment:
             landmarks=landmarks,
             uvs=None if mesh.uvs is None else mesh.uvs.astype(np.float32),
             texture=next((path for path in pictures if path.is_file()), None),
-            wall_thickness=meta.get("wall_thickness"),
+            wall_thickness=_read_thickness(meta, folder / META_FILE),
             meta=meta,
         )
     except ValueError as err:
         raise UnreadableFileError(f"{folder}: {err}") from err
 
 
-def _read_obj(path: Path):
-    return read_obj(path, read_bytes(path), use_textures=False)
+def _read_obj(path: Path) -> RawMesh:
+    mesh = read_obj(path, read_bytes(path), use_textures=False)
+    check_raw(mesh, path.name)
+    return mesh
+
+
+def _read_thickness(meta: dict[str, Any], path: Path) -> float | None:
+    value = meta.get("wall_thickness")
+    if value is None:
+        return None
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not 0 < value <= _THICKEST:
+        raise UnreadableFileError(
+            f"{path}: wall_thickness must be above 0 and at most {_THICKEST} m, or null; got {reprlib.repr(value)}"
+        )
+    return float(value)
 
 
 def _write_obj(

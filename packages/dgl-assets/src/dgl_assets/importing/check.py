@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_assets.importing.errors import BrokenMeshError
+from dgl_assets.importing.errors import BrokenMeshError, UnclearGarmentError
+from dgl_assets.importing.layers import (
+    LARGEST_ATTACHED,
+    drop_attached,
+    is_inner_side,
+    lies_on,
+    measure_gap,
+    take_outer_surface,
+)
+from dgl_assets.importing.objects import choose_object, list_objects, split_choice
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.topology import (
     compute_edge_table,
@@ -19,6 +28,7 @@ from dgl_assets.importing.weld import weld_vertices
 
 _LARGEST_SCRAP = 0.01  # of the area: buttons and labels are dropped
 _LARGEST_SCRAPS = 0.03  # of the area, all together
+_LAYERS = 50  # pieces that are compared with the garment
 _MAX_SLIVERS = 0.01  # of the faces
 _SLIVER = 1e-4  # height over longest side; remeshing removes them
 
@@ -39,12 +49,17 @@ class CleanMesh:
     """What was repaired."""
 
 
-def clean_mesh(raw: RawMesh, name: str) -> CleanMesh:
+def clean_mesh(
+    raw: RawMesh, name: str, *, choice: str | None = None, weld: float | None = None
+) -> CleanMesh:
     """Weld and check a mesh.
 
     Args:
         raw: What was read.
         name: Of the file, for messages.
+        choice: Object or connected part to take; see `split_choice`.
+        weld: Distance below which open edges are sewn together, in the units of the file; found from the size when
+            None.
 
     Returns:
         The mesh: one piece, two faces at most at each edge, one fan of faces at each vertex, one orientation.
@@ -52,22 +67,28 @@ def clean_mesh(raw: RawMesh, name: str) -> CleanMesh:
     Raises:
         BrokenMeshError: If that would need guessing. Numbers in messages are those of the file, from 0.
     """
-    vertices, notes = raw.vertices, []
-    stands_for, tolerance = weld_vertices(vertices, raw.faces)
+    wanted, part = split_choice(choice, raw)
+    raw = choose_object(raw, wanted, name)
+    vertices, notes = raw.vertices, list(raw.notes)
+    stands_for, tolerance = weld_vertices(vertices, raw.faces, tolerance=weld)
     joined = int((stands_for != np.arange(len(vertices))).sum())
     if joined:
         notes.append(f"{joined} vertices within {tolerance:.3g} units of others were welded")
     faces = stands_for[raw.faces]
     keep, more = _find_sound_faces(vertices, faces, name)
     notes += more
-    faces = faces[keep]
-    _check_edges(vertices, faces, name)
-    faces, turned = _orient(faces, name)
-    if turned is not None and turned.any():
-        notes.append(f"{int(turned.sum())} faces were turned over to agree with their neighbours")
-    pieces, more = _choose_piece(vertices, faces, name)
+    pieces, more = _choose_piece(raw, faces, keep, name, part)
     notes += more
-    faces, keep, turned = faces[pieces], keep[pieces], turned[pieces]
+    keep = keep[pieces]
+    sheet, more = drop_attached(vertices, faces[keep], name)
+    notes += more
+    keep = keep[sheet]
+    faces, turned = _orient(faces[keep], name)
+    outer, more = take_outer_surface(vertices, faces)
+    notes += more
+    faces, keep, turned = faces[outer], keep[outer], turned[outer]
+    if turned.any():
+        notes.append(f"{int(turned.sum())} faces were turned over to agree with their neighbours")
     uvs = None
     if raw.uvs is not None:
         uvs = raw.uvs[keep]
@@ -138,18 +159,6 @@ def _drop_doubles(faces: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, list
     return keep[~in_the_way], notes
 
 
-def _check_edges(vertices: np.ndarray, faces: np.ndarray, name: str) -> None:
-    edges = compute_edge_table(faces)
-    crowded = np.flatnonzero(edges.counts > 2)
-    if len(crowded):
-        a, b = edges.pairs[crowded[0]]
-        place = ", ".join(f"{x:.4g}" for x in vertices[[a, b]].mean(axis=0))
-        raise BrokenMeshError(
-            f"{name}: {len(crowded)} edges have more than two faces, the first joins vertices {a} and {b} near "
-            f"({place}) and has {edges.counts[crowded[0]]}; layers, folds or thickness must be separate surfaces"
-        )
-
-
 def _orient(faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Turn faces so that neighbours agree, as few as possible; return the faces and which were turned."""
     edges = compute_edge_table(faces)
@@ -190,26 +199,101 @@ def _orient(faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _choose_piece(
-    vertices: np.ndarray, faces: np.ndarray, name: str
+    raw: RawMesh, faces: np.ndarray, keep: np.ndarray, name: str, part: int | None
 ) -> tuple[np.ndarray, list[str]]:
-    """Faces of the garment itself; scraps such as buttons are left out."""
-    count, labels = label_pieces(faces)
-    if count == 1:
-        return np.arange(len(faces)), []
-    _, areas = compute_normals(vertices, faces)
-    shares = np.bincount(labels, areas) / areas.sum()
+    """Choose the piece that is the garment; scraps such as buttons are left out.
+
+    Args:
+        raw: What was read.
+        faces: Welded triangles of the file, shape (F, 3).
+        keep: Those that are sound, shape (N,).
+        name: Of the file.
+        part: Number of the piece by its area, from 1; found when None.
+
+    Returns:
+        Which of the sound triangles it has, and what was left out.
+    """
+    count, labels = label_pieces(faces[keep])
+    if count == 1 and part in (None, 1):
+        return np.arange(len(keep)), []
+    _, areas = compute_normals(raw.vertices, faces[keep])
+    shares = np.bincount(labels, areas) / max(areas.sum(), 1e-300)
     order = np.argsort(-shares, kind="stable")
-    scraps = shares[order[1:]]
-    if scraps[0] > _LARGEST_SCRAP or scraps.sum() > _LARGEST_SCRAPS:
-        large = ", ".join(f"{share:.1%}" for share in shares[order[:4]])
-        face = int(np.flatnonzero(labels == order[1])[0])
-        raise BrokenMeshError(
-            f"{name}: the surface is in {count} loose pieces ({large}{', ...' if count > 4 else ''} of the area), the "
-            f"second holds face {face}; sew them together or export them one by one"
+    if part is not None:
+        if part > count:
+            raise UnclearGarmentError(
+                f"{name} has {count} connected parts; there is no `object_name` part{part}"
+            )
+        return np.flatnonzero(labels == order[part - 1]), [
+            f"part{part} of {count} connected parts was taken, {shares[order[part - 1]]:.1%} of the area"
+        ]
+    rest = order[1:]
+    notes = []
+    if shares[rest[0]] > _LARGEST_SCRAP or shares[rest].sum() > _LARGEST_SCRAPS:
+        rest, more = _leave_out_layers(raw, faces[keep], labels, order)
+        notes += more
+    scraps = shares[rest]
+    if len(rest) and (scraps[0] > _LARGEST_SCRAP or scraps.sum() > _LARGEST_SCRAPS):
+        raise BrokenMeshError(_describe_pieces(raw, faces, keep, labels, order, shares, name))
+    if len(rest):
+        notes.append(
+            f"{len(rest)} loose pieces of {scraps.sum():.2%} of the area (buttons, labels) were dropped"
         )
-    return np.flatnonzero(labels == order[0]), [
-        f"{count - 1} loose pieces of {scraps.sum():.2%} of the area (buttons, labels) were dropped"
+    return np.flatnonzero(labels == order[0]), notes
+
+
+def _leave_out_layers(
+    raw: RawMesh, faces: np.ndarray, labels: np.ndarray, order: np.ndarray
+) -> tuple[np.ndarray, list[str]]:
+    """Leave out pieces that lie on the largest: pockets, and the inner side of a thickness.
+
+    Returns:
+        The other pieces but the largest, in their order, and what was left out.
+    """
+    main = faces[labels == order[0]]
+    areas = compute_normals(raw.vertices, faces)[1]
+    shares = np.bincount(labels, areas) / max(areas.sum(), 1e-300)
+    if is_inner_side(raw.vertices, main, faces[labels == order[1]]):
+        return order[2:], [
+            "a second piece runs along the inside of the first, its inner side or a lining; it was dropped"
+        ]
+    left, on_it, area = [], [], 0.0
+    for label in order[1 : 1 + _LAYERS].tolist():
+        is_small = area + shares[label] < LARGEST_ATTACHED
+        if is_small and lies_on(raw.vertices, main, faces[labels == label]):
+            on_it.append(label)
+            area += shares[label]
+        else:
+            left.append(label)
+    if not on_it:
+        return order[1:], []
+    return np.array([*left, *order[1 + _LAYERS :]], dtype=order.dtype), [
+        f"{len(on_it)} loose pieces that lie on the cloth (pockets, {area:.1%} of the area) were dropped"
     ]
+
+
+def _describe_pieces(
+    raw: RawMesh,
+    faces: np.ndarray,
+    keep: np.ndarray,
+    labels: np.ndarray,
+    order: np.ndarray,
+    shares: np.ndarray,
+    name: str,
+) -> str:
+    """Say which pieces there are, and how one is chosen or all are joined."""
+    shown = [f"part{k + 1} ({shares[p]:.1%} of the area)" for k, p in enumerate(order[:4])]
+    listed = ", ".join(shown) + (", ..." if len(order) > 4 else "")
+    named = list_objects(raw, keep)
+    if named:
+        listed = f"{named}; or {listed}"
+    text = f"{name}: the surface is in {len(order)} loose pieces; choose one with `object_name`: {listed}"
+    gap = measure_gap(raw.vertices, *(faces[keep][labels == order[k]] for k in (0, 1)))
+    if gap is not None:
+        text += (
+            f". Seams that lie apart are joined by `weld`; the first two are {gap:.2g} units apart"
+        )
+    return text
 
 
 def _split_fans(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,10 +6,28 @@ _LONGEST = 600  # characters
 
 
 class AssetImportError(AssetError):
-    """Base of the errors of importing. Names in files may be strange; the message is one line all the same."""
+    """Base of the errors of importing. Names in files may be strange; the message is one line all the same.
+
+    Options that help are named as parameters in backquotes, such as `units`; the command line writes its flags there.
+    """
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split())[:_LONGEST])
+        super().__init__(make_printable(" ".join(message.split())[:_LONGEST]))
+
+
+def make_printable(text: str) -> str:
+    """Replace what no encoding can write: parts of names that are not UTF-8."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def describe_install(extra: str, package: str) -> str:
+    """Say how an optional package is installed.
+
+    Args:
+        extra: Extra of this package that has it.
+        package: Its name.
+    """
+    return f"in a checkout uv sync --all-packages --extra {extra}, elsewhere pip install {package}"
 
 
 class UnreadableFileError(AssetImportError):

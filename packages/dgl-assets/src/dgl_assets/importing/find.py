@@ -5,8 +5,9 @@ from pathlib import Path
 from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.garments.catalogue import load_garment
 from dgl_assets.garments.garment import Garment
-from dgl_assets.importing.asset_folder import META_FILE, load_asset
+from dgl_assets.importing.asset_folder import load_asset
 from dgl_assets.importing.imported import ImportedGarment
+from dgl_assets.importing.source import META_FILE
 
 __all__ = ["AnyGarment", "find_garment"]
 

@@ -43,12 +43,12 @@ def turn_front_up(
         low, high = along.min(), along.max()
         inside = np.abs(along - (low + high) / 2) < 0.3 * (high - low)
         if not inside.any():
-            raise UnclearGarmentError("where the front opens cannot be told; give the category")
+            raise UnclearGarmentError("where the front opens cannot be told; give `category`")
         return (rotation if layers[inside].mean() > 0 else turned), ["front where it opens"]
     front, back = layers > _IN_LAYER, layers < -_IN_LAYER
     for side, frame in ((front, rotation), (back, turned)):
         if side.mean() > _SHARE_OPEN and np.ptp(along) > 0.1 * length:
-            return frame, ["front where the hood opens, fairly sure"]
+            return frame, ["front on the side that the neckline or hood opens to, fairly sure"]
     if front.any() and back.any():
         deeper = (along[back].min() - along[front].min()) / length
         if abs(deeper) > _FRONT_CLEAR:

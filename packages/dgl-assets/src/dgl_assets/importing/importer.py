@@ -14,7 +14,7 @@ from dgl_assets.importing import clothesnet
 from dgl_assets.importing.archive import unpack
 from dgl_assets.importing.asset_folder import write_asset
 from dgl_assets.importing.categories import CATEGORIES
-from dgl_assets.importing.errors import BrokenMeshError
+from dgl_assets.importing.errors import BrokenMeshError, UnreadableFileError, make_printable
 from dgl_assets.importing.frame import AXES
 from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
 from dgl_assets.importing.paths import detect_kind, read_bytes
@@ -24,7 +24,7 @@ from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.remesh import Remeshed, remesh_surface
 from dgl_assets.importing.report import ImportReport, measure_evenness
 from dgl_assets.importing.scale import UNITS
-from dgl_assets.importing.source import Source, find_source
+from dgl_assets.importing.source import Source, find_source, has_mesh, list_archives
 from dgl_assets.importing.staging import check_target, stage_folder
 from dgl_assets.importing.surface import Surface
 from dgl_assets.importing.topology import compute_normals, compute_vertex_normals
@@ -38,6 +38,7 @@ LayFlat = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 NO_LICENCE = "not stated: do not redistribute"
 _SPACINGS = (0.006, 0.025)
 _LEAST_EVEN = 0.95  # share of edges and angles below which the mesh is refused
+_MOST_WELD = 0.01  # wider gaps are openings [m]
 _THICK = 0.10  # a garment that is thicker does not lie [m]
 _REACH = 1.2  # width that both robots reach [m]
 _STRETCH = 0.05  # mean strain that laying flat may leave
@@ -59,12 +60,15 @@ def import_garment(
     source: str | None = None,
     use_textures: bool = True,
     overwrite: bool = False,
+    mesh: str | None = None,
+    object_name: str | None = None,
+    weld: float | None = None,
 ) -> ImportReport:
     """Import one garment.
 
     Args:
-        path: A mesh file (OBJ, PLY, STL, GLB, glTF, USD), a folder with one and perhaps keypoints.json and meta.json, a
-            model folder of ClothesNet, or a zip archive of one of these.
+        path: A mesh file (OBJ, PLY, STL, GLB, glTF, USD), a folder with one at any depth and perhaps keypoints.json and
+            meta.json, a model folder of ClothesNet, or a zip archive of one of these.
         out: Root of assets. The asset is written to `<out>/<category>/<name>`, whole or not at all.
         category: What it is, one of `CATEGORIES`; guessed from its openings by default, and the report says so.
         units: "m", "cm", "mm" or "in"; found from the size by default.
@@ -80,6 +84,11 @@ def import_garment(
         source: Where it comes from.
         use_textures: Whether to keep the picture. A picture that is missing is an error then.
         overwrite: Whether an asset of the same name is replaced.
+        mesh: Which mesh of a folder or an archive that holds several, such as "source/shirt.obj".
+        object_name: Which object of a file that holds several: the name of an object or a group, or a connected part
+            by its area, such as "part2" or "Shirt/part2".
+        weld: Distance below which open edges are sewn together, at the size of the file [m], above 0 to 0.01; by
+            default 1e-4 of the diagonal.
 
     Returns:
         Where it is and what was assumed.
@@ -90,17 +99,18 @@ def import_garment(
             `UnclearGarmentError`, each with the place and what to do. Nothing is left in `out` then.
 
     Limitations:
-        Layers that pass through each other are kept. Thick surfaces (an inside and an outside) are refused.
+        Layers that pass through each other are kept. Of what was modelled with a thickness the outer surface is kept;
+        parts that are sewn onto the cloth (pockets) are left out.
     """
-    _check_options(category=category, units=units, up=up, scale=scale, spacing=spacing)
+    _check_options(category=category, units=units, up=up, scale=scale, spacing=spacing, weld=weld)
     path, out = Path(path), Path(out)
     with tempfile.TemporaryDirectory(prefix="dgl-import-") as folder:
-        found = find_source(_unpack(path, Path(folder)))
+        found = find_source(_unpack(path, Path(folder)), mesh=mesh)
         asset_name = _make_name(name or (path.stem if path.is_file() else found.name))
         meta = found.meta
         if found.clothesnet is not None and scale is None:
             scale = clothesnet.SCALE
-        raw = read_mesh(found.mesh, use_textures=use_textures)
+        raw = read_mesh(found.mesh, use_textures=use_textures, root=found.root)
         points = _read_points(found, keypoints, raw)
         hint = found.clothesnet.category if found.clothesnet else None
         placed = place_surface(
@@ -112,6 +122,8 @@ def import_garment(
             scale=1.0 if scale is None else scale,
             spacing=spacing,
             keypoints=points,
+            object_name=object_name,
+            weld=weld,
         )
         target = out / placed.category / asset_name
         check_target(target, overwrite=overwrite)
@@ -134,6 +146,7 @@ def _check_options(
     up: str | None,
     scale: float | None,
     spacing: float,
+    weld: float | None,
 ) -> None:
     for option, value, valid in (
         ("category", category, CATEGORIES),
@@ -146,18 +159,36 @@ def _check_options(
         raise ValueError(f"spacing must be in {list(_SPACINGS)} m; got {spacing}")
     if scale is not None and not 0.1 <= scale <= 10:
         raise ValueError(f"scale must be in [0.1, 10]; got {scale}")
+    if weld is not None and not 0 < weld <= _MOST_WELD:
+        raise ValueError(f"weld must be above 0 and at most {_MOST_WELD} m; got {weld}")
 
 
 def _unpack(path: Path, folder: Path) -> Path:
     """The path itself, or the folder into which an archive was unpacked."""
-    if not path.is_file():
-        return path
-    if detect_kind(path, read_bytes(path)) != "zip":
+    if not _is_archive(path):
         return path
     inside = folder / (_make_name(path.stem))
     inside.mkdir()
     unpack(path, inside)
+    # Download sites pack the archive that the artist sent into one of their own.
+    archives = list_archives(inside)
+    if len(archives) == 1 and not has_mesh(inside):
+        packed = archives[0].with_suffix("")
+        if packed.exists():
+            raise UnreadableFileError(
+                f"{path.name} holds {packed.name[:80]!r} twice; unpack it first"
+            )
+        packed.mkdir()
+        unpack(archives[0], packed)
     return inside
+
+
+def _is_archive(path: Path) -> bool:
+    try:
+        is_file = path.is_file()
+    except OSError:
+        return False  # what is wrong is said where it is read
+    return is_file and detect_kind(path, read_bytes(path)) == "zip"
 
 
 def _make_name(text: str) -> str:
@@ -176,7 +207,7 @@ def _describe(
     found: Source, path: Path, *, licence: str | None, source: str | None
 ) -> dict[str, str]:
     code = found.clothesnet
-    return {
+    texts = {
         "subtype": found.meta.get("subtype") or (code.subtype if code else ""),
         "source": source or found.meta.get("source") or (clothesnet.SOURCE if code else path.name),
         "source_id": found.meta.get("source_id") or found.mesh.stem,
@@ -184,6 +215,7 @@ def _describe(
         or found.meta.get("licence")
         or (clothesnet.LICENCE if code else NO_LICENCE),
     }
+    return {key: make_printable(text) for key, text in texts.items()}
 
 
 def _finish(
@@ -208,7 +240,7 @@ def _finish(
     if min(even_edges, even_angles) < _LEAST_EVEN:
         raise BrokenMeshError(
             f"{target.name}: the surface cannot be meshed evenly at spacing {spacing:g} m: {even_edges:.1%} of edges "
-            f"and {even_angles:.1%} of angles are even; it is crumpled or has folds closer than the spacing"
+            f"and {even_angles:.1%} of angles are even; it is crumpled or has folds closer than `spacing`"
         )
     uvs, texture = None, raw.texture
     if mesh.uvs is not None:
@@ -301,7 +333,7 @@ def _lay_flat(lay_flat: LayFlat, rest: np.ndarray, mesh: Remeshed) -> np.ndarray
     strain = float(np.abs(sides[0] / sides[1] - 1).mean())
     if strain > _STRETCH:
         raise BrokenMeshError(
-            f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; import it as it is"
+            f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; import it as it is, without `lay_flat`"
         )
     return _centre(_face_as(positions, rest))
 
@@ -328,9 +360,9 @@ def _judge(vertices: np.ndarray, category: str) -> list[str]:
     extent = np.ptp(vertices, axis=0)
     notes = []
     if len(CATEGORIES[category].openings) > 1 and extent[2] > _THICK:
-        notes.append(f"it is {extent[2]:.2f} m thick and does not lie yet; lay it flat")
+        notes.append(f"it is {extent[2]:.2f} m thick and does not lie yet; lay it flat: `lay_flat`")
     if extent[0] > _REACH and category != "Scarf":
         notes.append(
-            f"it is {extent[0]:.2f} m wide, more than both robots reach ({_REACH} m); scale it down"
+            f"it is {extent[0]:.2f} m wide, more than both robots reach ({_REACH} m); scale it down: `scale`"
         )
     return notes

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from dgl_assets.importing.bounds import LARGEST_COORDINATE, MAX_KEYPOINTS, MAX_TEXT
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.paths import read_json
 
-MAX_KEYPOINTS = 1000
-"""Most named points of a garment."""
 _OFF_SURFACE = 0.02  # of the bounding box's diagonal that a position may lie off the surface
 
 
@@ -46,6 +45,10 @@ def read_keypoints(path: Path, vertices: np.ndarray) -> Keypoints:
         )
     positions, ids = [], []
     for name, value in tree.items():
+        if not 0 < len(name) <= MAX_TEXT:
+            raise UnreadableFileError(
+                f"{path.name}: names must have 1 to {MAX_TEXT} characters; got {len(name)}"
+            )
         if isinstance(value, int) and not isinstance(value, bool):
             if not 0 <= value < len(vertices):
                 raise UnreadableFileError(
@@ -56,7 +59,8 @@ def read_keypoints(path: Path, vertices: np.ndarray) -> Keypoints:
             continue
         if not _is_position(value):
             raise UnreadableFileError(
-                f"{path.name}: {name!r} must be a vertex or three finite numbers; got {str(value)[:60]}"
+                f"{path.name}: {name!r} must be a vertex or three numbers below {LARGEST_COORDINATE:g}; "
+                f"got {reprlib.repr(value)}"
             )
         ids.append(-1)
         positions.append(np.array(value, dtype=np.float64))
@@ -95,5 +99,5 @@ def _is_position(value: object) -> bool:
         isinstance(value, list)
         and len(value) == 3
         and all(isinstance(x, int | float) and not isinstance(x, bool) for x in value)
-        and all(math.isfinite(x) for x in value)
+        and all(abs(x) <= LARGEST_COORDINATE for x in value)
     )

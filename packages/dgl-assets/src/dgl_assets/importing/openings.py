@@ -22,6 +22,7 @@ _BAND, _GAP = (
 )  # half height of such a level, and the gap that parts a sleeve from the body, of the length
 _TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
 _SCARF = 2.5  # length over width
+_CLOSED = "a closed surface is sewn shut, or has a thickness whose sides cannot be told: open it, or export its outside alone"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,11 +82,7 @@ def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) 
     if len(loops) != len(expected):
         raise UnclearGarmentError(
             f"a {category} has {len(expected)} openings ({', '.join(expected)}), this has {len(loops)}"
-            + (
-                "; a closed surface has a thickness of its own, export only one side"
-                if not loops
-                else ""
-            )
+            + ("" if loops else f"; {_CLOSED}")
         )
     if len(loops) == 1:
         return Openings(main=loops[0], neck=None, pair=None)
@@ -109,6 +106,8 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
     Raises:
         UnclearGarmentError: If nothing fits.
     """
+    if not loops:
+        raise UnclearGarmentError(f"it has no openings; {_CLOSED}")
     extents = _principal_extents(vertices)
     if len(loops) == 4:
         found = name_openings(vertices, loops, "Tops_LongSleeve")
@@ -140,7 +139,7 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
             f"guessed: one flat sheet {extents[0] / extents[1]:.1f} times as long as wide",
         )
     raise UnclearGarmentError(
-        f"what this is cannot be told from {len(loops)} openings; give the category, one of "
+        f"what this is cannot be told from {len(loops)} openings; give `category`, one of "
         f"{', '.join(sorted(CATEGORIES))}"
     )
 

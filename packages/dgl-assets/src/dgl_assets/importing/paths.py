@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from urllib.parse import unquote
 
+from dgl_assets.importing.bounds import MAX_DIGITS, MAX_FILE_BYTES
 from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
-from dgl_assets.importing.raw import MAX_FILE_BYTES
 
-TEXTURE_HINT = ", or import without textures"
+TEXTURE_HINT = ", or import without pictures: `use_textures=False`"
 """Way out when a picture cannot be had."""
 
 KINDS: dict[str, str] = {
@@ -27,25 +28,30 @@ KINDS: dict[str, str] = {
 """Kind of file that each suffix promises."""
 
 
-def resolve_reference(folder: Path, reference: str, *, named_by: str, hint: str = "") -> Path:
+def resolve_reference(
+    folder: Path, reference: str, *, named_by: str, root: Path | None = None, hint: str = ""
+) -> Path:
     """Find a file that another one refers to.
 
     Args:
         folder: Folder of the file that refers.
         reference: What it says.
         named_by: Name of the file that refers, for messages.
+        root: Folder that the reference must not leave; `folder` by default. Models and archives have pictures
+            beside the folder of the mesh.
         hint: Way out, for messages.
 
     Returns:
-        Path of an existing file inside the folder.
+        Path of an existing file inside the root.
 
     Raises:
-        UnsafePathError: If the reference is absolute, has a drive or a scheme, or leads out of the folder.
+        UnsafePathError: If the reference is absolute, has a drive or a scheme, or leads out of the root.
         UnreadableFileError: If there is no such file.
     """
     text = unquote(reference.strip()).replace("\\", "/")
     path = PurePosixPath(text)
-    is_outside = path.is_absolute() or ".." in path.parts or "\0" in text or "://" in text
+    goes_up = root is None and ".." in path.parts
+    is_outside = path.is_absolute() or goes_up or "\0" in text or "://" in text
     if is_outside or PureWindowsPath(reference).drive or text.startswith("file:"):
         raise UnsafePathError(
             f"{named_by} refers to {reference[:120]!r}, which is not inside its own folder; put the file beside it"
@@ -53,21 +59,28 @@ def resolve_reference(folder: Path, reference: str, *, named_by: str, hint: str 
         )
     target = folder / path
     try:
-        inside = target.resolve().is_relative_to(folder.resolve())
         is_file = target.is_file()
-    except (OSError, RuntimeError, ValueError) as err:
+    except (OSError, ValueError) as err:
         raise UnsafePathError(
             f"{named_by} refers to {reference[:120]!r}, which is no usable path"
         ) from err
-    if not inside:
+    if not is_inside(target, folder if root is None else root):
         raise UnsafePathError(
-            f"{named_by} refers to {reference[:120]!r}, a link out of its own folder"
+            f"{named_by} refers to {reference[:120]!r}, which leads out of its own folder (a link?)"
         )
     if not text or not is_file:
         raise UnreadableFileError(
             f"{named_by} refers to {reference[:120]!r}, which does not exist; add it{hint}"
         )
     return target
+
+
+def is_inside(path: Path, folder: Path) -> bool:
+    """Say whether a path, all links followed, lies in a folder; links in a circle lie nowhere."""
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):
+        return False
 
 
 def read_bytes(path: Path) -> bytes:
@@ -156,12 +169,39 @@ def read_json(path: Path) -> object:
 
 
 def parse_json(data: bytes, name: str) -> object:
-    """Parse JSON; nesting that is too deep is an error like any other.
+    """Parse JSON: finite numbers and text that can be written again.
 
     Raises:
-        UnreadableFileError: If it is not JSON.
+        UnreadableFileError: If it is not JSON, nested too deep, or holds what no program here can use.
     """
     try:
-        return json.loads(data.decode("utf-8-sig"))
+        tree = json.loads(
+            data.decode("utf-8-sig"),
+            parse_int=_read_whole,
+            parse_float=_read_number,
+            parse_constant=_refuse_constant,
+        )
+        if b"\\u" in data:  # half of a pair of surrogates cannot be written
+            json.dumps(tree, ensure_ascii=False).encode()
+    except UnicodeEncodeError as err:
+        raise UnreadableFileError(f"{name} holds text that is not Unicode: {err.reason}") from err
     except (ValueError, RecursionError) as err:
         raise UnreadableFileError(f"{name} is not valid JSON: {str(err)[:120]}") from err
+    return tree
+
+
+def _read_whole(text: str) -> int:
+    if len(text) > MAX_DIGITS:
+        raise ValueError(f"a number has {len(text)} digits, at most {MAX_DIGITS} are read")
+    return int(text)
+
+
+def _read_number(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:40]} is beyond what can be computed with")
+    return number
+
+
+def _refuse_constant(text: str) -> float:
+    raise ValueError(f"{text} is no number of JSON")

@@ -8,7 +8,11 @@ import numpy as np
 
 from dgl_assets.importing.check import CleanMesh, clean_mesh
 from dgl_assets.importing.directions import find_directions
-from dgl_assets.importing.errors import UnclearGarmentError
+from dgl_assets.importing.errors import (
+    AssetImportError,
+    BrokenMeshError,
+    UnclearGarmentError,
+)
 from dgl_assets.importing.frame import Frame, find_frame, turn_outward
 from dgl_assets.importing.holes import close_small_holes
 from dgl_assets.importing.keypoints import Keypoints
@@ -20,7 +24,7 @@ from dgl_assets.importing.openings import (
     name_openings,
 )
 from dgl_assets.importing.raw import RawMesh
-from dgl_assets.importing.scale import find_unit
+from dgl_assets.importing.scale import UNITS, find_unit
 from dgl_assets.importing.topology import compute_normals
 
 _SMALL_HOLE = 8.0  # spacings around a hole that is closed
@@ -50,6 +54,8 @@ def place_surface(
     scale: float,
     spacing: float,
     keypoints: Keypoints | None = None,
+    object_name: str | None = None,
+    weld: float | None = None,
 ) -> Placed:
     """Check a surface and bring it to metres in the garment frame.
 
@@ -62,13 +68,58 @@ def place_surface(
         scale: Size over the original's.
         spacing: Edge length that it will be meshed at [m].
         keypoints: Named points of the file; known names tell how it is turned.
+        object_name: Object or connected part to take.
+        weld: Distance below which seams are joined, at the size of the file [m]; found from the size when None.
 
     Raises:
         BrokenMeshError: If it is not one sheet of cloth.
         UnclearGarmentError: If something cannot be told and must be given.
     """
-    mesh = clean_mesh(raw, name)
-    notes = [*raw.notes, *mesh.notes]
+    options = _Options(
+        category=category,
+        units=units,
+        up=up,
+        scale=scale,
+        spacing=spacing,
+        keypoints=keypoints,
+        object_name=object_name,
+    )
+    if weld is None:
+        return _place(raw, name, options, weld=None)
+    # The unit is found from the sewn surface, and how far to sew from the unit: take the unit that gives itself.
+    tried = [UNITS[units]] if units is not None else [*filter(None, [raw.unit]), *UNITS.values()]
+    problem: AssetImportError | None = None
+    for unit in dict.fromkeys(tried):
+        try:
+            placed = _place(raw, name, options, weld=weld / unit)
+        except (BrokenMeshError, UnclearGarmentError) as err:
+            problem = problem or err
+            continue
+        if placed.unit == unit:
+            return placed
+    raise problem or UnclearGarmentError(
+        f"{name}: the unit is unclear, so that `weld` cannot be measured; give `units`"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Options:
+    """Options of `place_surface`."""
+
+    category: str | None
+    units: str | None
+    up: str | None
+    scale: float
+    spacing: float
+    keypoints: Keypoints | None
+    object_name: str | None
+
+
+def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) -> Placed:
+    """Place a surface; `weld` is in the units of the file."""
+    category, scale, spacing = options.category, options.scale, options.spacing
+    mesh = clean_mesh(raw, name, choice=options.object_name, weld=weld)
+    notes = list(mesh.notes)
     try:
         loops = find_openings(mesh.vertices, mesh.faces)
         if category is None:
@@ -83,16 +134,16 @@ def place_surface(
             faces,
             category=category,
             openings=openings,
-            up=up,
+            up=options.up,
             declared_up=raw.up,
-            directions=find_directions(keypoints),
+            directions=find_directions(options.keypoints),
         )
         vertices = mesh.vertices @ frame.rotation.T
         longest = float(np.ptp(vertices, axis=0).max())
         unit, how = find_unit(
             longest,
             category,
-            units=units,
+            units=options.units,
             declared=raw.unit,
             trunk=measure_trunk(mesh.vertices, openings),
         )
@@ -139,5 +190,5 @@ def _check_size(name: str, vertices: np.ndarray, faces: np.ndarray, spacing: flo
     if not _VERTICES[0] <= needed <= _VERTICES[1]:
         raise UnclearGarmentError(
             f"{name} would have {area:.3g} m^2 and need about {needed:,.0f} vertices at spacing {spacing:g} m, where "
-            f"{_VERTICES[0]} to {_VERTICES[1]:,} are possible; check its unit and the spacing"
+            f"{_VERTICES[0]} to {_VERTICES[1]:,} are possible; check `units` and `spacing`"
         )

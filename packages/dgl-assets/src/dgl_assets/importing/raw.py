@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dgl_assets.importing.bounds import LARGEST_COORDINATE, check_size
 from dgl_assets.importing.errors import UnreadableFileError
-
-MAX_FILE_BYTES = 256 * 2**20
-"""Largest file that is opened [bytes]."""
-MAX_VERTICES = 1_000_000
-"""Most vertices of a mesh that is imported; garments of games and films have 5,000 to 200,000."""
-MAX_FACES = 2_000_000
-"""Most triangles of a mesh that is imported."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,6 +37,10 @@ class RawMesh:
     """Up axis that the file states, "y" or "z"."""
     notes: tuple[str, ...] = ()
     """What was left out or assumed."""
+    objects: tuple[tuple[str, ...], ...] = ()
+    """Names of each object of the file: its own, and those of its groups."""
+    object_ids: np.ndarray | None = None
+    """Object of each triangle, -1 for none, shape (F,), int64; None where the file names none."""
 
 
 def check_raw(mesh: RawMesh, name: str) -> None:
@@ -76,8 +73,10 @@ def check_raw(mesh: RawMesh, name: str) -> None:
             f"{vertices[wrong[0]].tolist()}"
         )
     largest = float(np.abs(vertices).max())
-    if largest > 1e9:
-        raise UnreadableFileError(f"{name}: coordinates must be below 1e9; got {largest:g}")
+    if largest > LARGEST_COORDINATE:
+        raise UnreadableFileError(
+            f"{name}: coordinates must be below {LARGEST_COORDINATE:g}; got {largest:g}"
+        )
     if mesh.uvs is not None and not np.isfinite(mesh.uvs).all():
         bad = np.flatnonzero(~np.isfinite(mesh.uvs).all(axis=(1, 2)))
         raise UnreadableFileError(
@@ -85,29 +84,16 @@ def check_raw(mesh: RawMesh, name: str) -> None:
         )
 
 
-def check_size(vertices: int, faces: int, name: str) -> None:
-    """Refuse meshes beyond the limits, from the counts alone.
-
-    Raises:
-        UnreadableFileError: With counts and limits.
-    """
-    if vertices > MAX_VERTICES or faces > MAX_FACES:
-        raise UnreadableFileError(
-            f"{name} has {vertices:,} vertices and {faces:,} faces; at most {MAX_VERTICES:,} and {MAX_FACES:,} "
-            "are imported, so reduce it first"
-        )
-
-
-def triangulate(polygons: Sequence[Sequence[object]]) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cut polygons into fans of triangles.
 
     Args:
-        polygons: Corners of each, at least three.
+        sizes: Number of corners of each, at least three, shape (P,), int.
 
     Returns:
         Polygon of each triangle, shape (F,), and which of its corners it has, shape (F, 3).
     """
-    sizes = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
-    owner = np.repeat(np.arange(len(polygons)), sizes - 2)
-    ordinal = np.arange(len(owner)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+    counts = np.asarray(sizes, dtype=np.int64) - 2
+    owner = np.repeat(np.arange(len(counts)), counts)
+    ordinal = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     return owner, np.column_stack([np.zeros_like(ordinal), ordinal + 1, ordinal + 2])

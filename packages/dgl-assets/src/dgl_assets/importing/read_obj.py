@@ -5,183 +5,309 @@ Read here and not by trimesh, so that vertices keep the numbers that key points 
 
 from __future__ import annotations
 
+import codecs
+import io
+from array import array
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from dgl_assets.importing.bounds import (
+    MAX_COORDINATES,
+    MAX_FACES,
+    MAX_LIBRARIES,
+    MAX_LIBRARY_BYTES,
+    MAX_LINE,
+    MAX_OBJECTS,
+    MAX_PICTURES,
+    MAX_VERTICES,
+    check_count,
+    check_lines,
+    check_size,
+)
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
-from dgl_assets.importing.raw import (
-    MAX_FACES,
-    MAX_VERTICES,
-    RawMesh,
-    Texture,
-    check_size,
-    triangulate,
-)
+from dgl_assets.importing.raw import RawMesh, Texture, triangulate
 from dgl_assets.importing.textures import load_texture
 
 _MAX_UNUSED = 0.01  # of the vertices; OBJ has no other sign that its end is missing
-Corner = tuple[int, int]  # vertex and texture coordinate, -1 for none
+_BLOCK = 1 << 20
 
 
-def read_obj(path: Path, data: bytes, *, use_textures: bool) -> RawMesh:
+def read_obj(path: Path, data: bytes, *, use_textures: bool, root: Path | None = None) -> RawMesh:
     """Read an OBJ file.
 
     Args:
         path: Of the file; materials and pictures are looked for beside it.
         data: The file.
         use_textures: Whether to read materials.
+        root: Folder that references must not leave; that of the file by default.
 
     Raises:
         UnreadableFileError: With the line that cannot be read.
-        UnsafePathError: If a material or a picture lies outside the folder.
+        UnsafePathError: If a material or a picture lies outside the root.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # comments and names in an old code page
-    parser = _Parser(path.name)
-    for number, line in enumerate(text.replace("\\\n", " ").splitlines(), start=1):
+    return _parse(path.name, data).finish(path, use_textures=use_textures, root=root)
+
+
+def check_obj(name: str, data: bytes) -> None:
+    """Check the lines of an OBJ file, and that it is within the limits.
+
+    Args:
+        name: Of the file, for messages.
+        data: The file.
+
+    Raises:
+        UnreadableFileError: With the line that cannot be read.
+    """
+    _parse(name, data)
+
+
+def _parse(name: str, data: bytes) -> _Parser:
+    check_lines(data, name)
+    parser = _Parser(name)
+    for number, line in _split_lines(data, name):
         parser.read_line(number, line)
-    return parser.finish(path, use_textures=use_textures)
+    return parser
+
+
+def _split_lines(data: bytes, name: str) -> Iterator[tuple[int, str]]:
+    """Lines with their numbers; those that end in a backslash with what follows."""
+    stream = io.TextIOWrapper(io.BytesIO(data), encoding=_find_encoding(data))
+    held: list[str] = []
+    first = length = 0
+    for number, line in enumerate(stream, start=1):
+        length += len(line)
+        if length > MAX_LINE:
+            check_count(length, MAX_LINE, f"characters in line {first or number}", name)
+        if line.endswith("\\\n"):
+            held.append(line[:-2])
+            first = first or number
+            continue
+        if held:
+            line = " ".join([*held, line])
+            yield first, line
+            held, first = [], 0
+        else:
+            yield number, line
+        length = 0
+    if held:
+        yield first, " ".join(held)
+
+
+def _find_encoding(data: bytes) -> str:
+    if data.isascii():
+        return "ascii"
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        for start in range(0, len(data), _BLOCK):
+            decoder.decode(data[start : start + _BLOCK])
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return "latin-1"  # comments and names in an old code page
+    return "utf-8-sig"
 
 
 class _Parser:
     def __init__(self, name: str) -> None:
         self._name = name
-        self._vertices: list[list[float]] = []
-        self._coordinates: list[list[float]] = []
-        self._polygons: list[tuple[Corner, ...]] = []
-        self._materials: list[str] = []  # of each polygon
+        self._vertices, self._coordinates = array("d"), array("d")
+        self._sizes = array("q")  # corners of each polygon
+        self._corners = array("q")  # vertex and texture coordinate of each corner, -1 for none
+        self._triangles = 0
+        self._materials: dict[str, int] = {"": 0}
+        self._material, self._material_ids = 0, array("q")  # the latter of each polygon
         self._libraries: list[str] = []
-        self._material = ""
+        self._object, self._groups = "", ""
+        self._objects: dict[tuple[str, str], int] = {("", ""): 0}
+        self._label, self._labels = 0, array("q")  # the latter of each polygon
 
     def read_line(self, number: int, line: str) -> None:
-        words = line.split("#", 1)[0].split()
-        if not words:
+        words = (line.split("#", 1)[0] if "#" in line else line).split()
+        if not words or words[0] == "vn":
             return
         try:
             match words[0]:
                 case "v":
-                    self._vertices.append(_read_numbers(words[1:4], 3))
-                    if len(self._vertices) > MAX_VERTICES:
-                        check_size(len(self._vertices), 0, self._name)
+                    _add_numbers(self._vertices, words, 3)
+                    if len(self._vertices) > 3 * MAX_VERTICES:
+                        check_size(len(self._vertices) // 3, 0, self._name)
                 case "vt":
-                    self._coordinates.append(_read_numbers(words[1:3], 2))
+                    _add_numbers(self._coordinates, words, 2)
+                    if len(self._coordinates) > 2 * MAX_COORDINATES:
+                        check_count(
+                            len(self._coordinates) // 2,
+                            MAX_COORDINATES,
+                            "texture coordinates",
+                            self._name,
+                        )
                 case "f":
                     self._read_face(words[1:])
+                case "o" | "g":
+                    self._begin_object(words[0], " ".join(words[1:]))
                 case "usemtl":
-                    self._material = " ".join(words[1:])
+                    name = " ".join(words[1:])
+                    self._material = self._materials.setdefault(name, len(self._materials))
                 case "mtllib":
                     self._libraries.append(" ".join(words[1:]))
                 case _:
-                    pass  # groups, normals, smoothing, lines: no part of the surface
+                    pass  # normals, smoothing, lines: no part of the surface
         except ValueError as err:
             raise UnreadableFileError(
                 f"{self._name}, line {number}: {err}; the line is {line[:60]!r}"
             ) from err
 
+    def _begin_object(self, what: str, name: str) -> None:
+        if what == "o":
+            self._object, self._groups = name, ""
+        else:
+            self._groups = name
+        key = (self._object, self._groups)
+        # Some programs name every face; such names choose nothing.
+        self._label = self._objects.get(key, len(self._objects))
+        if self._label <= MAX_OBJECTS:
+            self._objects[key] = self._label
+
     def _read_face(self, words: list[str]) -> None:
         if len(words) < 3:
             raise ValueError(f"a face needs at least 3 corners and has {len(words)}")
-        self._polygons.append(tuple(self._read_corner(word) for word in words))
-        self._materials.append(self._material)
-        if len(self._polygons) > MAX_FACES:
-            check_size(0, len(self._polygons), self._name)
-
-    def _read_corner(self, word: str) -> Corner:
-        parts = word.split("/")
-        vertex = _to_index(parts[0], len(self._vertices), "vertices")
-        if len(parts) > 1 and parts[1]:
-            return vertex, _to_index(parts[1], len(self._coordinates), "texture coordinates")
-        return vertex, -1
-
-    def finish(self, path: Path, *, use_textures: bool) -> RawMesh:
-        notes = []
-        if not self._polygons:
-            raise UnreadableFileError(
-                f"{self._name} holds no faces, only {len(self._vertices)} vertices; it may be cut off"
+        self._triangles += len(words) - 2
+        if self._triangles > MAX_FACES:
+            check_size(0, self._triangles, self._name)
+        vertices, coordinates = len(self._vertices) // 3, len(self._coordinates) // 2
+        for word in words:
+            vertex, _, rest = word.partition("/")
+            self._corners.append(_to_index(vertex, vertices, "vertices"))
+            coordinate = rest.partition("/")[0]
+            self._corners.append(
+                _to_index(coordinate, coordinates, "texture coordinates") if coordinate else -1
             )
-        owner, choice = triangulate(self._polygons)
-        if len(owner) > len(self._polygons):
-            larger = sum(len(polygon) > 3 for polygon in self._polygons)
-            notes.append(f"{larger} polygons of more than three corners were cut into triangles")
-        corners = np.array(
-            [
-                [self._polygons[o][k] for k in ks]
-                for o, ks in zip(owner.tolist(), choice.tolist(), strict=True)
-            ],
-            dtype=np.int64,
-        ).reshape(-1, 3, 2)
-        used = len(np.unique(corners[..., 0]))
-        if used < (1 - _MAX_UNUSED) * len(self._vertices):
+        self._sizes.append(len(words))
+        self._material_ids.append(self._material)
+        self._labels.append(self._label)
+
+    def finish(self, path: Path, *, use_textures: bool, root: Path | None) -> RawMesh:
+        notes = []
+        vertices = np.array(self._vertices, dtype=np.float64).reshape(-1, 3)
+        if not self._sizes:
             raise UnreadableFileError(
-                f"{self._name} looks cut off: {len(self._vertices) - used} of {len(self._vertices)} vertices "
+                f"{self._name} holds no faces, only {len(vertices)} vertices; it may be cut off"
+            )
+        sizes = np.array(self._sizes, dtype=np.int64)
+        owner, choice = triangulate(sizes)
+        if len(owner) > len(sizes):
+            larger = int((sizes > 3).sum())
+            notes.append(f"{larger} polygons of more than three corners were cut into triangles")
+        start = np.cumsum(sizes) - sizes
+        corners = np.array(self._corners, dtype=np.int64).reshape(-1, 2)
+        corners = corners[start[owner][:, None] + choice]  # (F, 3, 2)
+        used = len(np.unique(corners[..., 0]))
+        if used < (1 - _MAX_UNUSED) * len(vertices):
+            raise UnreadableFileError(
+                f"{self._name} looks cut off: {len(vertices) - used} of {len(vertices)} vertices "
                 "belong to no face; if they are loose points, remove them"
             )
         uvs, texture = None, None
         if self._coordinates and (corners[..., 1] >= 0).all():
-            uvs = np.array(self._coordinates, dtype=np.float64)[corners[..., 1]]
+            uvs = np.array(self._coordinates, dtype=np.float64).reshape(-1, 2)[corners[..., 1]]
         elif self._coordinates and (corners[..., 1] >= 0).any():
             missing = int((corners[..., 1] < 0).any(axis=1).sum())
             notes.append(f"texture left out: {missing} faces have no texture coordinates")
         if uvs is not None and use_textures:
-            texture, more = self._read_texture(path)
+            texture, more = self._read_texture(path, root)
             notes += more
+        objects, object_ids = self._list_objects(owner)
         return RawMesh(
-            vertices=np.array(self._vertices, dtype=np.float64).reshape(-1, 3),
+            vertices=vertices,
             faces=corners[..., 0],
             uvs=uvs,
             texture=texture,
             notes=tuple(notes),
+            objects=objects,
+            object_ids=object_ids,
         )
 
-    def _read_texture(self, path: Path) -> tuple[Texture | None, list[str]]:
-        pictures: dict[str, Path] = {}
-        for library in self._libraries:
-            target = resolve_reference(path.parent, library, named_by=path.name, hint=TEXTURE_HINT)
-            pictures |= _read_materials(target)
-        counts = Counter(pictures[name] for name in self._materials if name in pictures)
+    def _list_objects(
+        self, owner: np.ndarray
+    ) -> tuple[tuple[tuple[str, ...], ...], np.ndarray | None]:
+        """Names of the objects, and the object of each triangle."""
+        if len(self._objects) == 1 or len(self._objects) > MAX_OBJECTS:
+            return (), None
+        names = []
+        for name, groups in self._objects:
+            several = groups.split() if " " in groups else []
+            names.append(tuple(dict.fromkeys(text for text in (name, groups, *several) if text)))
+        return tuple(names), np.array(self._labels, dtype=np.int64)[owner]
+
+    def _read_texture(self, path: Path, root: Path | None) -> tuple[Texture | None, list[str]]:
+        references = self._read_libraries(path, root)
+        names = list(self._materials)
+        faces = Counter(self._material_ids)
+        used = {names[k] for k in faces} & set(references)
+        check_count(len(used), MAX_PICTURES, "pictures", self._name)
+        counts: Counter[Path] = Counter()
+        for material, count in faces.items():
+            if names[material] in used:
+                folder, library, reference = references[names[material]]
+                picture = resolve_reference(
+                    folder, reference, named_by=library, root=root, hint=TEXTURE_HINT
+                )
+                counts[picture] += count
         if not counts:
             return None, []
-        (chosen, faces), *others = counts.most_common()
+        (chosen, most), *others = counts.most_common()
         notes = []
         if others:
-            share = faces / len(self._materials)
+            share = most / len(self._sizes)
             notes.append(
                 f"of {len(counts)} pictures only {chosen.name} was kept, on {share:.0%} of the faces"
             )
         return load_texture(read_bytes(chosen), chosen.name), notes
 
+    def _read_libraries(self, path: Path, root: Path | None) -> dict[str, tuple[Path, str, str]]:
+        """Folder, file and reference of the colour picture of each material; each file is read once."""
+        libraries = dict.fromkeys(self._libraries)
+        check_count(len(libraries), MAX_LIBRARIES, "material files", self._name)
+        targets = [
+            resolve_reference(path.parent, name, named_by=path.name, root=root, hint=TEXTURE_HINT)
+            for name in libraries
+        ]
+        size, found = 0, {}
+        for target in dict.fromkeys(targets):
+            data = read_bytes(target)
+            size += len(data)
+            check_count(size, MAX_LIBRARY_BYTES, "bytes of materials", self._name)
+            for material, reference in _read_materials(data).items():
+                found[material] = (target.parent, target.name, reference)
+        return found
 
-def _read_materials(path: Path) -> dict[str, Path]:
-    """The colour picture of each material of an MTL file."""
-    pictures: dict[str, Path] = {}
+
+def _read_materials(data: bytes) -> dict[str, str]:
+    """What each material of an MTL file says about its colour picture."""
+    references: dict[str, str] = {}
     name = ""
-    for line in read_bytes(path).decode("utf-8", "replace").splitlines():
+    for line in data.decode("utf-8", "replace").splitlines():
         words = line.split("#", 1)[0].split()
         if len(words) > 1 and words[0] == "newmtl":
             name = " ".join(words[1:])
         elif len(words) > 1 and words[0].lower() == "map_kd":
-            reference = line.split(None, 1)[1].strip()
-            if words[1].startswith("-"):  # options such as -s 1 1 1 come first
-                reference = words[-1]
-            pictures[name] = resolve_reference(
-                path.parent, reference, named_by=path.name, hint=TEXTURE_HINT
-            )
-    return pictures
+            # Options such as -s 1 1 1 come first.
+            is_plain = not words[1].startswith("-")
+            references[name] = line.split(None, 1)[1].strip() if is_plain else words[-1]
+    return references
 
 
-def _read_numbers(words: list[str], count: int) -> list[float]:
-    if len(words) < count:
-        raise ValueError(f"expected {count} numbers and found {len(words)}")
-    return [float(word) for word in words]
+def _add_numbers(numbers: array[float], words: list[str], count: int) -> None:
+    """Add the numbers that follow the first word."""
+    if len(words) <= count:
+        raise ValueError(f"expected {count} numbers and found {len(words) - 1}")
+    numbers.extend([float(word) for word in words[1 : count + 1]])
 
 
 def _to_index(word: str, count: int, what: str) -> int:
     index = int(word)
     if index == 0 or index > count or index < -count:
-        raise ValueError(f"index {index} is out of range of the {count} {what} before it")
+        raise ValueError(f"index {word[:20]} is out of range of the {count} {what} before it")
     return index - 1 if index > 0 else count + index

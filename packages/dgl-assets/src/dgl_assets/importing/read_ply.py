@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from trimesh.exchange.ply import load_ply
 
+from dgl_assets.importing.bounds import check_lines, check_size
 from dgl_assets.importing.errors import UnreadableFileError
-from dgl_assets.importing.raw import RawMesh, check_size
+from dgl_assets.importing.raw import RawMesh
 
 _SIZES = {
     "char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2,
@@ -24,7 +25,7 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
     Raises:
         UnreadableFileError: If the header is broken or the body is not as long as it says.
     """
-    counts = _check(path.name, data)
+    counts = check_header(path.name, data)
     try:
         loaded = load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True)
         vertices = np.asarray(loaded["vertices"], dtype=np.float64)
@@ -47,8 +48,19 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
     return RawMesh(vertices=vertices, faces=faces)
 
 
-def _check(name: str, data: bytes) -> dict[str, int]:
-    """Check the header and that the body can hold what it promises; return the counts."""
+def check_header(name: str, data: bytes) -> dict[str, int]:
+    """Check the header and that the body can hold what it promises.
+
+    Args:
+        name: Of the file, for messages.
+        data: The file.
+
+    Returns:
+        Number of items of each element.
+
+    Raises:
+        UnreadableFileError: If the header is broken, or the body too short or too large.
+    """
     end = data.find(b"end_header", 0, _MAX_HEADER)
     newline = data.find(b"\n", end) if end >= 0 else -1
     if newline < 0:
@@ -80,11 +92,8 @@ def _check(name: str, data: bytes) -> dict[str, int]:
     check_size(counts["vertex"], counts["face"], name)
     body = data[newline + 1 :]
     if form == "ascii":
-        found, needed, what = (
-            sum(map(bool, map(bytes.strip, body.splitlines()))),
-            sum(counts.values()),
-            "lines",
-        )
+        check_lines(body, name)
+        found, needed, what = _count_lines(body), sum(counts.values()), "lines"
     else:
         found, needed, what = len(body), sum(counts[k] * sizes[k] for k in counts), "bytes"
     if found < needed:
@@ -92,3 +101,9 @@ def _check(name: str, data: bytes) -> dict[str, int]:
             f"{name} is cut off: its header promises at least {needed:,} {what}, {found:,} are there"
         )
     return counts
+
+
+def _count_lines(body: bytes) -> int:
+    """Lines that hold something."""
+    lines = io.TextIOWrapper(io.BytesIO(body), encoding="latin-1")
+    return sum(1 for line in lines if not line.isspace())

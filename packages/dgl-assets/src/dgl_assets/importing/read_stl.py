@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 from trimesh.exchange.stl import load_stl_binary
 
+from dgl_assets.importing.bounds import check_lines, check_size
 from dgl_assets.importing.errors import UnreadableFileError
-from dgl_assets.importing.raw import RawMesh, check_size
+from dgl_assets.importing.raw import RawMesh
 
-_VERTEX = re.compile(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.MULTILINE | re.IGNORECASE)
+# Patterns begin at a line and end with it, so that the time is in proportion to the text.
+_NUMBER = rb"[ \t]+(\S{1,60})"
+_VERTEX = re.compile(rb"^[ \t]*vertex" + 3 * _NUMBER + rb"[ \t\r]*$", re.MULTILINE | re.IGNORECASE)
 
 
 def read_stl(path: Path, data: bytes) -> RawMesh:
@@ -24,7 +27,7 @@ def read_stl(path: Path, data: bytes) -> RawMesh:
     promised = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
     if promised < 0 or len(data) != 84 + 50 * promised:
         return _read_text(path.name, data, promised)
-    check_size(0, promised, path.name)
+    check_size(3 * promised, promised, path.name)
     try:
         loaded = load_stl_binary(io.BytesIO(data))
         vertices = np.asarray(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
@@ -43,20 +46,26 @@ def _read_text(name: str, data: bytes, promised: int) -> RawMesh:
         raise UnreadableFileError(
             f"{name} is no whole STL file: it has {len(data):,} bytes{needed}. It may be cut off"
         )
+    check_lines(data, name)
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
     begun, ended, solids = (
-        len(re.findall(rb"^\s*" + word + rb"\b", data, re.MULTILINE | re.IGNORECASE))
+        sum(1 for _ in re.finditer(rb"^[ \t]*" + word + rb"\b", data, re.MULTILINE | re.IGNORECASE))
         for word in (b"facet", b"endfacet", b"endsolid")
     )
-    check_size(0, begun, name)
-    corners = _VERTEX.findall(data)
-    if begun != ended or len(corners) != 3 * begun or not solids:
+    check_size(3 * begun, begun, name)
+    count = sum(1 for _ in _VERTEX.finditer(data))
+    if begun != ended or count != 3 * begun or not solids:
         raise UnreadableFileError(
-            f"{name} is cut off or broken: {begun} facets begin, {ended} end, with {len(corners)} whole vertices"
+            f"{name} is cut off or broken: {begun} facets begin, {ended} end, with {count} whole vertices"
         )
     try:
-        vertices = np.array(corners, dtype="S").astype(np.float64).reshape(-1, 3)
+        vertices = np.array(
+            [[float(word) for word in found.groups()] for found in _VERTEX.finditer(data)],
+            dtype=np.float64,
+        )
     except ValueError as err:
         raise UnreadableFileError(
             f"{name}: a vertex is not three numbers ({str(err)[:80]})"
         ) from err
-    return RawMesh(vertices=vertices, faces=np.arange(3 * begun).reshape(-1, 3))
+    return RawMesh(vertices=vertices.reshape(-1, 3), faces=np.arange(3 * begun).reshape(-1, 3))

@@ -14,9 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
+from dgl_assets.importing.bounds import MAX_FACES, MAX_VERTICES, check_size
+from dgl_assets.importing.errors import (
+    UnreadableFileError,
+    UnsafePathError,
+    describe_install,
+)
 from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
-from dgl_assets.importing.raw import MAX_FACES, MAX_VERTICES, RawMesh, check_size
+from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.textures import load_texture
 
 _SECONDS = 120  # that reading may take
@@ -24,12 +29,13 @@ _WORKER = Path(__file__).parent / "_usd_worker.py"
 _COMMAND = "import runpy, sys; runpy.run_path(sys.argv[1])['read_to_file'](*sys.argv[2:])"
 
 
-def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
+def read_usd(path: Path, *, use_textures: bool, root: Path | None = None) -> RawMesh:
     """Read the meshes of a USD file (.usd, .usda, .usdc, .usdz) into one.
 
     Args:
         path: Of the file.
         use_textures: Whether to look for a picture; only those beside the file are read.
+        root: Folder that references must not leave; that of the file by default.
 
     Raises:
         UnreadableFileError: If `usd-core` is not installed, or the file is broken or holds no mesh.
@@ -41,7 +47,7 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
     places = [_find_package("pxr"), _find_package("numpy")]
     if places[0] is None:
         raise UnreadableFileError(
-            f"{path.name} is USD, which needs the extra: pip install 'dgl-assets[usd]'"
+            f"{path.name} is USD, which needs the package usd-core: {describe_install('usd', 'usd-core')}"
         )
     search = os.pathsep.join(str(place) for place in places if place is not None)
     with tempfile.TemporaryDirectory(prefix="dgl-usd-") as folder:
@@ -64,7 +70,7 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
             notes.append("no picture; materials of other libraries are not read")
         else:
             target = resolve_reference(
-                path.parent, facts["picture"], named_by=path.name, hint=TEXTURE_HINT
+                path.parent, facts["picture"], named_by=path.name, root=root, hint=TEXTURE_HINT
             )
             texture = load_texture(read_bytes(target), target.name)
     return RawMesh(
@@ -75,6 +81,8 @@ def read_usd(path: Path, *, use_textures: bool) -> RawMesh:
         unit=facts["unit"],
         up=facts["up"],
         notes=tuple(notes),
+        objects=tuple(tuple(names) for names in facts["objects"]),
+        object_ids=arrays["object_ids"],
     )
 
 

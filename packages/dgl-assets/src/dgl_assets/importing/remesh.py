@@ -206,5 +206,5 @@ def _check_openings(before: np.ndarray, after: np.ndarray, *, spacing: float) ->
     if facts[0] != facts[1]:
         raise BrokenMeshError(
             f"the surface cannot be meshed at spacing {spacing} m: (pieces, openings, Euler number) were "
-            f"{facts[0]} and became {facts[1]}; parts narrower than the spacing are lost, choose a smaller one"
+            f"{facts[0]} and became {facts[1]}; parts narrower than the spacing are lost, choose a smaller `spacing`"
         )

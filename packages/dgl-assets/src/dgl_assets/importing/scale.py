@@ -46,8 +46,8 @@ def find_unit(
     if not fitting:
         sizes = ", ".join(f"{longest * unit:.3g} m in {name}" for name, unit in UNITS.items())
         raise UnclearGarmentError(
-            f"the unit is unclear: a {category} is {low:g} to {high:g} m long, this one {sizes}; give the unit or the "
-            "category"
+            f"the unit is unclear: a {category} is {low:g} to {high:g} m long, this one {sizes}; give `units` or "
+            "`category`"
         )
     usual, size = CATEGORIES[category].trunk, trunk
     if usual is None or size is None:
@@ -59,5 +59,5 @@ def find_unit(
         text += f" and {longest * declared:.3g} m, by the file's own unit, is not"
     others = [f"{longest * UNITS[other]:.2f} m in {other}" for other in fitting if other != name]
     if others:
-        text += f"; it could be {' or '.join(others)}: give the unit if it is"
+        text += f"; it could be {' or '.join(others)}: give `units` if it is"
     return UNITS[name], text

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import reprlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dgl_assets.importing.bounds import MAX_MODELS, MAX_TEXT, check_count
 from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.clothesnet import ClothesNetName, read_clothesnet_name
 from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
-from dgl_assets.importing.paths import KINDS, read_json
+from dgl_assets.importing.frame import AXES
+from dgl_assets.importing.paths import KINDS, is_inside, read_json
+from dgl_assets.importing.scale import UNITS
 
 KEYPOINTS_FILE, META_FILE = "keypoints.json", "meta.json"
-_MAX_MODELS = 20_000
+_MAX_FILES = 200_000  # below a folder that are looked at
 _TEXTS = ("category", "subtype", "source", "source_id", "licence", "units", "up")
+_LISTED = 8  # names in a message
+_OTHERS = (".fbx", ".blend", ".dae", ".3ds", ".max", ".ma", ".mb", ".abc", ".zprj", ".rar", ".7z")
+"""Models that are not read: people have them beside or instead of one that is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +31,8 @@ class Source:
     mesh: Path
     name: str
     """Of the file or the folder."""
+    root: Path | None = None
+    """Folder that references of the mesh must not leave; that of the mesh when None."""
     keypoints: Path | None = None
     meta: Mapping[str, str] = field(default_factory=dict)
     """Texts of meta.json."""
@@ -42,75 +52,121 @@ def list_models(folder: Path) -> tuple[Path, ...]:
         UnreadableFileError: If there are none, or more than 20,000.
     """
     found: list[Path] = []
-    for path in sorted(folder.rglob("*")):
-        if _is_mesh(path) and path.is_file():
-            has_more = (path.parent / KEYPOINTS_FILE).is_file() or (
-                path.parent / META_FILE
-            ).is_file()
+    for path in _list_files(folder):
+        if _is_mesh(path, folder):
+            has_more = any((path.parent / name).is_file() for name in (KEYPOINTS_FILE, META_FILE))
             found.append(path.parent if has_more else path)
-        if len(found) > _MAX_MODELS:
-            raise UnreadableFileError(f"{folder} holds more than {_MAX_MODELS:,} models")
+        check_count(len(found), MAX_MODELS, "models", str(folder))
     if not found:
-        raise UnreadableFileError(f"{folder} holds no mesh ({', '.join(sorted(KINDS))})")
+        raise UnreadableFileError(_describe_nothing(folder))
     return tuple(dict.fromkeys(found))
 
 
-def find_source(path: Path) -> Source:
+def list_archives(folder: Path) -> tuple[Path, ...]:
+    """Find zip archives below a folder, sorted."""
+    return tuple(path for path in _list_files(folder) if path.suffix.lower() == ".zip")
+
+
+def has_mesh(folder: Path) -> bool:
+    """Say whether a folder or one below holds a mesh file."""
+    return any(_is_mesh(path, folder) for path in _list_files(folder))
+
+
+def find_source(path: Path, *, mesh: str | None = None) -> Source:
     """Find what belongs to one garment.
 
     Args:
-        path: A mesh file, or a folder with one mesh and perhaps keypoints.json and meta.json.
+        path: A mesh file, or a folder with one mesh in it or in any folder below, and perhaps keypoints.json and
+            meta.json beside it.
+        mesh: Which mesh of a folder: its name, or its path in the folder.
 
     Raises:
         UnreadableFileError: If there is no such path, no mesh or several, or meta.json is broken.
         UnsafePathError: If a file of a folder is a link out of it.
     """
-    if not path.exists():
-        raise UnreadableFileError(f"{path} does not exist")
-    if not path.is_dir():
-        return Source(mesh=path, name=path.stem, clothesnet=read_clothesnet_name(path))
-    folder = path
     try:
-        mesh = _find_mesh(folder)
-        for _ in range(4):  # archives often hold one folder
-            inner = [item for item in folder.iterdir() if item.is_dir() and not item.is_symlink()]
-            if mesh is not None or len(inner) != 1:
-                break
-            folder = inner[0]
-            mesh = _find_mesh(folder)
+        is_folder, is_there = path.is_dir(), path.exists()
     except OSError as err:
-        raise UnreadableFileError(f"{folder.name} cannot be read: {err.strerror or err}") from err
-    if mesh is None:
-        raise UnreadableFileError(f"{path.name} holds no mesh ({', '.join(sorted(KINDS))})")
-    files = {name: folder / name for name in (KEYPOINTS_FILE, META_FILE)}
-    for file in (mesh, *files.values()):
-        if file.is_symlink() and not file.resolve().is_relative_to(folder.resolve()):
-            raise UnsafePathError(f"{file.name} in {folder.name} is a link out of the folder")
+        raise UnreadableFileError(f"{path.name[:120]} cannot be read: {err.strerror}") from err
+    if not is_folder:
+        if not is_there:
+            raise UnreadableFileError(f"{path} does not exist")
+        if mesh is not None and mesh != path.name:
+            raise UnreadableFileError(
+                f"{path.name} is one mesh; `mesh` is for folders and archives, got {mesh[:60]!r}"
+            )
+        return Source(mesh=path, name=path.stem, clothesnet=read_clothesnet_name(path))
+    chosen = _find_mesh(path, mesh)
+    folder = chosen.parent
+    # Beside the mesh, else on top.
+    files = {
+        name: next((f / name for f in (folder, path) if (f / name).is_file()), folder / name)
+        for name in (KEYPOINTS_FILE, META_FILE)
+    }
+    for file in (chosen, *files.values()):
+        if file.is_symlink() and not is_inside(file, path):
+            raise UnsafePathError(
+                f"{file.name} in {folder.name} is a link out of the folder, or to nothing"
+            )
     return Source(
-        mesh=mesh,
-        name=folder.name,
+        mesh=chosen,
+        name=path.resolve().name,
+        root=path,
         keypoints=files[KEYPOINTS_FILE] if files[KEYPOINTS_FILE].is_file() else None,
         meta=_read_meta(files[META_FILE]) if files[META_FILE].is_file() else {},
-        clothesnet=read_clothesnet_name(mesh),
+        clothesnet=read_clothesnet_name(chosen),
     )
 
 
-def _is_mesh(path: Path) -> bool:
-    is_hidden = path.name.startswith(".") or "__MACOSX" in path.parts
-    return not is_hidden and KINDS.get(path.suffix.lower(), "zip") != "zip"
+def _list_files(folder: Path) -> Iterator[Path]:
+    """Files below a folder in the order of their names; links to folders are not followed."""
+
+    def refuse(err: OSError) -> None:
+        raise UnreadableFileError(f"{folder} cannot be read: {err.strerror or err}") from err
+
+    found: list[Path] = []
+    for here, folders, names in os.walk(folder, onerror=refuse):
+        folders.sort()
+        found += [Path(here) / name for name in names]
+        check_count(len(found), _MAX_FILES, "files", str(folder))
+    yield from sorted(found)
 
 
-def _find_mesh(folder: Path) -> Path | None:
-    meshes = sorted(path for path in folder.iterdir() if _is_mesh(path) and not path.is_dir())
-    if len(meshes) > 1:
-        named = [path for path in meshes if path.stem in ("mesh", folder.name)]
-        if len(named) != 1:
-            names = ", ".join(path.name for path in meshes[:5])
-            raise UnreadableFileError(
-                f"{folder.name} holds {len(meshes)} meshes ({names}{', ...' if len(meshes) > 5 else ''}); name one of them"
-            )
-        return named[0]
-    return meshes[0] if meshes else None
+def _is_mesh(path: Path, folder: Path) -> bool:
+    """Say whether a path below a folder is a mesh file by its name."""
+    inside = path.relative_to(folder).parts
+    is_hidden = any(part.startswith(".") for part in inside) or "__MACOSX" in inside
+    kind = KINDS.get(path.suffix.lower(), "zip")
+    return not is_hidden and kind != "zip" and (path.is_file() or path.is_symlink())
+
+
+def _find_mesh(folder: Path, wanted: str | None) -> Path:
+    """The mesh of a folder: the wanted one, else the only one, else the only one that is called as the folder."""
+    meshes = [path for path in _list_files(folder) if _is_mesh(path, folder)]
+    if not meshes:
+        raise UnreadableFileError(_describe_nothing(folder))
+    names = {path: path.relative_to(folder).as_posix() for path in meshes}
+    if wanted is not None:
+        found = [path for path in meshes if wanted in (names[path], path.name, path.stem)]
+    else:
+        top = [path for path in meshes if path.parent == folder]
+        found = meshes if len(meshes) == 1 else [p for p in top if p.stem in ("mesh", folder.name)]
+        found = top if len(top) == 1 else found
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(list(names.values())[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
+    problem = "" if wanted is None else f", {len(found) or 'none'} of them called {wanted[:60]!r}"
+    raise UnreadableFileError(
+        f"{folder.name} holds {len(meshes)} meshes{problem}; choose one with `mesh`: {listed}"
+    )
+
+
+def _describe_nothing(folder: Path) -> str:
+    text = f"{folder.name} holds no mesh ({', '.join(sorted(KINDS))})"
+    others = [path.name for path in _list_files(folder) if path.suffix.lower() in _OTHERS]
+    if others:
+        text += f"; {others[0][:80]} is not read, export it as GLB or OBJ"
+    return text
 
 
 def _read_meta(path: Path) -> dict[str, str]:
@@ -124,11 +180,14 @@ def _read_meta(path: Path) -> dict[str, str]:
         value = tree.get(key)
         if value is None:
             continue
-        if not isinstance(value, str) or len(value) > 500:
-            raise UnreadableFileError(f"{path.name}: {key} must be a text; got {str(value)[:60]}")
+        if not isinstance(value, str) or len(value) > MAX_TEXT:
+            raise UnreadableFileError(
+                f"{path.name}: {key} must be a text of at most {MAX_TEXT} characters; got {reprlib.repr(value)}"
+            )
         meta[key] = value
-    if meta.get("category", next(iter(CATEGORIES))) not in CATEGORIES:
-        raise UnreadableFileError(
-            f"{path.name}: category must be one of {sorted(CATEGORIES)}; got {meta['category'][:60]!r}"
-        )
+    for key, valid in (("category", CATEGORIES), ("units", UNITS), ("up", AXES)):
+        if key in meta and meta[key] not in valid:
+            raise UnreadableFileError(
+                f"{path.name}: {key} must be one of {list(valid)}; got {meta[key][:60]!r}"
+            )
     return meta

@@ -69,6 +69,8 @@ def check_target(target: Path, *, overwrite: bool, marker: str = "meta.json") ->
     if not (target.exists() or target.is_symlink()):
         return
     if not overwrite:
-        raise AssetImportError(f"{target} exists; choose another name, or ask to overwrite it")
+        raise AssetImportError(
+            f"{target} exists; choose another `name`, or replace it: `overwrite`"
+        )
     if target.is_symlink() or not (target / marker).is_file():
         raise AssetImportError(f"{target} exists and is no asset; it is not overwritten")

@@ -8,6 +8,8 @@ from scipy.spatial import KDTree
 from dgl_assets.importing.topology import compute_normals
 
 _CANDIDATES = 8  # samples whose triangles are compared
+_BLOCK = 50_000  # queries that are answered at once: of each, eight triangles are held
+_MOST_SAMPLES = 4_000_000  # garments take up to 500,000
 _NORMAL_WEIGHT = 2.0  # of a turned-over normal, in sample spacings: layers that touch stay apart
 
 
@@ -27,6 +29,10 @@ class Surface:
         self.vertices = np.asarray(vertices, dtype=np.float64)
         self.faces = np.asarray(faces, dtype=np.int64)
         self.normals, areas = compute_normals(self.vertices, self.faces)
+        corners = self.vertices[self.faces]
+        longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
+        # Needles without number would take samples without number.
+        spacing = max(spacing, float(np.sqrt((longest**2).sum() / (2 * _MOST_SAMPLES))))
         self._weight = _NORMAL_WEIGHT * spacing
         owner, weights = _sample(self.vertices[self.faces], spacing)
         points = (self.vertices[self.faces[owner]] * weights[:, :, None]).sum(axis=1)
@@ -58,10 +64,24 @@ class Surface:
             tree, owner = KDTree(self._tree.data[keep]), owner[keep]
         if normals is None:
             tree = KDTree(tree.data[:, :3])
-            query = points
-        else:
-            query = self._lift(points, normals)
         count = min(_CANDIDATES, len(owner))
+        found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
+        for start in range(0, len(points), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            found[block], weights[block] = self._locate(
+                tree, owner, points[block], None if normals is None else normals[block], count
+            )
+        return found, weights
+
+    def _locate(
+        self,
+        tree: KDTree,
+        owner: np.ndarray,
+        points: np.ndarray,
+        normals: np.ndarray | None,
+        count: int,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        query = points if normals is None else self._lift(points, normals)
         candidates = owner[tree.query(query, k=count)[1].reshape(-1, count)]  # (N, C)
         weights = _project(points[:, None], self.vertices[self.faces[candidates]])
         found = (self.vertices[self.faces[candidates]] * weights[..., None]).sum(axis=2)

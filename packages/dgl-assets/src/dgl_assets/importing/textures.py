@@ -6,14 +6,16 @@ import io
 import warnings
 from typing import TYPE_CHECKING
 
+from dgl_assets.importing.bounds import MAX_PIXELS
 from dgl_assets.importing.errors import UnreadableFileError
+from dgl_assets.importing.paths import TEXTURE_HINT
 from dgl_assets.importing.raw import Texture
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-MAX_PIXELS = 8192 * 8192
-"""Largest picture that is read."""
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
+"""Kinds of pictures that are read. Others are never opened: of PostScript, Pillow would start an interpreter."""
 _SUFFIXES = {"PNG": ".png", "JPEG": ".jpg"}
 
 
@@ -30,26 +32,48 @@ def load_texture(data: bytes, name: str) -> Texture:
     Raises:
         UnreadableFileError: If it is cut off, too large, or no picture.
     """
+    try:
+        with open_picture(data, name) as picture:
+            picture.load()
+            if picture.format in _SUFFIXES:
+                return Texture(data=data, suffix=_SUFFIXES[picture.format])
+            return encode_texture(picture)
+    except UnreadableFileError:
+        raise
+    except Exception as err:  # decoders of other people's files raise anything
+        raise _make_error(name, err) from err
+
+
+def open_picture(data: bytes, name: str) -> Image:
+    """Open a picture: what it is and how large, without decoding it.
+
+    Args:
+        data: The whole file.
+        name: Of the file, for messages.
+
+    Raises:
+        UnreadableFileError: If it is none of `FORMATS`, or too large.
+    """
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data)) as picture:
-                if picture.width * picture.height > MAX_PIXELS:
-                    raise UnreadableFileError(
-                        f"{name} has {picture.width} x {picture.height} pixels; at most {MAX_PIXELS:,} are read"
-                    )
-                picture.load()
-                if picture.format in _SUFFIXES:
-                    return Texture(data=data, suffix=_SUFFIXES[picture.format])
-                return encode_texture(picture)
-    except UnreadableFileError:
-        raise
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(io.BytesIO(data), formats=FORMATS)
     except Exception as err:  # decoders of other people's files raise anything
+        raise _make_error(name, err) from err
+    if picture.width * picture.height > MAX_PIXELS:
         raise UnreadableFileError(
-            f"the picture {name} cannot be read ({str(err)[:120]}); repair it, or import without textures"
-        ) from err
+            f"{name} has {picture.width} x {picture.height} pixels; at most {MAX_PIXELS:,} are read"
+        )
+    return picture
+
+
+def _make_error(name: str, err: Exception) -> UnreadableFileError:
+    kinds = ", ".join(FORMATS)
+    return UnreadableFileError(
+        f"the picture {name} cannot be read as one of {kinds} ({type(err).__name__}); repair it{TEXTURE_HINT}"
+    )
 
 
 def encode_texture(picture: Image) -> Texture:

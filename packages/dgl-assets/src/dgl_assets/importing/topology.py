@@ -73,7 +73,10 @@ def label_pieces(faces: np.ndarray) -> tuple[int, np.ndarray]:
         Number of pieces, and the piece of each face, shape (F,), int.
     """
     edges = compute_edge_table(faces)
-    return label_components(len(faces), edges.faces[edges.counts > 1])
+    owner = np.repeat(np.arange(len(faces)), 3)
+    return label_components(
+        len(faces), np.column_stack([edges.faces[edges.face_edges.ravel(), 0], owner])
+    )
 
 
 def find_loops(faces: np.ndarray) -> list[np.ndarray]:

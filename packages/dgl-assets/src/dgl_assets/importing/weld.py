@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
+from dgl_assets.importing.errors import BrokenMeshError
 from dgl_assets.importing.topology import compute_edge_table, label_components
 
 RELATIVE_TOLERANCE = 1e-4
 """Vertices closer than this share of the bounding box's diagonal are one, about 0.15 mm on a top."""
 _OF_AN_EDGE = 0.2  # but never more than this share of the median edge
 
+_OF_A_RIM = 0.5  # of the median open edge, that a given tolerance may be
 
-def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float]:
+
+def weld_vertices(
+    vertices: np.ndarray, faces: np.ndarray, *, tolerance: float | None = None
+) -> tuple[np.ndarray, float]:
     """Find which vertices are one place.
 
     Only vertices on open edges are joined: files that split vertices at texture seams, panels of one garment that
@@ -21,6 +26,10 @@ def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
     Args:
         vertices: Positions, shape (V, 3).
         faces: Triangles, shape (F, 3), int.
+        tolerance: Distance below which vertices are one, in the units of the vertices; found from the size when None.
+
+    Raises:
+        BrokenMeshError: If the tolerance would join neighbours along an edge.
 
     Returns:
         For each vertex the one that stands for it, shape (V,), and the tolerance, in the units of the vertices.
@@ -32,7 +41,15 @@ def weld_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
     used = vertices[np.unique(faces)]
     diagonal = float(np.linalg.norm(np.ptp(used, axis=0)))
     lengths = np.linalg.norm(vertices[edges.pairs[:, 0]] - vertices[edges.pairs[:, 1]], axis=1)
-    tolerance = min(RELATIVE_TOLERANCE * diagonal, _OF_AN_EDGE * float(np.median(lengths)))
+    if tolerance is None:
+        tolerance = min(RELATIVE_TOLERANCE * diagonal, _OF_AN_EDGE * float(np.median(lengths)))
+    elif (edges.counts == 1).any():
+        most = _OF_A_RIM * float(np.median(lengths[edges.counts == 1]))
+        if tolerance > most:
+            raise BrokenMeshError(
+                f"`weld` of {tolerance:.3g} units would join neighbours along the open edges; at most {most:.3g} units "
+                "are possible with edges of this length"
+            )
     rim = np.unique(edges.pairs[edges.counts == 1])
     stands_for = np.arange(len(vertices))
     if not len(rim) or tolerance <= 0:

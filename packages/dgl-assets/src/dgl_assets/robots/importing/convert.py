@@ -7,14 +7,23 @@ from math import pi
 
 import numpy as np
 
+from dgl_assets.importing.bounds import MAX_PIXELS, check_count
 from dgl_assets.robots.collision import CollisionShape
-from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.importing.collision import CollisionMethod, build_collision
-from dgl_assets.robots.importing.meshes import encode_visuals, load_geometry
+from dgl_assets.robots.importing.masses import settle_masses
+from dgl_assets.robots.importing.meshes import (
+    count_vertices_and_pixels,
+    encode_visuals,
+    load_geometry,
+)
 from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot
 from dgl_assets.robots.tree import KinematicTree, TreeJoint, TreeLink
 from dgl_assets.robots.visual import LinkMeshes
 
+MAX_SHAPES = 2000
+"""Most visual and collision elements of a part."""
+MAX_VERTICES = 4_000_000
+"""Most vertices of all meshes of a part, each as often as it is used."""
 DEFAULT_SPEED = {"revolute": 2.0, "prismatic": 0.2}
 """Speed of joints whose file says nothing [rad/s or m/s]."""
 
@@ -45,13 +54,25 @@ def convert(
         on_link: Called with the name of each link when its shapes are made.
 
     Raises:
-        AssetImportError: If a mesh cannot be used, or a link that moves has no mass.
+        AssetImportError: If a mesh cannot be used.
     """
-    _check_masses(robot)
-    notes: list[str] = []
+    robot, notes = settle_masses(robot)
+    check_count(
+        sum(len(link.visuals) + len(link.collisions) for link in robot.links),
+        MAX_SHAPES,
+        "visual and collision elements",
+        robot.name,
+    )
     joints = tuple(_convert_joint(joint, rename, notes) for joint in robot.joints)
     links, files, by_link = [], {}, {}
+    vertices = pixels = 0
     for link in robot.links:
+        for shape in (*link.visuals, *link.collisions):
+            if shape.path is not None:
+                more = count_vertices_and_pixels(shape.path)
+                vertices, pixels = vertices + more[0], pixels + more[1]
+        check_count(vertices, MAX_VERTICES, "vertices in all its meshes", robot.name)
+        check_count(pixels, 4 * MAX_PIXELS, "pixels in all its pictures", robot.name)
         if on_link is not None:
             on_link(link.name)
         tree_link, shown = _convert_link(link, method, rename, files)
@@ -132,18 +153,6 @@ def _convert_joint(joint: RawJoint, rename: Callable[[str], str], notes: list[st
         effort=joint.effort,
         speed=speed,
     )
-
-
-def _check_masses(robot: RawRobot) -> None:
-    """Every body that a joint moves must have a mass, alone or by what is fixed to it."""
-    masses = {link.name: link.mass for link in robot.links}
-    for joint in reversed(robot.joints):
-        if joint.kind == "fixed":
-            masses[joint.parent] += masses[joint.child]
-        elif masses[joint.child] <= 0.0:
-            raise RobotImportError(
-                f"link {joint.child} moves (joint {joint.name}) but has no mass; give it an <inertial>"
-            )
 
 
 def compute_moments(tree: KinematicTree, positions: Sequence[float]) -> np.ndarray:

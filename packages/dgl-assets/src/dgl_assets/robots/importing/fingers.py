@@ -1,5 +1,6 @@
 """Which way a hand's fingers point, where its palm and thumb are: found from the tree, or given."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -19,6 +20,10 @@ AXES: dict[str, np.ndarray] = {
 """Directions by what is typed for them."""
 CLEAR = 0.8
 """Cosine above which a direction counts as an axis of the hand's first link."""
+_THUMB = re.compile(
+    r"thumb|(^|[^a-z])th(base|proximal|hub|middle|distal|tip|j[0-9]|[^a-z]|$)", re.IGNORECASE
+)
+"""Names of a thumb's links and joints."""
 THUMB_GAP = 0.008
 """How much nearer to the wrist the thumb must begin than the other fingers [m]."""
 
@@ -219,6 +224,13 @@ def _choose_thumb(
                 f"no finger has the link {thumb[:60]!r}; the fingers end in {ends}"
             )
         return chosen[0]
+    named = [
+        finger
+        for finger in fingers
+        if any(_THUMB.search(name) for name in (*finger.joints, *list_links(tree, finger)))
+    ]
+    if len(named) == 1:
+        return named[0]
     ranked = sorted(fingers, key=lambda f: float(f.base @ along))
     gap = float((ranked[1].base - ranked[0].base) @ along)
     if gap < THUMB_GAP:

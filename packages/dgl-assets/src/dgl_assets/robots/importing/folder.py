@@ -5,6 +5,7 @@ edited; everything that is read from it is checked.
 """
 
 import json
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from functools import partial
@@ -80,7 +81,7 @@ def load_robot_folder(folder: Path) -> tuple[ArmPart | None, HandPart | None]:
             arm = _load_arm(folder, content["arm"])
         if "hand" in content:
             hand = _load_hand(folder, content["hand"])
-    except (KeyError, TypeError, AttributeError, ValueError) as err:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as err:
         what = f"{err} is missing" if isinstance(err, KeyError) else str(err)
         raise RobotImportError(f"{folder / META_FILE}: {what}") from err
     return arm, hand
@@ -211,6 +212,8 @@ def read_positions(tree: KinematicTree, values: Mapping[str, Any], what: str) ->
         ValueError: If a joint is missing, unknown, or outside of its limits.
     """
     names = tree.moving_joint_names
+    if not isinstance(values, Mapping):
+        raise ValueError(f"{what} must map joints to values; got {reprlib.repr(values)}")
     if set(values) != set(names):
         raise ValueError(
             f"{what} must name every joint; missing {sorted(set(names) - set(values))[:6]}, "
@@ -251,7 +254,7 @@ def _read_mount(content: Mapping[str, Any]) -> np.ndarray:
 
 def _finite(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise ValueError(f"{what} must be a finite number; got {str(value)[:40]!r}")
+        raise ValueError(f"{what} must be a finite number; got {reprlib.repr(value)}")
     return float(value)
 
 

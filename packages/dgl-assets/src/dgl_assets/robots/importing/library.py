@@ -81,7 +81,9 @@ def _load_parts(name: str, folder: Path | str | None) -> tuple[ArmPart | None, H
     if name not in known or folder is None:
         close = difflib.get_close_matches(name, known, n=1)
         hint = f", did you mean {close[0]!r}?" if close else ""
-        where = f" in {folder}" if folder is not None else " (imported ones need their folder, robots)"
+        where = (
+            f" in {folder}" if folder is not None else " (imported ones need their folder, robots)"
+        )
         raise AssetNotFoundError(
             f"there is no robot {name!r}{where}{hint}; robots: {', '.join(known)}"
         )

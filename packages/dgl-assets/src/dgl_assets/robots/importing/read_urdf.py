@@ -11,11 +11,18 @@ from dgl_assets.importing.errors import AssetImportError
 from dgl_assets.importing.paths import read_bytes, resolve_reference
 from dgl_assets.robots._frames import rotation_about, transform
 from dgl_assets.robots.errors import RobotImportError
+from dgl_assets.robots.importing.masses import NO_INERTIA
 from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot, RawShape, Rgba
 from dgl_assets.robots.importing.topology import order_tree
 from dgl_assets.robots.importing.xml_safe import parse_xml
 
 MAX_LINKS = 400
+MAX_MASS = 1e4
+"""Largest mass of a link [kg]."""
+MAX_NUMBER = 1e6
+"""Largest other number of a file: efforts, speeds, moments, components of axes."""
+_SCALES = (1e-6, 1e4)  # of a mesh along an axis
+_ROUNDING = 1e-6  # of the largest moment that the least may be negative
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,100}")
 _KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
@@ -94,18 +101,23 @@ class _Reader:
         mass_element, moments = element.find("mass"), element.find("inertia")
         if mass_element is None or moments is None:
             raise self._error("its inertial must have mass and inertia")
-        (mass,) = self._read_numbers(mass_element, "value", 1)
-        if mass <= 0.0:
-            raise self._error(f"its mass must be positive; got {mass:g} (a frame has no inertial)")
+        (mass,) = self._read_numbers(mass_element, "value", 1, most=MAX_MASS)
+        if mass < 0.0:
+            raise self._error(f"its mass must not be negative; got {mass:g}")
         xx, yy, zz, xy, xz, yz = (
             self._read_numbers(moments, key, 1)[0]
             for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        largest = float(np.abs(inertia).max())
+        if mass == 0.0:
+            return 0.0, np.eye(4), np.zeros((3, 3))
+        if largest < NO_INERTIA:
+            return mass, T, np.zeros((3, 3))
         moments_of_axes = np.linalg.eigvalsh(inertia)
-        if moments_of_axes[0] <= 0.0:
+        if moments_of_axes[0] < -_ROUNDING * largest:
             raise self._error(
-                f"its inertia must be positive definite; its least moment is {moments_of_axes[0]:.3g}"
+                f"its inertia must be positive; its least moment is {moments_of_axes[0]:.3g}"
             )
         if moments_of_axes[2] > 1.5 * (moments_of_axes[0] + moments_of_axes[1]):
             raise self._error(
@@ -122,8 +134,10 @@ class _Reader:
         rgba = self._read_material(element)
         if shape.tag == "mesh":
             scale = self._read_numbers(shape, "scale", 3, default=(1.0, 1.0, 1.0))
-            if min(map(abs, scale)) < 1e-9:
-                raise self._error(f"the scale of a mesh must not be zero; got {scale}")
+            if not all(_SCALES[0] <= abs(s) <= _SCALES[1] for s in scale):
+                raise self._error(
+                    f"the scale of a mesh must be {_SCALES[0]:g} to {_SCALES[1]:g} along each axis; got {scale}"
+                )
             file = self._find_mesh(shape.get("filename", ""))
             return RawShape(
                 kind="mesh",
@@ -170,6 +184,10 @@ class _Reader:
         folder, text = self._path.parent, reference
         if reference.startswith("package://"):
             name, _, text = reference.removeprefix("package://").partition("/")
+            if not _NAME.fullmatch(name) or set(name) == {"."}:
+                raise self._error(
+                    f"{reference[:120]!r} must name a package, package://NAME/PATH; got {name[:60]!r}"
+                )
             folder = self._packages.get(name) or self._find_package(name)
         elif reference.startswith("file://"):
             raise self._error(f"{reference[:120]!r} is absolute; make it relative to the file")
@@ -183,7 +201,7 @@ class _Reader:
             if folder.name == name:
                 return folder
         raise self._error(
-            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package NAME=FOLDER"
+            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package NAME FOLDER"
         )
 
     # Joints ----------------------------------------------------------------------------------
@@ -267,16 +285,20 @@ class _Reader:
         origin = element.find("origin")
         if origin is None:
             return np.eye(4)
-        xyz = self._read_numbers(origin, "xyz", 3, default=(0.0, 0.0, 0.0))
-        if max(map(abs, xyz)) > 100.0:
-            raise self._error(f"an origin must be within 100 m; got {xyz}")
-        roll, pitch, yaw = self._read_numbers(origin, "rpy", 3, default=(0.0, 0.0, 0.0))
+        xyz = self._read_numbers(origin, "xyz", 3, default=(0.0, 0.0, 0.0), most=100.0)
+        roll, pitch, yaw = self._read_numbers(origin, "rpy", 3, default=(0.0, 0.0, 0.0), most=100.0)
         x, y, z = np.eye(3)
         R = rotation_about(z, yaw) @ rotation_about(y, pitch) @ rotation_about(x, roll)
         return transform((xyz[0], xyz[1], xyz[2]), R)
 
     def _read_numbers(
-        self, element: ET.Element, key: str, count: int, *, default: tuple[float, ...] | None = None
+        self,
+        element: ET.Element,
+        key: str,
+        count: int,
+        *,
+        default: tuple[float, ...] | None = None,
+        most: float = MAX_NUMBER,
     ) -> tuple[float, ...]:
         text = element.get(key)
         if text is None:
@@ -290,5 +312,9 @@ class _Reader:
         if len(values) != count or not np.isfinite(values).all():
             raise self._error(
                 f"{key} of {element.tag} must be {count} finite number{'s' * (count > 1)}; got {text[:60]!r}"
+            )
+        if max(map(abs, values)) > most:
+            raise self._error(
+                f"{key} of {element.tag} must be within +-{most:g}; got {text[:60]!r}"
             )
         return values
