@@ -111,13 +111,20 @@ def bring_garment(source: Path | None, task: str) -> Path | None:
     """
     if source is None:
         return None
+    from dexgarmentlab.cli.assets_import import name_flags
+    from dgl_assets.importing import AssetImportError
     from dgl_collect.own_garment import prepare_garment
     from dgl_collect.runner import check_task
     from dgl_tasks.tasks import get_task, task_ids
 
     check_task(task, task_ids())
     console.quieten_warp()
-    own = prepare_garment(source, get_task(task))
+    try:
+        own = prepare_garment(source, get_task(task))
+    except AssetImportError as err:
+        raise ValueError(
+            f"{name_flags(str(err))}; these are options of dgl assets import, and --garment takes the folder that it makes"
+        ) from err
     for note in own.notes:
         console.info(f"{source.name}: {note}")
     return own.folder
