@@ -314,7 +314,7 @@ class FakeEnv:
 
     def __init__(self):
         self.task = get_task("FoldTops-v1")
-        self.garment, self.draws = SimpleNamespace(name="tops/1"), {"x": 0.1}
+        self.draws = {"x": 0.1, "garment": "tops/1"}
         self.is_closed = False
 
     def close(self):
@@ -369,7 +369,11 @@ def test_an_episode_is_described_with_film_picture_and_split(monkeypatch, fake_s
     result, asked = run_fake(monkeypatch, tmp_path, finish, friction=0.0)
     assert (result.success, result.value, result.reason) == (True, 0.9, None)
     assert result.measurements == {"max_strain_mean": 0.01, "steps": 321.0}
-    assert result.randomisation == {"x": 0.1, "split": "test"}  # the second episode's garment
+    assert result.randomisation == {
+        "x": 0.1,
+        "garment": "tops/1",
+        "split": "test",
+    }  # the second episode's garment
     assert asked["garment"] in garment_ids("Tops_LongSleeve", "test")
     assert result.beliefs == {"value": 0.2}  # which count for nothing
     assert result.first_try

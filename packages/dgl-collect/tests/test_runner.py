@@ -172,7 +172,8 @@ def test_a_folder_in_use_or_not_ours_is_refused(run, tmp_path):
 
 
 def test_two_runs_cannot_share_a_folder(run, finished_out):
-    identity = json.loads((finished_out / "run.json").read_text())
+    content = json.loads((finished_out / "run.json").read_text())
+    identity = {key: content[key] for key in ("task", "seed", "attempt_factory", "options")}
     folder = RunFolder(finished_out, identity=identity, resume=True, command="")
     with folder, pytest.raises(OutputFolderError, match="another run is writing"):
         run(options={"tell_garbage": True}, resume=True)

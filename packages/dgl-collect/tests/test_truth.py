@@ -38,7 +38,7 @@ class Env:
         self.world, self.garment_at = world, garment
         self.task = TASK
         self.garment = SimpleNamespace(name="Tops_LongSleeve/000001")
-        self.draws = {"x": 0.1}
+        self.draws = {"x": 0.1, "garment": "Tops_LongSleeve/000001"}
         self.cloth = SimpleNamespace(
             measure_strain=lambda: np.array([0.02, 0.04]),
             solver=SimpleNamespace(measure_penetration=lambda state: [0.001]),

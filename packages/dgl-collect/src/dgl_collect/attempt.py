@@ -185,7 +185,7 @@ def film_attempt(
         ended or error,
         index=index,
         seed=seed,
-        garment_id=str(env.draws["garment"]),
+        garment_id=str(env.draws["garment"]) if "garment" in env.draws else None,
         seconds=time.perf_counter() - started,
         files=files,
         randomisation=dict(env.draws),
