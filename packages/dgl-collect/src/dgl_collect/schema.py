@@ -66,9 +66,14 @@ def _describe(err: pydantic.ValidationError) -> str:
     """Say what the first error is, where, and what came."""
     first = err.errors(include_url=False)[0]
     where = ".".join(str(part) for part in first["loc"])
-    text = first["msg"].removeprefix("Value error, ")
-    came = repr(first["input"])
+    text = _shorten(first["msg"].removeprefix("Value error, "), 200)
+    came = _shorten(repr(first["input"]), 80)
     if first["type"] in ("missing", "value_error", "json_invalid"):
         return f"{where}: {text}" if where else text
-    told = f"{text}; got {came[:80]}{'…' if len(came) > 80 else ''}"
+    told = f"{text}; got {came}"
     return f"{where}: {told}" if where else told
+
+
+def _shorten(text: str, length: int) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= length else line[:length] + "…"
