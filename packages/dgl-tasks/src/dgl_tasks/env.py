@@ -1,7 +1,5 @@
 """The garment environment: a task's declaration as a ManiSkill environment."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -27,6 +25,7 @@ from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.drawing.painter import Painter
+from dgl_tasks.env_state import batch_state, split_state
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
 from dgl_tasks.fields import shorten
 from dgl_tasks.grasps import wrist_to_grasp
@@ -34,6 +33,7 @@ from dgl_tasks.inputs import check_choice, check_reset_options, read_action, rea
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
+from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
 from dgl_tasks.scene import (
@@ -149,7 +149,7 @@ class GarmentEnv(BaseEnv):
         # PhysX solves contacts in an order that depends on what there was in the scene before: in one that has had an
         # episode already, arms that touch would go on differently from the same seed and commands.
         kwargs.setdefault("reconfiguration_freq", 1)
-        with _explain_rendering():
+        with explain_rendering():
             super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
         self._is_built = True
 
@@ -209,7 +209,7 @@ class GarmentEnv(BaseEnv):
         """
         self._check_open("reset")
         check_reset_options(options)
-        with _explain_rendering():
+        with explain_rendering():
             return super().reset(seed=read_seed(seed), options=options)
 
     def close(self) -> None:
@@ -604,7 +604,7 @@ class GarmentEnv(BaseEnv):
             env_idx: ManiSkill's.
         """
         self._check_open("set_state_dict")
-        state = _batch_state(state)
+        state = batch_state(state)
         garment = state["garment"]
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
@@ -627,7 +627,7 @@ class GarmentEnv(BaseEnv):
 
     def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:
         """Restore a state from `get_state`'s flat vector, shape (1, D)."""
-        self.set_state_dict(_split_state(state, self.get_state_dict()))
+        self.set_state_dict(split_state(state, self.get_state_dict()))
 
     # Pictures ------------------------------------------------------------------------------
 
@@ -667,7 +667,7 @@ class GarmentEnv(BaseEnv):
 
     def render_human(self) -> Any:
         """Show the viewer, as ManiSkill does."""
-        with _explain_rendering():
+        with explain_rendering():
             self.draw_garment()
             return super().render_human()
 
@@ -689,58 +689,3 @@ def _find_agent_class(robot_uids: Any) -> type[BimanualUR10eShadow]:
             f'`robot="ARM+HAND"` names other arms and hands; got {shorten(robot_uids)}'
         )
     return found
-
-
-@contextmanager
-def _explain_rendering() -> Iterator[None]:
-    """Turn what SAPIEN says where it cannot draw into what is missing.
-
-    Raises:
-        RenderingUnavailableError: If the block raises such a `RuntimeError`.
-    """
-    try:
-        yield
-    except RuntimeError as err:
-        text = str(err)
-        if "window" in text.lower():
-            raise RenderingUnavailableError(
-                f'render_mode "human" needs a display for its window, and there is none ({text}); '
-                '"rgb_array" gives pictures without one'
-            ) from err
-        if "failed to find device" in text:
-            raise RenderingUnavailableError(
-                f'render_backend must be "cpu", "gpu", "none" or a device of this machine; {text}'
-            ) from err
-        if "vk::" in text or "render" in text.lower():
-            raise RenderingUnavailableError(
-                f"no usable Vulkan device ({text}); `dgl doctor` says what to install"
-            ) from err
-        raise
-
-
-def _batch_state(state: dict) -> dict:
-    """Give a state with tensors of shape (1, D), where it may have arrays or vectors."""
-    batched = {}
-    for name, value in state.items():
-        if isinstance(value, dict):
-            batched[name] = _batch_state(value)
-        else:
-            value = torch.as_tensor(value)
-            batched[name] = value[None] if value.ndim == 1 else value
-    return batched
-
-
-def _split_state(state: torch.Tensor, template: dict) -> dict:
-    """Cut a flat state, shape (1, D), into the pieces of a dictionary of states."""
-    pieces = {}
-    for key, value in template.items():
-        width = _count_values(value)
-        piece, state = state[..., :width], state[..., width:]
-        pieces[key] = _split_state(piece, value) if isinstance(value, dict) else piece
-    return pieces
-
-
-def _count_values(state: dict | torch.Tensor) -> int:
-    if isinstance(state, dict):
-        return sum(map(_count_values, state.values()))
-    return state.shape[-1]
