@@ -3,7 +3,6 @@
 import json
 import multiprocessing
 import re
-import signal
 from collections import Counter
 from dataclasses import replace
 
