@@ -15,7 +15,6 @@ import threading
 import time
 from pathlib import Path
 
-os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
 from random_kills import STAND_IN

@@ -167,7 +167,6 @@ def disturb(options: argparse.Namespace, out: Path) -> Counter:
     rng, killed = random.Random(options.seed), Counter()
     cluster = None
     if options.engine == "ray":
-        os.environ["RAY_ENABLE_UV_RUN_RUNTIME_ENV"] = "0"
         os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
         from ray.cluster_utils import Cluster
 

@@ -145,16 +145,18 @@ class RayEngine:
         Raises:
             WorkerError: If Ray is not installed, or there is no cluster at the address.
         """
-        # Else Ray copies the project to its workers where the command was started by `uv run`.
-        os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
             import ray
+            from ray._private import ray_constants
         except ImportError as err:
             raise WorkerError(
                 "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, "
                 "or pip install ray"
             ) from err
+        # Else Ray starts its workers by a `uv run` of their own where this process was started by one. The variable
+        # of the same name would come too late for a program that has imported Ray itself.
+        ray_constants.RAY_ENABLE_UV_RUN_RUNTIME_ENV = False
         self._shared_out = workers.shared_out
         self._is_ours = not ray.is_initialized()
         if self._is_ours:
