@@ -9,6 +9,7 @@ from dexgarmentlab import bench_collect
 from dexgarmentlab.bench_collect import Plan, measure_collection
 from dexgarmentlab.bench_collect.components import COMPONENTS, REST, STEP
 from dexgarmentlab.bench_collect.rows import (
+    make_memory_rows,
     make_start_rows,
     make_task_rows,
     make_worker_rows,
@@ -35,7 +36,9 @@ class Glove(Hand):
 HOLD, WEAR = f"{__name__}:Hand.hold", f"{__name__}:Glove.hold"
 
 
-def make_times(seconds, *, index=0, success=True, process=1, began=0.0, elapsed=None, start=None):
+def make_times(
+    seconds, *, index=0, success=True, process=1, began=0.0, elapsed=None, start=None, memory=100
+):
     """An attempt whose time is spent equally on all components."""
     names = (*COMPONENTS, REST)
     return AttemptTimes(
@@ -45,6 +48,7 @@ def make_times(seconds, *, index=0, success=True, process=1, began=0.0, elapsed=
         components={name: seconds / len(names) for name in names},
         began=began,
         ended=began + (seconds if elapsed is None else elapsed),
+        memory=memory,
         start=start,
         start_elapsed=None if start is None else 2 * start,
     )
@@ -108,6 +112,7 @@ def test_attempts_time_themselves(monkeypatch, tmp_path):
     assert [t.start is None for t in times] == [True, False, True]  # the first step of the process
     assert all(set(t.components) == {STEP, REST} for t in times)
     assert all(t.elapsed >= 0 for t in times)
+    assert all(1e7 < t.memory < 1e11 for t in times)
     timed.close()
     assert runner.closed
     lost = AttemptResult(index=4, seed=0, success=False, reason="worker crashed", detail="killed")
@@ -138,6 +143,19 @@ def test_the_quickest_start_counts():
     quickest, elapsed = make_start_rows(starts)
     assert (quickest.value, elapsed.value, quickest.ok) == (7.0, 14.0, True)
     assert make_start_rows(starts[2:])[0].is_skipped
+
+
+def test_memory_may_grow_in_the_first_attempts_alone():
+    filling = [make_times(1, index=k, memory=2**30 * min(k + 1, 20)) for k in range(30)]
+    at_end, growth = make_memory_rows("FoldTops-v1", filling)
+    assert (at_end.value, growth.value, growth.ok) == (20, 0, True)
+    leaking = [make_times(1, index=k, memory=100 + k) for k in range(30)]
+    growth = make_memory_rows("FoldTops-v1", leaking)[1]
+    assert growth.value == pytest.approx(100 * (129 / 119 - 1))
+    assert growth.ok is False
+    assert len(make_memory_rows("FoldTops-v1", leaking[:20])) == 1
+    leaking[25] = make_times(1, process=2)  # after a crash
+    assert len(make_memory_rows("FoldTops-v1", leaking)) == 1
 
 
 def test_two_workers_side_by_side():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dexgarmentlab.bench_collect.rows import (
     find_worker_obstacle,
+    make_memory_rows,
     make_start_rows,
     make_task_rows,
     make_worker_rows,
@@ -90,9 +91,10 @@ def measure_collection(plan: Plan, make: Make) -> list[Row]:
     first, *others = plan.tasks
     count = plan.count_attempts(first)
     alone = make(first, count, 1)
-    rows = make_task_rows(first, alone)
+    rows = make_task_rows(first, alone) + make_memory_rows(first, alone)
     for task in others:
-        rows += make_task_rows(task, make(task, plan.count_attempts(task), 1))
+        attempts = make(task, plan.count_attempts(task), 1)
+        rows += make_task_rows(task, attempts) + make_memory_rows(task, attempts)
     together = make(first, count, plan.workers) if plan.has_side_by_side else []
     rows += make_start_rows([*alone, *together])
     if plan.workers > 1:

@@ -11,6 +11,7 @@ from dgl_physics_bench.rows import Row
 
 __all__ = [
     "find_worker_obstacle",
+    "make_memory_rows",
     "make_start_rows",
     "make_task_rows",
     "make_worker_rows",
@@ -23,6 +24,10 @@ START_BAR = 8.0
 """Longest time of a worker to its first control step [s]."""
 EFFICIENCY_BAR = 0.95
 """Least throughput of each of several workers, relative to one that is alone."""
+MEMORY_BAR = 5.0
+"""Largest growth of a process's memory after its attempt number `WARM` [%]."""
+WARM = 20
+"""Attempts after which a process has made what it keeps."""
 
 
 def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
@@ -87,6 +92,29 @@ def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
         ),
         Row(name=f"{name}, elapsed", value=elapsed, unit="s", note="of the same worker"),
     ]
+
+
+def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
+    """Tell the memory of the process that made the attempts at a task one after the other, and how it has grown.
+
+    Args:
+        task: Environment id.
+        attempts: Of one worker, in their order.
+    """
+    name = f"{task}, memory of a process"
+    rows = [Row(name=f"{name} at the end", value=attempts[-1].memory / 2**30, unit="GiB")]
+    if len(attempts) > WARM and len({times.process for times in attempts}) == 1:
+        warm = attempts[WARM - 1].memory
+        rows.append(
+            Row(
+                name=f"{name}, growth after {WARM} attempts",
+                value=100 * (attempts[-1].memory / warm - 1),
+                unit="%",
+                bar=f"<= {MEMORY_BAR:g}",
+                note=f"{len(attempts)} attempts",
+            )
+        )
+    return rows
 
 
 def find_worker_obstacle(workers: int, attempts: int) -> str | None:

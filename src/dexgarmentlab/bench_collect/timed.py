@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dexgarmentlab.bench_collect.components import COMPONENTS, REST, STEP
 from dexgarmentlab.bench_collect.stopwatch import Stopwatch, watch_functions
+from dexgarmentlab.process_memory import measure_process_memory
 from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.attempts import AttemptRunner
 from dgl_collect.results import AttemptResult
@@ -17,7 +18,7 @@ __all__ = ["FACTORY", "AttemptTimes", "TimedAttempts", "make_timed_attempts"]
 FACTORY = f"{__name__}:make_timed_attempts"
 """What a collection's workers build."""
 _COMPONENT = "component: "
-_PROCESS, _BEGAN, _ENDED = "process", "began", "ended"
+_PROCESS, _BEGAN, _ENDED, _MEMORY = "process", "began", "ended", "memory"
 _START, _START_ELAPSED = "start", "start elapsed"
 
 
@@ -36,6 +37,8 @@ class AttemptTimes:
     """When it began [s since 1970]."""
     ended: float
     """When it ended [s since 1970]."""
+    memory: int
+    """Resident memory of its worker's process at its end [bytes]."""
     start: float | None = None
     """Processor time of its process until the first control step [s]; None in all attempts of a worker but the first."""
     start_elapsed: float | None = None
@@ -74,6 +77,7 @@ class AttemptTimes:
             },
             began=found[_BEGAN],
             ended=found[_ENDED],
+            memory=round(found[_MEMORY]),
             start=found.get(_START),
             start_elapsed=found.get(_START_ELAPSED),
         )
@@ -117,6 +121,7 @@ class TimedAttempts:
             )
         times = {_COMPONENT + name: watch.seconds[name] for name in (*COMPONENTS, REST)}
         times |= {_PROCESS: os.getpid(), _BEGAN: began, _ENDED: time.time()}
+        times[_MEMORY] = measure_process_memory()
         if STEP in watch.first and not self._has_started:
             # the processor time of a process counts from its start
             times[_START], at = watch.first[STEP]

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dexgarmentlab.process_memory import measure_process_memory
 from dgl_assets.robots import SIDES
 from dgl_physics import ContactOverflowError, PhysicsError
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.robot import BimanualUR10eShadow
 
-__all__ = ["Spell", "SpellRequest", "Spells", "measure_memory"]
+__all__ = ["Spell", "SpellRequest", "Spells"]
 
 HOLD = 6
 """Actions for which a goal of the joints holds: hands get somewhere."""
@@ -93,7 +94,7 @@ class Spells:
             overflows=overflows,
             error=error,
             process=os.getpid(),
-            memory=measure_memory(),
+            memory=measure_process_memory(),
         )
 
     def close(self) -> None:
@@ -155,9 +156,3 @@ def get_robot(env: GarmentEnv) -> BimanualUR10eShadow:
     """Give the robot of an environment."""
     assert isinstance(env.agent, BimanualUR10eShadow)
     return env.agent
-
-
-def measure_memory() -> int:
-    """Measure the resident memory of this process [bytes]."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -1,4 +1,4 @@
-"""`dgl bench collect`: the time of attempts, by component."""
+"""`dgl bench collect`: the time of attempts, by component, and the memory of who makes them."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,8 +16,9 @@ __all__ = ["CollectOptions", "measure_collect"]
 class CollectOptions:
     """Time attempts with film and recording: by component, in all, the start of a worker, and several workers.
 
-    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time where they can be, since
-    other work on the machine changes that least. A bar that is not met is a finding and no failure: the exit status is 0.
+    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time
+    where they can be, since other work on the machine changes that least. With more than 20 attempts the growth of a
+    process's memory after the 20th is told, too. A bar that is not met is a finding and no failure: the exit status is 0.
 
     Example: dgl bench collect --task FoldTops-v1 --attempts 6
     """
