@@ -5,6 +5,8 @@ import shutil
 
 import numpy as np
 import pytest
+from PIL import Image
+from scipy.spatial import cKDTree
 
 from dgl_assets import AssetError, load_garment
 from dgl_assets.importing import find_garment, load_asset
@@ -12,14 +14,31 @@ from dgl_collect.matching import ExactMatcher
 from dgl_collect.own_garment import prepare_garment
 from dgl_tasks import get_task
 from dgl_tasks.env import GarmentEnv
+from dgl_tasks.perception import take_picture
 
 TOP = "Tops_LongSleeve/004321"
 
 
-def write_obj(path, vertices, faces):
-    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+COLOURS = np.array([[[220, 30, 30], [30, 160, 30]], [[30, 30, 220], [230, 220, 30]]], np.uint8)
+"""A picture of four fields, by v and u upwards."""
+
+
+def write_shirt(path, garment):
+    """Write a garment in millimetres, with a picture of four fields laid on from above."""
+    low, high = garment.vertices.min(axis=0), garment.vertices.max(axis=0)
+    uvs = ((garment.vertices - low) / (high - low))[:, :2]
+    lines = [f"mtllib {path.stem}.mtl"]
+    lines += [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in (1000 * garment.vertices).tolist()]
+    lines += [f"vt {u:.5f} {v:.5f}" for u, v in uvs.tolist()] + ["usemtl cloth"]
+    lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (garment.faces + 1).tolist()]
     path.write_text("\n".join(lines) + "\n")
+    path.with_suffix(".mtl").write_text(f"newmtl cloth\nmap_Kd {path.stem}.png\n")
+    write_picture(path.with_suffix(".png"), COLOURS)
+
+
+def write_picture(path, fields):
+    pixels = fields[::-1].repeat(64, axis=0).repeat(64, axis=1)
+    Image.fromarray(pixels).save(path)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +46,7 @@ def shirt(tmp_path_factory):
     """A shirt of a file in millimetres, and the folder that its import goes to."""
     folder = tmp_path_factory.mktemp("shirt")
     top = load_garment(TOP)
-    write_obj(folder / "shirt.obj", 1000 * top.vertices, top.faces)
+    write_shirt(folder / "shirt.obj", top)
     return folder / "shirt.obj", folder / "kept"
 
 
@@ -53,6 +72,17 @@ def test_what_was_prepared_is_not_made_again(prepared, shirt):
     again = prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
     assert again.folder == prepared.folder
     assert {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")} == before
+
+
+def test_another_picture_makes_another_garment(shirt, tmp_path):
+    for suffix in (".obj", ".mtl", ".png"):
+        shutil.copy(shirt[0].with_suffix(suffix), tmp_path)
+    path, task = tmp_path / "shirt.obj", get_task("FoldTops-v1")
+    again = prepare_garment(path, task, folder=shirt[1])
+    write_picture(path.with_suffix(".png"), COLOURS[::-1])
+    other = prepare_garment(path, task, folder=shirt[1])
+    assert other.folder != again.folder
+    assert load_asset(other.folder).texture.read_bytes() == path.with_suffix(".png").read_bytes()
 
 
 def test_key_points_of_ones_own_are_kept(prepared, tmp_path):
@@ -84,10 +114,34 @@ def test_the_exact_matcher_knows_the_catalogue_alone(prepared):
         ExactMatcher(load_garment(TOP), garment, garment.vertices)
 
 
-def test_an_environment_takes_an_id_a_folder_or_a_garment(prepared):
-    env = GarmentEnv(
+@pytest.fixture(scope="module")
+def env():
+    made = GarmentEnv(
         task="FoldTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="cpu"
     )
+    yield made
+    made.close()
+
+
+@pytest.mark.render
+def test_pictures_show_what_is_printed_on_it(env, prepared):
+    env.reset(seed=3, options={"garment": str(prepared.folder)})
+    picture = take_picture(env, "garment_camera")
+    is_garment = picture.segments == env.garment_segment
+    points, colours = picture.points[is_garment], picture.rgb[is_garment].astype(float)
+    vertex = cKDTree(env.get_particles()).query(points)[1]
+    flat = env.garment.vertices[:, :2]
+    place = ((flat - flat.min(axis=0)) / np.ptp(flat, axis=0))[vertex]
+    within = (np.abs(place - 0.5) > 0.03).all(axis=1)  # not where two fields meet
+    u, v = (place[within] > 0.5).T.astype(int)
+    expected = COLOURS[v, u].astype(float)
+    away = np.linalg.norm(colours[within, None] - COLOURS.reshape(4, 3).astype(float), axis=2)
+    nearest = COLOURS.reshape(4, 3)[away.argmin(axis=1)]
+    assert len({tuple(c) for c in expected.tolist()}) == 4
+    assert (nearest == expected).all(axis=1).mean() > 0.97
+
+
+def test_an_environment_takes_an_id_a_folder_or_a_garment(env, prepared):
     env.reset(seed=3, options={"garment": str(prepared.folder)})
     assert env.draws["garment"] == str(prepared.folder)
     assert 0 <= float(env.evaluate()["success_value"]) < 0.85
@@ -105,4 +159,3 @@ def test_an_environment_takes_an_id_a_folder_or_a_garment(prepared):
     ):
         with pytest.raises((ValueError, AssetError), match=message):
             env.reset(seed=3, options=options)
-    env.close()

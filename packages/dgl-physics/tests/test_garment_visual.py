@@ -43,6 +43,26 @@ def test_texture_lies_as_its_coordinates_say(photograph):
     assert right[0] > 2 * right[2]
 
 
+def test_a_seam_has_other_coordinates_on_each_side(photograph):
+    scene, take = photograph
+    lower, upper = [0.25, 0.25], [0.75, 0.75]
+    corners = np.array([[lower] * 3, [upper] * 3])  # the triangles share an edge, and no colour
+    texture = np.repeat(np.repeat(RED_AND_BLUE[:, :1], 2, axis=1), 32, axis=0)
+    visual = GarmentVisual(scene, UP, uvs=corners, texture=texture)
+    visual.update(SQUARE)
+    assert len(visual.uvs) == 6
+    surface, normals = visual.compute_surface(SQUARE)
+    assert surface.shape == normals.shape == (6, 3)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 6)
+    colour = take()[0].astype(float)
+    bluer = colour[..., 2] > colour[..., 0]
+    assert 0.3 < bluer.mean() < 0.7
+    whole = GarmentVisual(scene, UP, uvs=CORNERS[UP], texture=texture)
+    assert len(whole.uvs) == 4  # nothing is cut where both sides agree
+    with pytest.raises(ValueError, match=r"uvs of corners must have shape \(2, 3, 2\)"):
+        GarmentVisual(scene, UP, uvs=corners[:1], texture=texture)
+
+
 def test_of_two_layers_in_one_place_the_outside_is_seen(photograph):
     scene, take = photograph
     layers = np.concatenate([SQUARE, SQUARE])

@@ -14,6 +14,8 @@ from dgl_assets import AssetError, load_garment
 from dgl_assets.garments.garment import Garment
 from dgl_assets.importing import ImportedGarment, import_garment, load_asset
 from dgl_assets.importing.asset_folder import META_FILE
+from dgl_assets.importing.paths import detect_kind, read_bytes
+from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.source import KEYPOINTS_FILE
 from dgl_collect.demonstration import load_demonstration
 from dgl_gam import GarmentAffordanceModel
@@ -76,11 +78,7 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
 
 def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Import a file, or give what was made of it before."""
-    digest = hashlib.sha256(task.category.encode())
-    for path in sorted(source.rglob("*")) if source.is_dir() else [source]:
-        if path.is_file():
-            digest.update(path.read_bytes())
-    root = folder / digest.hexdigest()[:16]
+    root = folder / _digest(source, task.category)
     made = sorted(root.glob(f"{task.category}/*/{META_FILE}"))
     if made:
         return made[0].parent, (f"imported before, into {made[0].parent}",)
@@ -92,14 +90,33 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
     return report.folder, (*report.assumptions, f"imported into {report.folder}")
 
 
+def _digest(source: Path, category: str) -> str:
+    """Name what a garment is made of: all files of a folder, or a file and what it refers to."""
+    digest = hashlib.sha256(category.encode())
+    if source.is_dir():
+        for path in sorted(path for path in source.rglob("*") if path.is_file()):
+            digest.update(path.read_bytes())
+        return digest.hexdigest()[:16]
+    content = read_bytes(source)
+    digest.update(content)
+    if detect_kind(source, content) != "zip":
+        raw = read_mesh(source)
+        arrays = [raw.vertices, raw.faces, *([] if raw.uvs is None else [raw.uvs])]
+        for part in [array.tobytes() for array in arrays] + [
+            raw.texture.data if raw.texture else b""
+        ]:
+            digest.update(part)
+    return digest.hexdigest()[:16]
+
+
 def _complete(
     source: Path, garment: ImportedGarment, task: Task, missing: list[str], folder: Path
 ) -> Path:
     """Give a copy of an imported garment that has the places that it lacks."""
     found = find_places(garment, load_garment(load_demonstration(task.id).garment), missing)
     landmarks = {**garment.landmarks, **found}
-    key = [garment.vertices.tobytes(), json.dumps(landmarks, sort_keys=True).encode()]
-    digest = hashlib.sha256(b"".join(key)).hexdigest()[:16]
+    key = _digest(source, garment.category) + json.dumps(landmarks, sort_keys=True)
+    digest = hashlib.sha256(key.encode()).hexdigest()[:16]
     target = folder / digest / garment.category / source.name
     if target.is_dir():
         return target

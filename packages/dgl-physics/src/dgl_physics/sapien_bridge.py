@@ -321,10 +321,12 @@ class GarmentVisual:
 
         Args:
             scene: Where the garment is drawn.
-            faces: Triangles, shape (F, 3), seen from outside counter-clockwise.
+            faces: Triangles of particles, shape (F, 3), seen from outside counter-clockwise.
             colour: Base colour, linear, each in [0, 1]; used where there is no texture.
             roughness: 0 for a mirror, 1 for chalk.
-            uvs: Texture coordinates in tiles, shape (V, 2); needed with a texture, alone unused.
+            uvs: Texture coordinates in tiles of each particle, shape (V, 2), or of each corner, shape
+                (F, 3, 2), where they differ on the two sides of a seam; needed with a texture, alone
+                unused.
             texture: One tile of the outside, shape (H, W, 3), uint8, sRGB.
             thickness: Thickness of the cloth [m]; what is drawn lies half of it outwards, so that
                 of two layers that are pressed together the outer one is seen.
@@ -332,16 +334,22 @@ class GarmentVisual:
         """
         if texture is not None:
             if uvs is None:
-                raise ValueError("a texture must come with uvs of shape (V, 2); got None")
+                raise ValueError(
+                    "a texture must come with uvs of shape (V, 2) or (F, 3, 2); got None"
+                )
             if texture.ndim != 3 or texture.shape[2] != 3 or texture.dtype != np.uint8:
                 raise ValueError(
                     "texture must have shape (H, W, 3) and dtype uint8; "
                     f"got {texture.shape} {texture.dtype}"
                 )
-        self.faces = np.asarray(faces, dtype=np.uint32)
-        """Its triangles, shape (F, 3), uint32."""
+        self._particle_faces = self.faces = np.asarray(faces, dtype=np.uint32)
+        """Triangles of what is drawn, shape (F, 3), uint32."""
+        self.uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
+        """Texture coordinates of what is drawn, shape (W, 2), float32; W is V unless a seam is cut open."""
+        self._particles: np.ndarray | None = None
+        if self.uvs is not None and self.uvs.ndim == 3:
+            self.faces, self.uvs, self._particles = _cut_seams(self.faces, self.uvs)
         self._windings = (self.faces, np.ascontiguousarray(self.faces[:, ::-1]))
-        self._uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
         self._materials = tuple(
             _make_cloth_material(colour, texture, roughness=roughness, shade=shade)
             for shade in (1.0, self.INSIDE_SHADE)
@@ -359,18 +367,23 @@ class GarmentVisual:
             positions: Of the particles [m], shape (V, 3), world frame.
 
         Returns:
-            Vertices [m] and their normals, each of shape (V, 3).
+            Vertices [m] and their normals, each of shape (W, 3).
         """
         positions = np.asarray(positions, dtype=np.float32)
-        normals = compute_vertex_normals(positions, self.faces)
-        return positions + np.float32(self._thickness / 2) * normals, normals
+        normals = compute_vertex_normals(positions, self._particle_faces)
+        surface = positions + np.float32(self._thickness / 2) * normals
+        if self._particles is None:
+            return surface, normals
+        return surface[self._particles], normals[self._particles]
 
     def update(self, positions: np.ndarray) -> None:
         """Draw the surface at these particle positions [m], shape (V, 3), world frame."""
-        uvs = np.zeros((len(positions), 2), np.float32) if self._uvs is None else self._uvs
-        if len(uvs) != len(positions):
-            raise ValueError(f"positions must have shape ({len(uvs)}, 3); got {positions.shape}")
+        if self._particles is None and self.uvs is not None and len(self.uvs) != len(positions):
+            raise ValueError(
+                f"positions must have shape ({len(self.uvs)}, 3); got {positions.shape}"
+            )
         surface, normals = self.compute_surface(positions)
+        uvs = np.zeros((len(surface), 2), np.float32) if self.uvs is None else self.uvs
         component = render.RenderBodyComponent()
         for sign, triangles, material in zip((1, -1), self._windings, self._materials, strict=True):
             shape = render.RenderShapeTriangleMesh(
@@ -385,6 +398,34 @@ class GarmentVisual:
             self.entity.remove_component(self._component)
         self.entity.add_component(component)
         self._component = component
+
+
+def _cut_seams(
+    faces: np.ndarray, corner_uvs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give every place in the texture a vertex of its own.
+
+    Args:
+        faces: Triangles of particles, shape (F, 3).
+        corner_uvs: Texture coordinates of their corners, shape (F, 3, 2).
+
+    Returns:
+        Triangles, shape (F, 3), uint32; texture coordinates of their vertices, shape (W, 2), float32; and the particle of
+        each vertex, shape (W,).
+    """
+    if corner_uvs.shape != (*faces.shape, 2):
+        raise ValueError(
+            f"uvs of corners must have shape {(*faces.shape, 2)}; got {corner_uvs.shape}"
+        )
+    corners = np.concatenate(
+        [faces.reshape(-1, 1).astype(np.float64), corner_uvs.reshape(-1, 2)], axis=1
+    )
+    found, inverse = np.unique(corners, axis=0, return_inverse=True)
+    return (
+        inverse.reshape(faces.shape).astype(np.uint32),
+        np.ascontiguousarray(found[:, 1:], dtype=np.float32),
+        found[:, 0].astype(np.int64),
+    )
 
 
 def _make_cloth_material(
@@ -406,7 +447,7 @@ def _make_cloth_material(
         material.base_color_texture = render.RenderTexture2D(
             np.ascontiguousarray(np.concatenate([image, opaque], axis=2)),
             "R8G8B8A8Unorm",
-            mipmap_levels=int(np.log2(min(image.shape[:2]))),
+            mipmap_levels=max(1, int(np.log2(min(image.shape[:2])))),
             srgb=True,
         )
     return material

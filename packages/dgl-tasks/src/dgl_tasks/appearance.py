@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sapien
 
+from dgl_assets.importing import AnyGarment, ImportedGarment
+from dgl_assets.importing.textures import read_picture
 from dgl_assets.materials import FabricMaterial
 from dgl_physics.drawing.mesh import Image, Mesh, Surface
 from dgl_physics.sapien_bridge import GarmentVisual
@@ -27,7 +29,6 @@ class _Garment:
     """A garment that can be shown, made when the first picture of it is taken."""
 
     surface: Surface
-    uvs: np.ndarray
     caster: ShadowCaster
     visual: GarmentVisual
 
@@ -82,17 +83,15 @@ class Appearance:
 
     def dress(
         self,
-        faces: np.ndarray,
+        garment: AnyGarment,
         *,
-        flat: np.ndarray,
         fabric: FabricMaterial,
         bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
     ) -> None:
         """Show another garment from now on.
 
         Args:
-            faces: Its triangles, shape (F, 3).
-            flat: Its vertices as it lies flat [m], shape (V, 2), where the fabric's pattern is laid on.
+            garment: One that has a picture of its own wears that instead of the fabric's pattern.
             fabric: What it is made of.
             bodies: Rigid bodies that throw shadows.
         """
@@ -101,7 +100,7 @@ class Appearance:
         if self._shadow is not None:
             self._scene.remove_entity(self._shadow.entity)
         self._garment = self._shadow = self._painter = None
-        self._make_garment = lambda: self._build_garment(faces, flat, fabric, bodies)
+        self._make_garment = lambda: self._build_garment(garment, fabric, bodies)
         self.mark_moved()
 
     def mark_moved(self) -> None:
@@ -140,7 +139,8 @@ class Appearance:
         drawn = {self._ground.per_scene_id, garment.visual.entity.per_scene_id}
         if self._shadow is not None:
             drawn.add(self._shadow.entity.per_scene_id)
-        nothing = np.zeros((len(garment.uvs), 3))
+        assert garment.visual.uvs is not None
+        nothing = np.zeros((len(garment.visual.uvs), 3))
         return Painter(
             [entity for entity in self._scene.entities if entity.per_scene_id not in drawn],
             self._ground,
@@ -148,7 +148,7 @@ class Appearance:
                 vertices=nothing,
                 normals=nothing,
                 faces=garment.visual.faces,
-                uvs=garment.uvs,
+                uvs=garment.visual.uvs,
                 surface=garment.surface,
                 segment=garment.visual.entity.per_scene_id,
             ),
@@ -177,13 +177,17 @@ class Appearance:
 
     def _build_garment(
         self,
-        faces: np.ndarray,
-        flat: np.ndarray,
+        garment: AnyGarment,
         fabric: FabricMaterial,
         bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
     ) -> _Garment:
-        floor, maps = self._get_floor(), fabric.render()
-        uvs, texture, roughness = maps.compute_uvs(flat), maps.base_colour, maps.mean_roughness
+        floor, maps, faces = self._get_floor(), fabric.render(), garment.faces
+        roughness = maps.mean_roughness
+        if isinstance(garment, ImportedGarment) and garment.texture and garment.uvs is not None:
+            # its coordinates go upwards, rows of a picture downwards
+            uvs, texture = garment.uvs, np.ascontiguousarray(read_picture(garment.texture)[::-1])
+        else:
+            uvs, texture = maps.compute_uvs(_lay_out(garment)), maps.base_colour
         return _Garment(
             surface=Surface(
                 roughness=roughness,
@@ -191,7 +195,15 @@ class Appearance:
                 image=Image(pixels=texture),
                 inside_shade=GarmentVisual.INSIDE_SHADE,
             ),
-            uvs=uvs,
             caster=floor.build_caster(bodies, faces),
             visual=GarmentVisual(self._scene, faces, roughness=roughness, uvs=uvs, texture=texture),
         )
+
+
+def _lay_out(garment: AnyGarment) -> np.ndarray:
+    """Give a garment's vertices as it lies flat [m], shape (V, 2), where a fabric's pattern is laid on.
+
+    Of shells, as seen from above; what lies flat by a simulation has a rest shape that does not.
+    """
+    is_imported = isinstance(garment, ImportedGarment)
+    return (garment.vertices if is_imported else garment.rest_vertices)[:, :2]

@@ -367,15 +367,7 @@ class GarmentEnv(BaseEnv):
         )
         body.add_to(self.cloth, vertices)
         self.cloth.build()
-        self._appearance.dress(
-            garment.faces,
-            # Of shells, as seen from above; what lies flat by a simulation has a rest shape that does not.
-            flat=(
-                garment.vertices if isinstance(garment, ImportedGarment) else garment.rest_vertices
-            )[:, :2],
-            fabric=self.fabric,
-            bodies=self.cloth.bodies[0],
-        )
+        self._appearance.dress(garment, fabric=self.fabric, bodies=self.cloth.bodies[0])
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
         if isinstance(component, sapien.physx.PhysxArticulationLinkComponent):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from dgl_assets.importing.bounds import MAX_PIXELS
 from dgl_assets.importing.errors import UnreadableFileError
@@ -74,6 +77,35 @@ def _make_error(name: str, err: Exception) -> UnreadableFileError:
     return UnreadableFileError(
         f"the picture {name} cannot be read as one of {kinds} ({type(err).__name__}); repair it{TEXTURE_HINT}"
     )
+
+
+def read_picture(path: Path, *, side: int = 2048) -> np.ndarray:
+    """Decode the picture of an imported garment.
+
+    Args:
+        path: PNG or JPEG.
+        side: A longer side of it is scaled down to this [pixels].
+
+    Returns:
+        Shape (H, W, 3), uint8, sRGB, first row above; white where the picture is transparent.
+
+    Raises:
+        UnreadableFileError: If it cannot be read.
+    """
+    from PIL import Image
+
+    try:
+        with open_picture(path.read_bytes(), str(path)) as picture:
+            if picture.mode.startswith("I"):  # 16 bits of grey, which Pillow would cut off at 255
+                picture = Image.fromarray((np.asarray(picture) >> 8).astype(np.uint8))
+            picture = picture.convert("RGBA")
+            picture.thumbnail((side, side))
+            white = Image.new("RGBA", picture.size, "white")
+            return np.asarray(Image.alpha_composite(white, picture).convert("RGB"))
+    except UnreadableFileError:
+        raise
+    except Exception as err:  # decoders of other people's files raise anything
+        raise _make_error(str(path), err) from err
 
 
 def encode_texture(picture: Image) -> Texture:
