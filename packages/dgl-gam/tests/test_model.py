@@ -284,14 +284,18 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
     write(version="9")
     refuse("version must be '2'; got '9'")
     write(network="{}")
-    refuse("metadata are damaged: NetworkConfig must have levels")
+    refuse("metadata are damaged: levels: field required")
     config = json.loads(metadata["network"])
     for key, value, message in (
-        ("features", "many", "features must be a whole number; got 'many'"),
-        ("features", -3, r"features must lie in 1 \.\.\. 8192; got -3"),
-        ("attention_heads", 0, r"attention_heads must lie in 1 \.\.\. 1024; got 0"),
-        ("attention_blocks", 10**9, r"attention_blocks must lie in 0 \.\.\. 64; got 1000000000"),
-        ("head_width", 10**9, r"head_width must lie in 1 \.\.\. 8192"),
+        ("features", "many", "features should be a valid integer; got 'many'"),
+        ("features", -3, r"features should be greater than or equal to 1; got -3"),
+        ("attention_heads", 0, r"attention_heads should be greater than or equal to 1; got 0"),
+        (
+            "attention_blocks",
+            10**9,
+            r"attention_blocks should be less than or equal to 64; got 1000000000",
+        ),
+        ("head_width", 10**9, r"head_width should be less than or equal to 8192"),
     ):
         write(network=json.dumps({**config, key: value}))
         refuse(f"metadata are damaged: {message}")
@@ -299,21 +303,24 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
     refuse("do not fit its configuration")
     for card, message in (
         ("[1]", "a card must be an object"),
-        ("[" * 100_000, "JSON must be at most 32 deep"),
-        ('{"steps_done": 1e999}', "steps_done must be finite; got 1e999"),
-        ('{"steps_done": "many"}', r"card\.steps_done must be a whole number; got 'many'"),
-        ('{"train": []}', r"card\.train must be an object"),
-        ('{"earlier": [{"parts": []}]}', r"card\.parts must be a text"),
-        ('{"versions": {"torch": 2}}', r"card\.versions\.torch must be a text"),
+        ("[" * 100_000, "recursion limit exceeded"),
+        ('{"steps_done": 1e999}', "a number must be finite"),
+        ('{"steps_done": "many"}', r"card\.steps_done should be a valid integer; got 'many'"),
+        ('{"train": []}', r"card\.train should be a valid dictionary"),
+        ('{"earlier": [{"parts": []}]}', r"card\.parts should be a valid string"),
+        ('{"versions": {"torch": 2}}', r"card\.versions\.torch should be a valid string"),
     ):
         write(card=card)
         refuse(f"metadata are damaged: {message}")
     for calibration, message in (
         ("{}", "a calibration must have weights"),
         ('{"weights": [1, 2], "bias": 0, "samples": 0}', "weights must be 4 numbers"),
-        ('{"weights": [1, 2, 3, "4"], "bias": 0, "samples": 0}', "must be a finite number"),
-        ('{"weights": [1, 2, 3, 4], "bias": NaN, "samples": 0}', "bias must be finite; got NaN"),
-        ('{"weights": [1, 2, 3, 4], "bias": 0, "samples": 1.5}', "samples must be a whole number"),
+        ('{"weights": [1, 2, 3, "4"], "bias": 0, "samples": 0}', "should be a valid number"),
+        ('{"weights": [1, 2, 3, 4], "bias": NaN, "samples": 0}', "a number must be finite"),
+        (
+            '{"weights": [1, 2, 3, 4], "bias": 0, "samples": 1.5}',
+            "samples should be a valid integer",
+        ),
     ):
         write(calibration=calibration)
         refuse(message)

@@ -136,9 +136,9 @@ def test_configurations_survive_json():
     ("text", "message"),
     [
         ("[]", r"NetworkConfig must be an object; got \[\]"),
-        ("{}", "NetworkConfig must have levels"),
-        ('{"levels": 3}', "NetworkConfig must have up"),
-        ("[" * 100_000, "JSON must be at most 32 deep"),
+        ("{}", "levels: field required"),
+        ('{"levels": 3}', "levels should be a valid array; got 3"),
+        ("[" * 100_000, "recursion limit exceeded"),
     ],
 )
 def test_damaged_configurations_are_refused(text, message):
@@ -149,22 +149,28 @@ def test_damaged_configurations_are_refused(text, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"attention_blocks": 10**9}, r"attention_blocks must lie in 0 \.\.\. 64; got 1000000000"),
-        ({"attention_heads": 0}, r"attention_heads must lie in 1 \.\.\. 1024; got 0"),
-        ({"features": -3}, r"features must lie in 1 \.\.\. 8192; got -3"),
-        ({"features": 8.0}, r"features must be a whole number; got 8\.0"),
-        ({"features": True}, "features must be a whole number; got True"),
-        ({"head_width": 10**9}, r"head_width must lie in 1 \.\.\. 8192"),
+        (
+            {"attention_blocks": 10**9},
+            r"attention_blocks should be less than or equal to 64; got 1000000000",
+        ),
+        ({"attention_heads": 0}, r"attention_heads should be greater than or equal to 1; got 0"),
+        ({"features": -3}, r"features should be greater than or equal to 1; got -3"),
+        ({"features": 8.0}, r"features should be a valid integer; got 8\.0"),
+        ({"features": True}, "features should be a valid integer; got True"),
+        ({"head_width": 10**9}, r"head_width should be less than or equal to 8192"),
         ({"categories": ["../../x"]}, r"a category must be letters.*got '\.\./\.\./x'"),
         ({"categories": ["A", "A"]}, "categories must differ"),
-        ({"categories": "AB"}, "categories must be a list of values; got 'AB'"),
+        ({"categories": "AB"}, "categories should be a valid array; got 'AB'"),
         ({"yaw": {"width": 6}}, "yaw: width must be a multiple of 4; got 6"),
-        ({"yaw": {"bins": 10**9}}, r"yaw: bins must lie in 8 \.\.\. 4096"),
-        ({"yaw": {"radius": float("nan")}}, r"yaw\.radius must be finite; got NaN"),
-        ({"yaw": {"radius": 10**400}}, r"yaw\.radius must have at most 18 digits; got 401"),
-        ({"yaw": None}, "yaw must be a YawConfig; got None"),
-        ({"levels": [], "up": []}, r"levels must have 1 \.\.\. 8 entries; got 0"),
-        ({"colour": 1}, "NetworkConfig has no field 'colour'"),
+        ({"yaw": {"bins": 10**9}}, r"yaw\.bins should be less than or equal to 4096"),
+        ({"yaw": {"radius": float("nan")}}, "a number must be finite"),
+        (
+            {"yaw": {"radius": 10**400}},
+            r"yaw\.radius should be a finite number; got a whole number of 1329 bits",
+        ),
+        ({"yaw": None}, "yaw should be an object; got None"),
+        ({"levels": [], "up": []}, r"levels: tuple should have at least 1 item"),
+        ({"colour": 1}, "colour: unexpected keyword argument"),
     ],
 )
 def test_fields_beyond_their_bounds_are_refused(change, message):
@@ -176,9 +182,9 @@ def test_fields_beyond_their_bounds_are_refused(change, message):
 def test_levels_beyond_their_bounds_are_refused():
     level = {"centres": 8, "radius": 0.1, "neighbours": 4, "widths": [8]}
     for change, message in (
-        ({"centres": -1}, r"centres must lie in 0 \.\.\. 16384; got -1"),
+        ({"centres": -1}, r"centres should be greater than or equal to 0; got -1"),
         ({"radius": 0.0}, "radius and neighbours must be positive"),
-        ({"widths": []}, r"widths must have 1 \.\.\. 16 entries; got 0"),
+        ({"widths": []}, r"widths: tuple should have at least 1 item"),
         ({"centres": 16384, "neighbours": 4096, "widths": [8192]}, "at most 67108864; got"),
         ({"centres": 0}, "centres of the first level must be at least 1; got 0"),
     ):

@@ -275,11 +275,15 @@ def test_a_damaged_state_is_refused_in_one_line(folder, tmp_path):
     path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
     refuse("is damaged: its checksum does not fit")
     for name, text, message in (
-        ("step", "1e999", "metadata are damaged: the number must be finite; got 1e999"),
-        ("step", "-1", "step must lie in 0"),
-        ("step", "9" * 400, "must have at most 18 digits; got 400"),
-        ("described", "[" * 100_000, "JSON must be at most 32 deep"),
-        ("described", "", "metadata are damaged: Expecting value"),
+        ("step", "1e999", "metadata are damaged: a number must be finite"),
+        ("step", "-1", "step should be greater than or equal to 0"),
+        (
+            "step",
+            "9" * 400,
+            "step should be less than or equal to 1099511627776; got a whole number",
+        ),
+        ("described", "[" * 100_000, "recursion limit exceeded"),
+        ("described", "", "metadata are damaged: EOF while parsing"),
         ("version", "3", "version must be '2'; got '3'"),
         ("format", "other", "is no state of a training; got 'other'"),
     ):

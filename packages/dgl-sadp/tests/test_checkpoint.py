@@ -137,22 +137,25 @@ def test_another_ending_is_refused(tmp_path, policy):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"joints": 10**9}, r"joints must lie in 1 \.\.\. 1024; got 1000000000"),
-        ({"joints": True}, "joints must be a whole number; got True"),
-        ({"joints": 60.0}, r"joints must be a whole number; got 60\.0"),
-        ({"horizon": 2**40}, r"horizon must lie in 1 \.\.\. 1024"),
-        ({"unet": {"groups": -8}}, r"groups must lie in 1 \.\.\. 1024; got -8"),
-        ({"unet": {"groups": 0}}, r"groups must lie in 1 \.\.\. 1024; got 0"),
+        ({"joints": 10**9}, r"joints should be less than or equal to 1024; got 1000000000"),
+        ({"joints": True}, "joints should be a valid integer; got True"),
+        ({"joints": 60.0}, r"joints should be a valid integer; got 60\.0"),
+        ({"horizon": 2**40}, r"horizon should be less than or equal to 1024"),
+        ({"unet": {"groups": -8}}, r"groups should be greater than or equal to 1; got -8"),
+        ({"unet": {"groups": 0}}, r"groups should be greater than or equal to 1; got 0"),
         ({"unet": {"widths": [800] * 3}}, "do not fit its configuration"),
         ({"unet": {"widths": [8000] * 3}}, "at most 536870912 weights; got"),
-        ({"unet": {"widths": [10**9]}}, r"widths\[0\] must lie in 1 \.\.\. 8192"),
-        ({"unet": {"widths": "ab"}}, "unet: widths must be a list of values; got 'ab'"),
-        ({"unet": 5}, "unet must be a UNetConfig; got 5"),
-        ({"diffusion": {"training_steps": 10**9}}, r"training_steps must lie in 1 \.\.\. 10000"),
+        ({"unet": {"widths": [10**9]}}, r"widths\[0\] should be less than or equal to 8192"),
+        ({"unet": {"widths": "ab"}}, r"unet\.widths should be a valid array; got 'ab'"),
+        ({"unet": 5}, "unet should be an object; got 5"),
+        (
+            {"diffusion": {"training_steps": 10**9}},
+            r"training_steps should be less than or equal to 10000",
+        ),
         ({"diffusion": {"beta_end": 1e-9}}, "beta_start must be positive and at most beta_end"),
-        ({"environment": {"points": 10**9}}, r"points must lie in 1 \.\.\. 65536"),
+        ({"environment": {"points": 10**9}}, r"points should be less than or equal to 65536"),
         ({"environment": {"points": 65536, "widths": [8192]}}, "points x the widest layer must"),
-        ({"state": [[1]]}, r"state\[0\] must be a whole number; got \[1\]"),
+        ({"state": [[1]]}, r"state\[0\] should be a valid integer; got \[1\]"),
     ],
 )
 def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy, change, message):
@@ -169,13 +172,13 @@ def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("9" * 400, r"policy\.joints must have at most 18 digits; got 400"),
-        ("1e999", r"policy\.joints must be finite; got 1e999"),
-        ("NaN", r"policy\.joints must be finite; got NaN"),
-        ("[" * 100_000 + "]" * 100_000, "JSON must be at most 32 deep"),
-        ('{"a":' * 40 + "1" + "}" * 40, "JSON must be at most 32 deep"),
-        ("true", "joints must be a whole number; got True"),
-        ('1, "a\\nb": 1e999', r"policy\.'a\\nb' must be finite; got 1e999"),
+        ("9" * 400, "joints should be less than or equal to 1024; got a whole number of 1329 bits"),
+        ("1e999", "a number must be finite"),
+        ("NaN", "a number must be finite"),
+        ("[" * 100_000 + "]" * 100_000, "recursion limit exceeded"),
+        ('{"a":' * 40 + "1" + "}" * 40, "joints should be a valid integer; got {'a'"),
+        ("true", "joints should be a valid integer; got True"),
+        ('1, "a\\nb": 1e999', "a number must be finite"),
     ],
 )
 def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy, text, message):
@@ -188,13 +191,16 @@ def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy, t
 @pytest.mark.parametrize(
     ("card", "message"),
     [
-        ({"stage": "1"}, r"card\.stage must be a whole number; got '1'"),
-        ({"stage": 0}, r"card\.stage must lie in 1 \.\.\. 1000; got 0"),
-        ({"tasks": "FoldTops-v1"}, r"card\.tasks must be a list"),
-        ({"tasks": [1]}, r"card\.tasks\[0\] must be a text; got 1"),
-        ({"longest": 10**9}, r"card\.longest must lie in 1 \.\.\. 1000000"),
-        ({"training": []}, r"card\.training must be an object"),
-        ({"training": {"with_approach": "no"}}, "with_approach must be true or false; got 'no'"),
+        ({"stage": "1"}, r"card\.stage should be a valid integer; got '1'"),
+        ({"stage": 0}, r"card\.stage should be greater than or equal to 1; got 0"),
+        ({"tasks": "FoldTops-v1"}, r"card\.tasks should be a valid list"),
+        ({"tasks": [1]}, r"card\.tasks\[0\] should be a valid string; got 1"),
+        ({"longest": 10**9}, r"card\.longest should be less than or equal to 1000000"),
+        ({"training": []}, r"card\.training should be a valid dictionary"),
+        (
+            {"training": {"with_approach": "no"}},
+            "with_approach should be a valid boolean; got 'no'",
+        ),
     ],
 )
 def test_a_card_of_wrong_types_is_refused(path, policy, card, message):

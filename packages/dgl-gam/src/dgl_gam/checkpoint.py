@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
+from annotated_types import Interval
 from safetensors.numpy import save_file
 
-from dgl_gam._fields import Bound, check_value, decode_json, show, tell
+from dgl_gam._fields import check_value, decode_json, show, tell
 from dgl_gam._tensor_file import SEALED, open_arrays, seal
 from dgl_gam.confidence import Calibration
 from dgl_gam.config import NetworkConfig
@@ -25,9 +26,9 @@ MAX_BYTES = 2**30
 _CARD: Mapping[str, Any] = {
     "train": dict[str, Any],
     "earlier": list[dict[str, Any]],
-    "steps_done": Annotated[int, Bound(0, 2**40)],
-    "garments": Annotated[int, Bound(0, 2**40)],
-    "deformed": Annotated[int, Bound(0, 2**40)],
+    "steps_done": Annotated[int, Interval(ge=0, le=2**40)],
+    "garments": Annotated[int, Interval(ge=0, le=2**40)],
+    "deformed": Annotated[int, Interval(ge=0, le=2**40)],
     "states": list[str],
     "generators": list[str],
     "categories": list[str],

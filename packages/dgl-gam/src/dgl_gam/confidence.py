@@ -6,9 +6,10 @@ from typing import Annotated
 
 import numpy as np
 import torch
+from annotated_types import Interval
 from torch import Tensor
 
-from dgl_gam._fields import Bound, check_fields, decode_json, from_plain, show
+from dgl_gam._fields import STRICT, check_fields, decode_json, from_plain, show
 
 __all__ = ["EVIDENCE", "Calibration", "compute_auroc", "compute_evidence", "fit_calibration"]
 
@@ -22,11 +23,13 @@ _FAR = 0.2  # normalised units: matches farther away than this are other places
 class Calibration:
     """Logistic regression from the evidence of a match to the probability that the true point is visible."""
 
+    __pydantic_config__ = STRICT
+
     weights: tuple[float, ...] = (6.0, 4.0, -4.0, -6.0)
     """Weight of each kind of evidence. The default states only their signs and rough sizes."""
     bias: float = -3.0
     """Added to the weighted evidence."""
-    samples: Annotated[int, Bound(0, 2**60)] = 0
+    samples: Annotated[int, Interval(ge=0, le=2**60)] = 0
     """Matches that it was fitted to; 0: not fitted, so that only the order of the probabilities has a meaning."""
 
     def __post_init__(self) -> None:

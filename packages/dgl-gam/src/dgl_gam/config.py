@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from dgl_gam._fields import Bound, Count, check_fields, decode_json, from_plain
+from annotated_types import Interval, Len
+
+from dgl_gam._fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "PRESETS",
@@ -19,8 +21,8 @@ __all__ = [
     "get_network_config",
 ]
 
-Width = Annotated[int, Bound(1, 8192)]
-Widths = Annotated[tuple[Width, ...], Count(1, 16)]
+Width = Annotated[int, Interval(ge=1, le=8192)]
+Widths = Annotated[tuple[Width, ...], Len(1, 16)]
 MAX_ACTIVATIONS = 2**26
 """Most values [float32] of one layer's output for one cloud: 256 MiB."""
 _NAME = re.compile(r"\w[\w.-]*")
@@ -35,11 +37,13 @@ def _check_activations(name: str, count: int) -> None:
 class LevelConfig:
     """One set-abstraction level: points are grouped around centres, and each group becomes one feature."""
 
-    centres: Annotated[int, Bound(0, 2**14)]
+    __pydantic_config__ = STRICT
+
+    centres: Annotated[int, Interval(ge=0, le=2**14)]
     """Centres, chosen by farthest-point sampling. 0: one group of all points, around the origin."""
-    radius: Annotated[float, Bound(0.0, 1000.0)]
+    radius: Annotated[float, Interval(ge=0.0, le=1000.0)]
     """Radius of a group, in the normalised frame. Not used where `centres` is 0."""
-    neighbours: Annotated[int, Bound(0, 4096)]
+    neighbours: Annotated[int, Interval(ge=0, le=4096)]
     """Largest number of points in a group. Not used where `centres` is 0."""
     widths: Widths
     """Widths of the layers that each point of a group passes."""
@@ -60,13 +64,15 @@ class LevelConfig:
 class YawConfig:
     """The network that finds how a garment is turned about the vertical."""
 
-    bins: Annotated[int, Bound(8, 4096)] = 60
+    __pydantic_config__ = STRICT
+
+    bins: Annotated[int, Interval(ge=8, le=4096)] = 60
     """Angles that are told apart, evenly around the circle."""
-    rings: Annotated[int, Bound(2, 1024)] = 10
+    rings: Annotated[int, Interval(ge=2, le=1024)] = 10
     """Distances from the centre that are told apart."""
-    radius: Annotated[float, Bound(1e-3, 1000.0)] = 1.25
+    radius: Annotated[float, Interval(ge=1e-3, le=1000.0)] = 1.25
     """Outermost ring, in the normalised frame."""
-    width: Annotated[int, Bound(4, 4096)] = 48
+    width: Annotated[int, Interval(ge=4, le=4096)] = 48
     """Channels of the layers, a multiple of 4."""
 
     def __post_init__(self) -> None:
@@ -81,19 +87,21 @@ class YawConfig:
 class NetworkConfig:
     """The network that gives every point of a cloud a feature."""
 
-    levels: Annotated[tuple[LevelConfig, ...], Count(1, 8)]
+    __pydantic_config__ = STRICT
+
+    levels: Annotated[tuple[LevelConfig, ...], Len(1, 8)]
     """Set-abstraction levels, fine to coarse."""
-    up: Annotated[tuple[Widths, ...], Count(1, 8)]
+    up: Annotated[tuple[Widths, ...], Len(1, 8)]
     """Widths of the layers on the way back, coarse to fine, one entry for each level."""
-    attention_blocks: Annotated[int, Bound(0, 64)]
+    attention_blocks: Annotated[int, Interval(ge=0, le=64)]
     """Self-attention blocks among the centres of the coarsest level."""
-    attention_heads: Annotated[int, Bound(1, 1024)]
+    attention_heads: Annotated[int, Interval(ge=1, le=1024)]
     """Heads of each of them."""
     head_width: Width
     """Width of the hidden layer before the features."""
     features: Width
     """Length of a point's feature."""
-    categories: Annotated[tuple[Annotated[str, Count(1, 100)], ...], Count(0, 1000)] = ()
+    categories: Annotated[tuple[Annotated[str, Len(1, 100)], ...], Len(0, 1000)] = ()
     """Categories of garments that it is for. More than one: each has a learned embedding."""
     yaw: YawConfig = YawConfig()
     """The network that turns clouds into the garment's own frame first."""

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
+from annotated_types import Interval
 from safetensors.numpy import save_file
 from torch import Tensor
 
-from dgl_gam._fields import Bound, check_value, decode_json, show
+from dgl_gam._fields import check_value, decode_json, show
 from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
 from dgl_gam.errors import CheckpointError
 
@@ -107,7 +108,7 @@ def _load_state(
         try:
             before = decode_json(file.metadata.get("described", ""))
             step = decode_json(file.metadata.get("step", ""))
-            check_value("step", step, Annotated[int, Bound(0, 2**40)])
+            check_value("step", step, Annotated[int, Interval(ge=0, le=2**40)])
         except ValueError as err:
             raise CheckpointError(f"{path}: its metadata are damaged: {err}") from err
         _compare(path.parent, before, described)

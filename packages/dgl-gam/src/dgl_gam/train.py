@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import torch
+from annotated_types import Interval
 from torch import Tensor
 
 from dgl_gam._device import find_device
-from dgl_gam._fields import Bound, check_fields
+from dgl_gam._fields import STRICT, check_fields
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
@@ -30,12 +31,14 @@ __all__ = ["TRAIN_PRESETS", "Progress", "TrainConfig", "get_train_config", "trai
 logger = logging.getLogger(__name__)
 
 NETWORK_FILE = "network.safetensors"
-Positive = Annotated[int, Bound(1, 10**9)]
+Positive = Annotated[int, Interval(ge=1, le=10**9)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """How a network is trained."""
+
+    __pydantic_config__ = STRICT
 
     network: str = "small"
     """Preset of the network; not used when training starts from other weights."""
@@ -43,7 +46,7 @@ class TrainConfig:
     """Batches."""
     lr: float = 1.5e-3
     """Largest learning rate, of AdamW."""
-    warmup: Annotated[int, Bound(0, 10**9)] = 50
+    warmup: Annotated[int, Interval(ge=0, le=10**9)] = 50
     """Steps over which it rises; it then falls to zero as a cosine."""
     decay: int | None = None
     """Step at which it would be zero, where that is later than the last step: a run that ends early."""
@@ -55,7 +58,7 @@ class TrainConfig:
     """Weight of the yaw's loss beside InfoNCE."""
     max_gradient: float = 1.0
     """Norm that gradients are clipped to."""
-    seed: Annotated[int, Bound(0, 2**63 - 1)] = 0
+    seed: Annotated[int, Interval(ge=0, le=2**63 - 1)] = 0
     """Of the weights and of everything drawn."""
     save_every: Positive = 200
     """Steps between saved states."""

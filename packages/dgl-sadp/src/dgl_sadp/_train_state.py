@@ -10,9 +10,10 @@ from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import torch
+from annotated_types import Interval
 from torch import Tensor
 
-from dgl_sadp._fields import Bound, check_value
+from dgl_sadp._fields import check_value
 from dgl_sadp._tensor_file import open_tensors, write_tensors
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
@@ -26,10 +27,10 @@ __all__ = ["Interrupts", "TrainState", "hold_interrupts"]
 
 _KIND = "dgl_sadp.training"
 _VALUES: Mapping[str, Any] = {
-    "step": Annotated[int, Bound(0, 2**40)],
+    "step": Annotated[int, Interval(ge=0, le=2**40)],
     "loss_sum": float,
     "last": dict[str, Any],
-    "average_step": Annotated[int, Bound(0, 2**40)],
+    "average_step": Annotated[int, Interval(ge=0, le=2**40)],
     "schedules": list[dict[str, Any]],
     "described": dict[str, Any],
 }

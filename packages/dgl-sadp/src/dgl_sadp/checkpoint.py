@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
+from annotated_types import Interval, Len
 
-from dgl_sadp._fields import Bound, Count, check_value, from_plain
+from dgl_sadp._fields import check_value, from_plain
 from dgl_sadp._tensor_file import open_tensors, read_header, write_tensors
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError
@@ -20,15 +21,15 @@ MAX_WEIGHTS = 2**29
 
 _KIND = "dgl_sadp.policy"
 _CARD: Mapping[str, Any] = {
-    "stage": Annotated[int, Bound(1, 1000)],
-    "tasks": list[Annotated[str, Count(0, 200)]],
-    "windows": Annotated[int, Bound(1, 2**40)],
-    "longest": Annotated[int, Bound(1, 10**6)],
+    "stage": Annotated[int, Interval(ge=1, le=1000)],
+    "tasks": list[Annotated[str, Len(0, 200)]],
+    "windows": Annotated[int, Interval(ge=1, le=2**40)],
+    "longest": Annotated[int, Interval(ge=1, le=10**6)],
     "episodes": list[str],
     "validation_episodes": list[str],
     "training": dict[str, Any],
-    "epochs_done": Annotated[int, Bound(0, 2**40)],
-    "steps_done": Annotated[int, Bound(0, 2**40)],
+    "epochs_done": Annotated[int, Interval(ge=0, le=2**40)],
+    "steps_done": Annotated[int, Interval(ge=0, le=2**40)],
     "loss": float,
     "validation": dict[str, float] | None,
     "versions": dict[str, str],

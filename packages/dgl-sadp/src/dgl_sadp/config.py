@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
-from dgl_sadp._fields import Bound, Count, check_fields, decode_json, from_plain
+from annotated_types import Interval, Len
+
+from dgl_sadp._fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "DiffusionConfig",
@@ -27,9 +29,9 @@ Method = Literal["sadp", "sadp-g", "dp3", "dp"]
 PolicySize = Literal["small", "paper"]
 """The presets of each: "small" trains on a CPU, "paper" has the published sizes."""
 
-Width = Annotated[int, Bound(1, 8192)]
-Widths = Annotated[tuple[Width, ...], Count(1, 16)]
-Points = Annotated[int, Bound(1, 2**16)]
+Width = Annotated[int, Interval(ge=1, le=8192)]
+Widths = Annotated[tuple[Width, ...], Len(1, 16)]
+Points = Annotated[int, Interval(ge=1, le=2**16)]
 MAX_ACTIVATIONS = 2**26
 """Most values [float32] of one layer's output for one observation: 256 MiB."""
 
@@ -38,13 +40,15 @@ MAX_ACTIVATIONS = 2**26
 class UNetConfig:
     """Sizes of the one-dimensional U-Net that denoises action chunks."""
 
-    widths: Annotated[tuple[Width, ...], Count(1, 8)]
+    __pydantic_config__ = STRICT
+
+    widths: Annotated[tuple[Width, ...], Len(1, 8)]
     """Channels of each level, each a multiple of `groups`."""
-    step_embedding: Annotated[int, Bound(4, 8192)]
+    step_embedding: Annotated[int, Interval(ge=4, le=8192)]
     """Length of the embedding of the denoising step, even."""
-    kernel: Annotated[int, Bound(1, 63)] = 5
+    kernel: Annotated[int, Interval(ge=1, le=63)] = 5
     """Length of the convolutions [frames], odd."""
-    groups: Annotated[int, Bound(1, 1024)] = 8
+    groups: Annotated[int, Interval(ge=1, le=1024)] = 8
     """Groups of the group norms."""
 
     def __post_init__(self) -> None:
@@ -63,17 +67,19 @@ class UNetConfig:
 class DiffusionConfig:
     """The noise and its removal. Source of the numbers: DexGarmentLab's code; 10 denoising steps: paper."""
 
+    __pydantic_config__ = STRICT
+
     scheduler: Literal["ddim", "ddpm"] = "ddim"
     """How noise is removed."""
     prediction: Literal["sample", "epsilon"] = "sample"
     """What the network predicts: the clean actions or the noise."""
-    training_steps: Annotated[int, Bound(1, 10_000)] = 100
+    training_steps: Annotated[int, Interval(ge=1, le=10_000)] = 100
     """Levels of noise."""
-    inference_steps: Annotated[int, Bound(1, 10_000)] = 10
+    inference_steps: Annotated[int, Interval(ge=1, le=10_000)] = 10
     """Denoising steps of an inference, at most `training_steps`."""
-    beta_start: Annotated[float, Bound(0.0, 0.999)] = 1e-4
+    beta_start: Annotated[float, Interval(ge=0.0, le=0.999)] = 1e-4
     """First variance of the schedule."""
-    beta_end: Annotated[float, Bound(0.0, 0.999)] = 0.02
+    beta_end: Annotated[float, Interval(ge=0.0, le=0.999)] = 0.02
     """Last variance of the schedule; the squared cosine schedule does not use it, others would."""
     beta_schedule: Literal["squaredcos_cap_v2", "linear"] = "squaredcos_cap_v2"
     """How the variance grows."""
@@ -95,6 +101,8 @@ class DiffusionConfig:
 class PointsConfig:
     """A cloud seen point by point: layers of each point, the maximum over them, one layer."""
 
+    __pydantic_config__ = STRICT
+
     points: Points
     """Points taken from the cloud."""
     widths: Widths
@@ -113,11 +121,13 @@ class PointsConfig:
 class LevelConfig:
     """One level of PointNet++: centres, and a network over the neighbours of each."""
 
-    centres: Annotated[int, Bound(0, 2**16)]
+    __pydantic_config__ = STRICT
+
+    centres: Annotated[int, Interval(ge=0, le=2**16)]
     """Centres; 0 gathers all points into one group."""
-    radius: Annotated[float, Bound(0.0, 1000.0)]
+    radius: Annotated[float, Interval(ge=0.0, le=1000.0)]
     """Largest distance of a neighbour, in the normalised frame (garments lie within [-1, 1])."""
-    neighbours: Annotated[int, Bound(0, 4096)]
+    neighbours: Annotated[int, Interval(ge=0, le=4096)]
     """Neighbours of a centre."""
     widths: Widths
     """Channels of the layers."""
@@ -139,9 +149,11 @@ class LevelConfig:
 class GarmentConfig:
     """The garment with its affordance, seen by a PointNet++ that ends in one feature."""
 
+    __pydantic_config__ = STRICT
+
     points: Points
     """Points taken from the cloud."""
-    levels: Annotated[tuple[LevelConfig, ...], Count(1, 8)]
+    levels: Annotated[tuple[LevelConfig, ...], Len(1, 8)]
     """Levels, fine to coarse; the last one, and it alone, has no centres."""
     features: Width
     """Length of the garment's feature."""
@@ -165,9 +177,11 @@ class GarmentConfig:
 class ImageConfig:
     """The environment camera's picture, seen by a residual network of 18 layers."""
 
-    height: Annotated[int, Bound(32, 4096)]
+    __pydantic_config__ = STRICT
+
+    height: Annotated[int, Interval(ge=32, le=4096)]
     """Rows that pictures are scaled to [pixel]."""
-    width: Annotated[int, Bound(32, 4096)]
+    width: Annotated[int, Interval(ge=32, le=4096)]
     """Columns that pictures are scaled to [pixel]."""
     widths: tuple[Width, Width, Width, Width]
     """Channels of the four stages, multiples of 16; the last is the length of the picture's feature."""
@@ -186,15 +200,17 @@ class ImageConfig:
 class PolicyConfig:
     """One diffusion policy: horizons, sizes, and an encoder for each thing that it observes."""
 
+    __pydantic_config__ = STRICT
+
     method: Method
     """Which policy it is; decides which of the encoders below are there."""
     unet: UNetConfig
     """The denoising network."""
     diffusion: DiffusionConfig
     """The noise."""
-    state: Annotated[tuple[Width, ...], Count(0, 16)]
+    state: Annotated[tuple[Width, ...], Len(0, 16)]
     """Widths of the joint state's layers with ReLU between them; none passes the normalised state on."""
-    relative_joints: Annotated[tuple[int, ...], Count(0, 1024)]
+    relative_joints: Annotated[tuple[int, ...], Len(0, 1024)]
     """Joints, ascending, whose targets are learned relative to where they were when the stage began; those of all others
     are learned as they are. How far they have come since then is observed beside the joint state."""
     environment: PointsConfig | None = None
@@ -205,13 +221,13 @@ class PolicyConfig:
     """Object cloud, once a stage."""
     image: ImageConfig | None = None
     """Picture, in every observation."""
-    joints: Annotated[int, Bound(1, 1024)] = 60
+    joints: Annotated[int, Interval(ge=1, le=1024)] = 60
     """Joints of the robot, and length of an action."""
-    horizon: Annotated[int, Bound(1, 1024)] = 8
+    horizon: Annotated[int, Interval(ge=1, le=1024)] = 8
     """Predicted actions. Source: paper."""
-    observation_steps: Annotated[int, Bound(1, 64)] = 3
+    observation_steps: Annotated[int, Interval(ge=1, le=64)] = 3
     """Observations that a prediction sees. Source: paper."""
-    action_steps: Annotated[int, Bound(1, 1024)] = 4
+    action_steps: Annotated[int, Interval(ge=1, le=1024)] = 4
     """Executed actions, from the last observation's on. Source: paper."""
 
     def __post_init__(self) -> None:

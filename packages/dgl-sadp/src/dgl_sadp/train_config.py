@@ -5,20 +5,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
+from annotated_types import Interval
+
 from dgl_sadp._clouds import Augmentation
-from dgl_sadp._fields import Bound, check_fields
+from dgl_sadp._fields import STRICT, check_fields
 from dgl_sadp.config import Method, PolicySize
 
 __all__ = ["TrainConfig", "get_train_config"]
 
-Positive = Annotated[int, Bound(1, 10**9)]
-NotNegative = Annotated[int, Bound(0, 10**9)]
-Seed = Annotated[int, Bound(0, 2**63 - 1)]
+Positive = Annotated[int, Interval(ge=1, le=10**9)]
+NotNegative = Annotated[int, Interval(ge=0, le=10**9)]
+Seed = Annotated[int, Interval(ge=0, le=2**63 - 1)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """How a policy is trained. Source of the optimiser's and EMA's numbers: DexGarmentLab's code."""
+
+    __pydantic_config__ = STRICT
 
     epochs: Positive
     """Passes over all windows."""

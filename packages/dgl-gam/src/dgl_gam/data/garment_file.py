@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Len
 from safetensors.numpy import save_file
 
-from dgl_gam._fields import Count, check_value, decode_json, show, tell
+from dgl_gam._fields import check_value, decode_json, show, tell
 from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
 from dgl_gam.config import check_category
 from dgl_gam.errors import DataError
@@ -47,11 +48,11 @@ _TENSORS: dict[str, tuple[tuple[str | int, ...], tuple[str, ...]]] = {
 }
 _DTYPES = {"F16": np.float16, "F32": np.float32, "I32": np.int32}
 _STRINGS = ("format_version", "category", "garment_id", "split", "seed")
-_Name = Annotated[str, Count(0, 200)]
+_Name = Annotated[str, Len(0, 200)]
 _JSON: dict[str, Any] = {
     "state_names": list[_Name],
     "landmark_names": list[_Name],
-    "view_directions": list[Annotated[list[float], Count(3, 3)]],
+    "view_directions": list[Annotated[list[float], Len(3, 3)]],
     "generator_versions": dict[str, _Name],
 }
 
