@@ -13,7 +13,9 @@ import pytest
 import dgl_collect
 from dexgarmentlab.cli import collect as collect_verb
 from dexgarmentlab.cli import demo as demo_verb
-from dgl_collect import AttemptResult
+from dexgarmentlab.cli import main
+from dgl_assets.importing import AssetImportError
+from dgl_collect import AttemptResult, own_garment
 from dgl_collect.errors import OutputFolderError, UnknownTaskError, WorkerError
 from dgl_collect.runner import make_attempt_seed
 
@@ -123,6 +125,31 @@ def test_demo_leaves_other_peoples_folders_alone(fake, tmp_path):
         demo_verb.clear_previous(tmp_path / "mine")
 
 
+def test_a_garment_that_cannot_be_had_is_told_before_there_is_a_folder(
+    tmp_path, capsys, monkeypatch
+):
+    out, source = tmp_path / "out", tmp_path / "shirt.obj"
+    command = ["collect", "FoldTops-v1", "--out", str(out), "--garment", str(source)]
+    assert main(command) == 1
+    told = capsys.readouterr().err
+    assert "--garment must be a mesh file or the folder of an imported garment" in told
+    source.touch()
+    assert main(command) == 1
+    told = capsys.readouterr().err
+    assert "shirt.obj is empty" in told
+    assert "dgl assets import" not in told
+
+    def refuse(source, task):
+        raise AssetImportError("its size is unclear; give `units`")
+
+    monkeypatch.setattr(own_garment, "prepare_garment", refuse)
+    assert main(command) == 1
+    told = capsys.readouterr().err
+    assert "its size is unclear; give --units; " in told
+    assert f"import it with them (dgl assets import {source} --out FOLDER" in told
+    assert not out.exists()
+
+
 def test_notes_beside_the_bar():
     def progress(**changes):
         state = {"requested": 4, "resumed": 0, "results": (), "seconds": 0.0, "workers_ready": 0}
@@ -137,6 +164,8 @@ def test_notes_beside_the_bar():
     assert collect_verb._note(progress(results=(result,), resumed=1)) == "1 succeeded, 30 s each"
     note = collect_verb._note(progress(results=(result,), resumed=1, workers_waiting=7))
     assert note == "1 succeeded, 30 s each, 7 workers wait for a place"
+    note = collect_verb._note(progress(workers_waiting=1))
+    assert note == "building the environment, 1 worker waits for a place"
 
 
 @pytest.mark.parametrize(

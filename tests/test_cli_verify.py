@@ -62,3 +62,16 @@ def test_a_run_of_an_evaluation_is_checked_too(evaluation, capsys):
 def test_another_folder_is_refused(tmp_path, capsys):
     assert main(["verify", str(tmp_path)]) == 1
     assert "must be the folder of a collection or an evaluation" in capsys.readouterr().err
+
+
+def test_attempts_that_are_not_made_yet_are_told_and_no_fault(tmp_path, capsys):
+    out = tmp_path / "out"
+    with RunFolder(out, identity=IDENTITY, resume=False, command="dgl collect") as folder:
+        seed = make_attempt_seed(IDENTITY["seed"], 1)
+        result = AttemptResult(index=1, seed=seed, success=False, reason="on the ground")
+        folder.commit(result, tmp_path / "none")
+        folder.write_summary(requested=4, status="interrupted")
+    assert main(["verify", str(out)]) == 0
+    told = capsys.readouterr().out
+    assert "not complete: attempts 0, 2, 3 are not made yet; --resume makes them" in told
+    assert "no fault" in told

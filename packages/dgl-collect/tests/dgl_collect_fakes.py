@@ -134,23 +134,29 @@ def make_runner(task, options):
 
 
 if __name__ == "__main__":  # a run for the tests that interrupt one
-    from dgl_collect import CollectConfig, Workers, collect
+    from dgl_collect import CollectConfig, WorkerError, Workers, collect
 
     def tell(progress):
         sys.stdout.write(f"{len(progress.results)}\n")
         sys.stdout.flush()
 
     address = sys.argv[2] if len(sys.argv) > 2 else None
-    summary = collect(
-        CollectConfig(
-            task="FoldTops-v1",
-            episodes=6 if address else 200,
-            workers=Workers(count=2, engine="ray" if address else "local", address=address),
-            out=Path(sys.argv[1]),
-            attempt_factory=FACTORY,
-            options={"seconds": 0.5 if address else 0.05},
-        ),
-        known_tasks=KNOWN_TASKS,
-        on_progress=tell,
-    )
+    episodes = int(sys.argv[3]) if len(sys.argv) > 3 else 200
+    try:
+        summary = collect(
+            CollectConfig(
+                task="FoldTops-v1",
+                episodes=episodes,
+                workers=Workers(count=2, engine="ray" if address else "local", address=address),
+                out=Path(sys.argv[1]),
+                attempt_factory=FACTORY,
+                options={"seconds": 0.5 if address else 0.05},
+            ),
+            known_tasks=KNOWN_TASKS,
+            on_progress=tell,
+        )
+    except WorkerError as err:
+        sys.stderr.write(f"{err}\n")
+        sys.stderr.flush()
+        sys.exit(1)
     sys.exit(130 if summary.status == "interrupted" else 0)

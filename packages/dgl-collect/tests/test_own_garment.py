@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +72,8 @@ def test_what_was_prepared_is_not_made_again(prepared, shirt):
     before = {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")}
     again = prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
     assert again.folder == prepared.folder
+    assert "imported before" in " ".join(again.notes)
+    assert "unit mm" in " ".join(again.notes)
     assert {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")} == before
 
 
@@ -99,6 +102,13 @@ def test_key_points_of_ones_own_are_kept(prepared, tmp_path):
     assert found.landmarks["centre"] == 7
     assert np.linalg.norm(found.vertices[found.landmarks["collar"]] - found.vertices[collar]) < 0.03
     assert json.loads((mine / "keypoints.json").read_text()) == points
+
+
+def test_a_folder_without_its_unstrained_shape_is_refused(prepared, tmp_path):
+    mine = Path(shutil.copytree(prepared.folder, tmp_path / "mine"))
+    (mine / "rest.obj").unlink()
+    with pytest.raises(AssetError, match=r"mine/rest\.obj is missing: the garment was laid flat"):
+        find_garment(mine)
 
 
 def test_a_garment_of_another_category_or_none_is_refused(prepared, tmp_path):
@@ -155,6 +165,8 @@ def test_an_environment_takes_an_id_a_folder_or_a_garment(env, prepared):
         ({"garment": 5}, "a garment must be an id, .* or a folder; got 5"),
         ({"garment": "Trousers/000001"}, "garment must be of category Tops_LongSleeve"),
         ({"garment": str(prepared.folder.parent)}, "is not the folder of an imported garment"),
+        ({"garment": "/gone/shirt"}, "there is no garment '/gone/shirt': neither an id"),
+        ({"garment": "nope"}, "there is no garment 'nope': neither an id"),
         ({"garmet": TOP}, "options must be among .*garment.*; got .'garmet'"),
     ):
         with pytest.raises((ValueError, AssetError), match=message):

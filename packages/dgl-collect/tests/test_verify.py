@@ -1,5 +1,6 @@
 """What is wrong with a run's folder is found, and nothing is changed."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from dgl_collect import CollectConfig, collect
+from dgl_collect.results import read_results, summarize, write_summary
 from dgl_collect.runner import make_attempt_seed
 from dgl_collect.verify import verify_run
 from dgl_collect.video import VideoWriter, save_png
@@ -36,7 +38,12 @@ def whole(tmp_path_factory, request):
     for film in out.glob("*/*.mp4"):  # the made-up attempts' are none
         film.unlink()
         with VideoWriter(film) as video:
-            video.add(np.zeros((16, 16, 3), np.uint8))
+            video.add(np.full((16, 16, 3), int(film.stem[-1]) * 20, np.uint8))
+    lines = [json.loads(line) for line in (out / "attempts.jsonl").read_text().splitlines()]
+    for line in lines:
+        film = out / line["files"]["video"]
+        line["checksums"]["video"] = hashlib.sha256(film.read_bytes()).hexdigest()
+    (out / "attempts.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     return out
 
 
@@ -67,9 +74,38 @@ def edit_episode(out, **attributes):
             file.attrs[name] = value
 
 
-def edit_summary(out):
+def edit_summary(out, **changes):
     path = out / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"succeeded": 77}))
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def add_note(out):
+    with h5py.File(out / f"episodes/FoldTops-v1-s0-{GOOD:05d}.h5", "r+") as file:
+        file.attrs["note"] = "what readers pass over"
+
+
+def change_byte(path):
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+
+
+def swap(first, second):
+    a, b = first.read_bytes(), second.read_bytes()
+    first.write_bytes(b)
+    second.write_bytes(a)
+
+
+def forget_last_attempt(out):
+    path = out / "attempts.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    for file in json.loads(lines[-1])["files"].values():
+        (out / file).unlink()
+    path.write_text("".join(lines[:-1]))
+    results = read_results(path)
+    summary = json.loads((out / "summary.json").read_text())
+    kept = {name: summary[name] for name in ("task", "seed", "requested", "status", "versions")}
+    write_summary(out / "summary.json", summarize(results, **kept))
 
 
 def append(path, text):
@@ -87,7 +123,7 @@ def test_a_whole_run_has_no_fault(whole):
     )
 
 
-STEM = f"FoldTops-v1-s0-{GOOD:05d}"
+STEM, OTHER = f"FoldTops-v1-s0-{GOOD:05d}", f"FoldTops-v1-s0-{BAD:05d}"
 
 
 @pytest.mark.parametrize(
@@ -100,18 +136,27 @@ STEM = f"FoldTops-v1-s0-{GOOD:05d}"
         (lambda o: edit_line(o, GOOD, success=0.5), "success: .*boolean; got 0.5"),
         (lambda o: edit_line(o, BAD, success=True, reason=None), "called a success, and 'inside' is not"),
         (lambda o: edit_line(o, GOOD, success=False, reason="x"), "called a failure .* all criteria are met"),
-        (lambda o: edit_line(o, GOOD, garment_id="tops/0"), "its garment is .*, and tops/0 in"),
+        (lambda o: edit_line(o, GOOD, garment_id="tops/0"), "its garment is .*; attempts.jsonl says tops/0"),
         (lambda o: edit_line(o, GOOD, files={"picture": "../x.png"}), "picture file must lie in the run"),
         (lambda o: edit_line(o, GOOD, files={"picture": f"failed/{STEM}.png"}), "must be episodes/"),
         (lambda o: (o / f"episodes/{STEM}.h5").unlink(), f"{STEM}.h5 is missing"),
         (lambda o: damage(o / f"episodes/{STEM}.h5"), f"{STEM}.h5: not a whole HDF5 file"),
         (lambda o: (o / f"episodes/{STEM}.mp4").write_bytes(b"film"), f"{STEM}.mp4 cannot be read"),
         (lambda o: (o / f"episodes/{STEM}.png").write_bytes(b"x"), f"{STEM}.png cannot be read"),
-        (lambda o: edit_episode(o, seed=7), f"{STEM}.h5: its seed is 7, and .* in attempts.jsonl"),
-        (lambda o: edit_episode(o, success=np.bool_(0)), "its success is False, and True"),
+        (lambda o: edit_episode(o, seed=7), f"{STEM}.h5: its seed is 7; attempts.jsonl says"),
+        (lambda o: edit_episode(o, success=np.bool_(0)), "its success is False; attempts.jsonl says True"),
         (lambda o: save_png(o / "episodes/left.png", np.zeros((4, 4, 3), np.uint8)), "no attempt .* names it"),
         (lambda o: (o / "summary.json").unlink(), "summary.json is missing"),
-        (edit_summary, "succeeded is 77; the lines"),
+        (lambda o: edit_summary(o, succeeded=77), "succeeded is 77; the lines"),
+        (lambda o: edit_summary(o, success_rate=0.0), "success_rate is 0.0; the lines"),
+        (lambda o: edit_summary(o, seconds_per_attempt={}), "seconds_per_attempt is {}; the lines"),
+        (lambda o: edit_summary(o, requested="4"), "summary.json: requested: .*integer"),
+        (lambda o: edit_line(o, GOOD, seconds=-1.0), "seconds must be at least 0; got -1.0"),
+        (add_note, f"{STEM}.h5: it was changed since the run wrote it"),
+        (lambda o: change_byte(o / f"episodes/{STEM}.mp4"), f"{STEM}.mp4: it was changed"),
+        (lambda o: swap(o / f"episodes/{STEM}.mp4", o / f"failed/{OTHER}.mp4"), f"{OTHER}.mp4: it was changed"),
+        (lambda o: swap(o / f"episodes/{STEM}.png", o / f"failed/{OTHER}.png"), f"{STEM}.png: it was changed"),
+        (forget_last_attempt, f"called complete, and attempt {COUNT - 1} of {COUNT} is missing"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_found(out, edit, message):

@@ -1,5 +1,6 @@
 """Workers on a Ray cluster: the same files as on one machine, whatever is lost on the way."""
 
+import json
 import shutil
 import signal
 import subprocess
@@ -8,19 +9,19 @@ import time
 
 import pytest
 
-from dgl_collect import CollectConfig, Limits, WorkerError, Workers, collect
+from dgl_collect import CollectConfig, EngineError, Limits, WorkerError, Workers, collect
 from dgl_collect.results import read_results
 from dgl_collect.workers import dispatch
 
 pytest.importorskip("ray")
+from ray.cluster_utils import Cluster
+
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 @pytest.fixture(scope="module")
 def cluster():
     """A cluster of a head without processors and two nodes of one each, all on this machine."""
-    from ray.cluster_utils import Cluster
-
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
     for _ in range(2):
         cluster.add_node(num_cpus=1)
@@ -128,18 +129,46 @@ def test_nodes_with_other_packages_are_refused(run, monkeypatch):
         run()
 
 
-def test_a_cluster_that_is_not_there_is_told(run):
-    with pytest.raises(WorkerError, match=r"there is no Ray cluster at '127\.0\.0\.1:1'"):
+def test_a_cluster_that_is_not_there_is_told(run, tmp_path):
+    with pytest.raises(EngineError, match=r"there is no Ray cluster at '127\.0\.0\.1:1'"):
         run(workers=Workers(engine="ray", address="127.0.0.1:1"))
+    assert not (tmp_path / "out").exists()
+
+
+def start_run(fakes, out, address, *, episodes=6):
+    """Start a run in a process of its own, and wait for two attempts."""
+    command = [sys.executable, fakes.__file__, str(out), address, str(episodes)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in process.stdout:
+        if line.strip().isdigit() and int(line) >= 2:
+            break
+    return process
+
+
+def test_a_run_that_is_told_to_end_does_so(run, tmp_path, fakes, cluster):
+    with start_run(fakes, tmp_path / "out", cluster.address) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=60) == 130
+    assert 2 <= len(read_results(tmp_path / "out/attempts.jsonl")) < 6
+    assert json.loads((tmp_path / "out/summary.json").read_text())["status"] == "interrupted"
+
+
+def test_a_lost_head_is_told(tmp_path, fakes):
+    own = Cluster(initialize_head=True, head_node_args={"num_cpus": 2})
+    try:
+        with start_run(fakes, tmp_path / "out", own.address, episodes=1000) as process:
+            own.head_node.kill_gcs_server()
+            assert process.wait(timeout=100) == 1
+            assert "the Ray cluster is gone: its head at " in process.stderr.read()
+    finally:
+        own.head_node.kill_all_processes()
+    assert 2 <= len(read_results(tmp_path / "out/attempts.jsonl")) < 1000
+    assert json.loads((tmp_path / "out/summary.json").read_text())["status"] == "failed"
 
 
 def test_a_killed_run_goes_on(run, local, tmp_path, fakes, cluster):
     out = tmp_path / "out"
-    command = [sys.executable, fakes.__file__, str(out), cluster.address]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        for line in process.stdout:
-            if line.strip().isdigit() and int(line) >= 2:
-                break
+    with start_run(fakes, out, cluster.address) as process:
         process.send_signal(signal.SIGKILL)
     done = len(read_results(out / "attempts.jsonl"))
     assert 2 <= done < 6

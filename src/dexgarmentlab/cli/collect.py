@@ -111,6 +111,10 @@ def bring_garment(source: Path | None, task: str) -> Path | None:
     """
     if source is None:
         return None
+    if not source.exists():  # before much is imported
+        raise ValueError(
+            f"--garment must be a mesh file or the folder of an imported garment; {source} is not there"
+        )
     from dexgarmentlab.cli.assets_import import name_flags
     from dgl_assets.importing import AssetImportError
     from dgl_collect.own_garment import prepare_garment
@@ -122,9 +126,10 @@ def bring_garment(source: Path | None, task: str) -> Path | None:
     try:
         own = prepare_garment(source, get_task(task))
     except AssetImportError as err:
-        raise ValueError(
-            f"{name_flags(str(err))}; these are options of dgl assets import, and --garment takes the folder that it makes"
-        ) from err
+        text = name_flags(str(err))
+        if " --" in text:
+            text += f"; import it with them (dgl assets import {source} --out FOLDER …), and give --garment the folder"
+        raise ValueError(text) from err
     for note in own.notes:
         console.info(f"{source.name}: {note}")
     return own.folder
@@ -241,7 +246,7 @@ def _note(progress: "Progress") -> str:
     waiting = progress.workers_waiting
     if not progress.results:
         note = "making the first attempt" if progress.workers_ready else "building the environment"
-        return f"{note}, {waiting} workers wait for a place" if waiting else note
+        return note + _waiting(waiting)
     succeeded = sum(result.success for result in progress.results)
     median = statistics.median(result.seconds for result in progress.results)
     note = f"{succeeded} succeeded, {format_duration(median)} each"
@@ -249,9 +254,12 @@ def _note(progress: "Progress") -> str:
     left = progress.requested - len(progress.results)
     if made > 0 and left > 0:
         note += f", {format_duration(progress.seconds / made * left)} left"
-    if waiting:
-        note += f", {waiting} workers wait for a place"
-    return note
+    return note + _waiting(waiting)
+
+
+def _waiting(count: int) -> str:
+    """Say how many workers the cluster has no place for yet."""
+    return f", {count} worker{'s wait' if count > 1 else ' waits'} for a place" if count else ""
 
 
 def _lines(summary: "Summary") -> list[str]:

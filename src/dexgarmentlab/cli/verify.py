@@ -32,8 +32,8 @@ def run(options: Options) -> int:
     """Check, and say what is wrong."""
     from dexgarmentlab.evaluation.results import RESULTS_FILE
     from dexgarmentlab.evaluation.verify import verify_evaluation
-    from dgl_collect.run_folder import RUN_FILE
-    from dgl_collect.verify import verify_run
+    from dgl_collect.run_folder import RUN_FILE, SUMMARY_FILE
+    from dgl_collect.verify import find_missing, verify_run
 
     folder = options.folder
     if (folder / RUN_FILE).is_file():
@@ -58,6 +58,12 @@ def run(options: Options) -> int:
     else:
         for fault in faults:
             console.out(fault)
+        for part in sorted({path.parent for path in files if path.name == SUMMARY_FILE}):
+            if left := find_missing(part):
+                named = ", ".join(map(str, left[:8])) + (" …" if len(left) > 8 else "")
+                console.out(
+                    f"{part}: not complete: attempts {named} are not made yet; --resume makes them"
+                )
         console.out(
             f"{folder}: {len(files)} files, {len(faults) or 'no'} fault{'s' if len(faults) > 1 else ''}"
         )

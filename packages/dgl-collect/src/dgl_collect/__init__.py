@@ -9,6 +9,7 @@ from dgl_collect.episodes import write_episode as write_episode
 from dgl_collect.errors import CollectionError as CollectionError
 from dgl_collect.errors import CorruptEpisodeError as CorruptEpisodeError
 from dgl_collect.errors import DemonstrationError as DemonstrationError
+from dgl_collect.errors import EngineError as EngineError
 from dgl_collect.errors import MachineError as MachineError
 from dgl_collect.errors import NotReplayableError as NotReplayableError
 from dgl_collect.errors import OutputFolderError as OutputFolderError

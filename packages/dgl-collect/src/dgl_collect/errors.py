@@ -50,7 +50,11 @@ class OutputFolderError(CollectionError, ValueError):
 
 
 class WorkerError(CollectionError):
-    """Workers cannot be started, or keep dying; what had finished is kept."""
+    """Workers cannot be built, keep dying, or their cluster is gone; what had finished is kept."""
+
+
+class EngineError(CollectionError):
+    """There is nothing to start workers on: Ray is not installed, or there is no cluster at the address."""
 
 
 class MachineError(CollectionError):

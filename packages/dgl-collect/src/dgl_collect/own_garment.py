@@ -81,7 +81,8 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
     root = folder / _digest(source, task.category)
     made = sorted(root.glob(f"{task.category}/*/{META_FILE}"))
     if made:
-        return made[0].parent, (f"imported before, into {made[0].parent}",)
+        told = load_asset(made[0].parent).meta.get("assumptions", ())
+        return made[0].parent, (*told, f"imported before, into {made[0].parent}")
     try:
         report = import_garment(source, out=root, category=task.category, lay_flat=lay_flat)
     except AssetError:

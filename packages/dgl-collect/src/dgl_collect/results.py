@@ -62,6 +62,8 @@ class AttemptResult:
     files: Mapping[str, str] = field(default_factory=dict)
     """Kind (`episode`, `video`, `picture`) to path, relative to the folder that was given to the attempt;
     relative to the run's folder once the run has taken them over."""
+    checksums: Mapping[str, str] = field(default_factory=dict)
+    """Kind to SHA-256 of the file, in hexadecimal digits, once the run has taken it over."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of the attempt."""
     measurements: Mapping[str, float] = field(default_factory=dict)
@@ -76,6 +78,8 @@ class AttemptResult:
             raise ValueError(f"index must be at least 0; got {self.index}")
         if not 0 <= self.seed < 2**32:
             raise ValueError(f"seed must be in [0, 2**32); got {self.seed}")
+        if self.seconds < 0:
+            raise ValueError(f"seconds must be at least 0; got {self.seconds}")
         for kind, name in self.files.items():
             path = PurePosixPath(name)
             if not name or path.is_absolute() or ".." in path.parts:
@@ -152,6 +156,8 @@ def wilson_interval(successes: int, attempts: int) -> tuple[float, float]:
 @dataclass(frozen=True, kw_only=True)
 class Summary:
     """What a run amounts to; the content of `summary.json`."""
+
+    __pydantic_config__ = STRICT
 
     task: str
     """Environment id."""

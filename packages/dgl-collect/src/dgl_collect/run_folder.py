@@ -13,6 +13,7 @@ from dgl_collect.errors import MachineError, OutputFolderError
 from dgl_collect.files import (
     append_line,
     check_continued,
+    compute_checksum,
     disk_faults_told,
     drop_unfinished_line,
     locked_folder,
@@ -157,15 +158,17 @@ class RunFolder:
     def _commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
         target = "episodes" if result.success else "failed"
         files: dict[str, str] = {}
+        checksums: dict[str, str] = {}
         for kind, name in result.files.items():
             if result.success or kind in KEPT_OF_FAILURES:
                 destination = self.path / target / name
                 destination.parent.mkdir(exist_ok=True)
+                checksums[kind] = compute_checksum(staging / name)
                 (staging / name).replace(destination)
                 files[kind] = f"{target}/{name}"
         if files:
             sync_folder(self.path / target)
-        result = dataclasses.replace(result, files=files)
+        result = dataclasses.replace(result, files=files, checksums=checksums)
         append_line(self.attempts_path, result.to_line())
         return result
 

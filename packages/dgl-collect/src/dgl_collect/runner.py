@@ -23,6 +23,7 @@ from dgl_collect.workers import (
     Outcome,
     Work,
     Workers,
+    check_workers,
     end_unguarded_import,
     stop_signals,
 )
@@ -149,11 +150,13 @@ def collect(
     Raises:
         UnknownTaskError: If the task is not known.
         OutputFolderError: If the output folder cannot be used.
-        WorkerError: If an environment cannot be built, or workers keep dying. The summary is written.
+        EngineError: If there is no Ray cluster at the address, or Ray is not installed.
+        WorkerError: If an environment cannot be built, workers keep dying, or their cluster is gone. The summary is written.
         MachineError: If a disk is full, or fails. The summary is written if there is room.
     """
     end_unguarded_import()
     check_task(config.task, known_tasks)
+    check_workers(config.workers)
     folder = RunFolder(
         config.out, identity=config.identity, resume=config.resume, command=config.command
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import imageio.v3 as iio
 
 from dgl_collect.episodes import read_episode
 from dgl_collect.errors import CollectionError, CorruptEpisodeError, OutputFolderError
-from dgl_collect.results import AttemptResult, read_results
+from dgl_collect.files import compute_checksum
+from dgl_collect.results import AttemptResult, Summary, read_results, summarize
 from dgl_collect.run_folder import ATTEMPTS_FILE, SUMMARY_FILE, RunRecord, read_run
 from dgl_collect.runner import CollectConfig, make_attempt_seed, make_episode_id
-from dgl_collect.schema import decode_json
+from dgl_collect.schema import read_json_file
 
-__all__ = ["verify_run"]
+__all__ = ["find_missing", "verify_run"]
 
 _FOLDERS = ("episodes", "failed")
 
@@ -23,8 +25,9 @@ _FOLDERS = ("episodes", "failed")
 def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
     """Check the folder of a collection, or of one seed of an evaluation; nothing is changed.
 
-    Every file opens, and its shapes and numbers are right; lines and files agree; the seeds are those of the run; success
-    follows from the recorded criteria; the summary counts what the lines say.
+    Every file opens, holds what was written, and its shapes and numbers are right; lines and files agree; the seeds are
+    those of the run; success follows from the recorded criteria; the summary says what the lines say, and no attempt of a
+    complete run is missing.
 
     Args:
         folder: Of the run.
@@ -59,6 +62,19 @@ def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
     yield folder / SUMMARY_FILE, _check_summary(folder / SUMMARY_FILE, results)
 
 
+def find_missing(folder: Path) -> list[int]:
+    """Find the attempts that were asked for and are not made yet; none where the folder does not tell."""
+    try:
+        summary = read_json_file(Summary, folder / SUMMARY_FILE)
+        return _list_missing(summary, read_results(folder / ATTEMPTS_FILE))
+    except (ValueError, OSError, OutputFolderError):
+        return []
+
+
+def _list_missing(summary: Summary, results: list[AttemptResult]) -> list[int]:
+    return sorted(set(range(summary.requested)) - {result.index for result in results})
+
+
 def _check_lines(path: Path) -> str:
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
         return f"{path}: its last line is not finished; --resume cuts it off"
@@ -77,6 +93,8 @@ def _check_result(run: RunRecord, result: AttemptResult) -> str:
     if result.criteria and not unmet and not result.success:
         return f"{where}: it is called a failure ({result.reason}), and all criteria are met"
     makes_episodes = run.attempt_factory == CollectConfig.attempt_factory
+    if makes_episodes and result.success and not result.criteria:
+        return f"{where}: it is called a success, and no criterion is recorded"
     if makes_episodes and result.success and "episode" not in result.files:
         return f"{where}: a success must have an episode file"
     return ""
@@ -90,6 +108,15 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
         return f"{path}: the files of attempt {result.index} must be {part}/{stem}.*"
     if not path.is_file():
         return f"{path} is missing"
+    if fault := _open_file(run, result, kind, path):
+        return fault
+    recorded = result.checksums.get(kind)
+    if recorded is not None and compute_checksum(path) != recorded:
+        return f"{path}: it was changed since the run wrote it (its SHA-256 is another one)"
+    return ""
+
+
+def _open_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) -> str:
     try:
         match kind:
             case "episode":
@@ -118,25 +145,31 @@ def _check_episode(run: RunRecord, result: AttemptResult, path: Path) -> str:
         ("number of frames", result.frames, sum(stage.frame_count for stage in episode.stages)),
     ):
         if ours != its:
-            return f"{path}: its {name} is {its}, and {ours} in {ATTEMPTS_FILE}"
+            return f"{path}: its {name} is {its}; {ATTEMPTS_FILE} says {ours}"
     return ""
 
 
 def _check_summary(path: Path, results: list[AttemptResult]) -> str:
+    """Compare the summary with what follows from the lines."""
     if not path.is_file():
         return f"{path} is missing; --resume writes it"
     try:
-        summary = decode_json(path.read_bytes())
-        found = {name: summary[name] for name in ("attempted", "succeeded", "succeeded_first")}
-    except (ValueError, KeyError, TypeError) as err:
-        return f"{path} cannot be read: {err!r}"
-    counted = {
-        "attempted": len(results),
-        "succeeded": sum(result.success for result in results),
-        "succeeded_first": sum(result.first_try for result in results),
-    }
-    wrong = [name for name, number in counted.items() if found[name] != number]
-    if wrong:
-        name = wrong[0]
-        return f"{path}: {name} is {found[name]}; the lines of {ATTEMPTS_FILE} say {counted[name]}"
+        found = read_json_file(Summary, path)
+    except (ValueError, OSError) as err:
+        return str(err)
+    expected = summarize(
+        results,
+        task=found.task,
+        seed=found.seed,
+        requested=found.requested,
+        status=found.status,
+        versions=found.versions,
+    )
+    for field in dataclasses.fields(Summary):
+        its, ours = getattr(found, field.name), getattr(expected, field.name)
+        if its != ours:
+            return f"{path}: {field.name} is {its}; the lines of {ATTEMPTS_FILE} say {ours}"
+    missing = _list_missing(found, results)
+    if found.status == "complete" and missing:
+        return f"{path}: the run is called complete, and attempt {missing[0]} of {found.requested} is missing"
     return ""

@@ -94,6 +94,10 @@ def load_asset(folder: str | Path) -> ImportedGarment:
         rest = _read_obj(folder / REST_FILE)
         if not np.array_equal(rest.faces, mesh.faces):
             raise UnreadableFileError(f"{REST_FILE} has other faces than {MESH_FILE} in {folder}")
+    elif meta.get("is_laid_flat"):
+        raise UnreadableFileError(
+            f"{folder / REST_FILE} is missing: the garment was laid flat, and its unstrained shape was there"
+        )
     pictures = [folder / f"texture{suffix}" for suffix in (".png", ".jpg")]
     try:
         return ImportedGarment(

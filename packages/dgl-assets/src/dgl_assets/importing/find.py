@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dgl_assets.errors import AssetNotFoundError
-from dgl_assets.garments.catalogue import load_garment
+from dgl_assets.garments.catalogue import list_categories, load_garment
 from dgl_assets.garments.garment import Garment
 from dgl_assets.importing.asset_folder import load_asset
 from dgl_assets.importing.imported import ImportedGarment
@@ -33,8 +33,14 @@ def find_garment(source: str | Path) -> AnyGarment:
     path = Path(source)
     if (path / META_FILE).is_file():
         return load_asset(path)
-    if isinstance(source, Path) or path.exists():
+    is_id = isinstance(source, str) and source.partition("/")[0] in list_categories()
+    if is_id and not path.exists():
+        return load_garment(source)
+    if path.exists():
         raise AssetNotFoundError(
             f"{path} is not the folder of an imported garment; `dgl assets import` makes one of a mesh file"
         )
-    return load_garment(source)
+    raise AssetNotFoundError(
+        f"there is no garment {str(source)!r}: neither an id, such as Tops_LongSleeve/000123, nor a folder that is there; "
+        "`dgl assets import` and `dgl collect --garment` make folders of mesh files"
+    )

@@ -165,7 +165,7 @@ def read_json(path: Path) -> object:
     Raises:
         UnreadableFileError: If it is not JSON.
     """
-    return parse_json(read_bytes(path), path.name)
+    return parse_json(read_bytes(path), str(path))
 
 
 def parse_json(data: bytes, name: str) -> object:

@@ -3,6 +3,7 @@
 from dgl_collect.workers.dispatch import Dispatcher as Dispatcher
 from dgl_collect.workers.dispatch import Limits as Limits
 from dgl_collect.workers.dispatch import Outcome as Outcome
+from dgl_collect.workers.dispatch import check_workers as check_workers
 from dgl_collect.workers.engine import Workers as Workers
 from dgl_collect.workers.jobs import Failure as Failure
 from dgl_collect.workers.jobs import Job as Job

@@ -153,7 +153,8 @@ class Dispatcher:
             Outcomes as they come. Closing the generator ends the workers at once, whatever they are doing.
 
         Raises:
-            WorkerError: If a job runner cannot be built, or workers keep dying.
+            EngineError: If there is no cluster at the address, or Ray is not installed.
+            WorkerError: If a job runner cannot be built, workers keep dying, or their cluster is gone.
             MachineError: If a disk is full, or fails.
         """
         shutil.rmtree(self._folder / STAGING, ignore_errors=True)  # of a run that was killed
@@ -330,11 +331,23 @@ class Dispatcher:
             self._start(engine, post.worker.number)
 
 
+def check_workers(workers: Workers) -> None:
+    """See whether the engine of a run can be started, before anything is written.
+
+    Raises:
+        EngineError: If Ray is not installed, or nothing answers at the cluster's address.
+    """
+    if workers.engine == "ray":
+        from dgl_collect.workers.ray_cluster import check_reachable
+
+        check_reachable(workers.address)
+
+
 def _start_engine(workers: Workers) -> Engine:
     """Start the engine of a run.
 
     Raises:
-        WorkerError: If there is no cluster at the address, or Ray is not installed.
+        EngineError: If there is no cluster at the address, or Ray is not installed.
     """
     if workers.engine == "ray":
         from dgl_collect.workers.ray_cluster import RayEngine  # Ray is an extra

@@ -5,16 +5,19 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import signal
 import socket
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dgl_collect.errors import WorkerError
+from dgl_collect.errors import EngineError, WorkerError
 from dgl_collect.files import write_bytes
 from dgl_collect.workers.engine import Worker, Workers
 from dgl_collect.workers.inside import Workbench
@@ -25,6 +28,10 @@ logger = logging.getLogger(__name__)
 
 CONNECT_SECONDS = 10.0
 """How long the head of a cluster may take to answer [s]."""
+KNOCK_SECONDS = 5.0
+"""How often it is seen whether the head is still there [s]."""
+GONE_SECONDS = 20.0
+"""After how long without it the cluster is gone [s]. Ray itself ends this process after a minute, without a word."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,11 +93,44 @@ class RemoteWorker:
         return Answer(message=message, files=files or {}, printed=printed)
 
 
+class Head:
+    """Whether the head of a cluster is there."""
+
+    def __init__(self, address: str) -> None:
+        """Watch the head at an address; it is there now."""
+        self.is_gone = False
+        self._address = address
+        self._seen = self._knocked = time.monotonic()
+
+    def look(self) -> None:
+        """See whether it is there, every few seconds.
+
+        Raises:
+            WorkerError: If it has not been for a while.
+        """
+        now = time.monotonic()
+        if now - self._knocked < KNOCK_SECONDS:
+            return
+        self._knocked = now
+        try:
+            _knock(self._address)
+            self._seen = now
+        except OSError as err:
+            if now - self._seen > GONE_SECONDS:
+                self.is_gone = True
+                raise WorkerError(
+                    f"the Ray cluster is gone: its head at {self._address}: {_first_line(err)}"
+                ) from err
+
+
 class RayWorker:
     """The run's side of an actor."""
 
-    def __init__(self, number: int, actor: Any, log_path: Path, *, shared_out: bool) -> None:
+    def __init__(
+        self, number: int, actor: Any, log_path: Path, *, shared_out: bool, head: Head
+    ) -> None:
         self.number = number
+        self._head = head
         self.has_place = False
         self.pending: Any = actor.place.remote()
         """Reference of the answer that is awaited; None while there is nothing to wait for."""
@@ -131,6 +171,8 @@ class RayWorker:
         """End the actor; see `Worker`."""
         import ray
 
+        if self._head.is_gone:
+            return  # Ray would wait for it
         if self._released is not None:
             ray.wait([self._released], timeout=CLOSE_SECONDS)
         ray.kill(self._actor)
@@ -143,24 +185,20 @@ class RayEngine:
         """Connect to the cluster, or start one of this machine alone.
 
         Raises:
-            WorkerError: If Ray is not installed, or there is no cluster at the address.
+            EngineError: If Ray is not installed, or there is no cluster at the address.
         """
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-        try:
-            import ray
-            from ray._private import ray_constants
-        except ImportError as err:
-            raise WorkerError(
-                "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, "
-                "or pip install ray"
-            ) from err
+        ray = import_ray()
+        from ray._private import ray_constants
+
         # Else Ray starts its workers by a `uv run` of their own where this process was started by one. The variable
         # of the same name would come too late for a program that has imported Ray itself.
         ray_constants.RAY_ENABLE_UV_RUN_RUNTIME_ENV = False
         self._shared_out = workers.shared_out
         self._is_ours = not ray.is_initialized()
         if self._is_ours:
-            _connect(ray, workers)
+            with _signals_kept():
+                _connect(ray, workers)
+        self._head = Head(ray.get_runtime_context().gcs_address)
         options = {
             "num_cpus": 1,
             "max_restarts": 0,
@@ -172,13 +210,14 @@ class RayEngine:
     def start(self, number: int, work: Work, log_path: Path) -> RayWorker:
         """Ask for an actor; it gets its place when the cluster has a processor for it."""
         actor = self._remote.remote(work, list(sys.path))
-        return RayWorker(number, actor, log_path, shared_out=self._shared_out)
+        return RayWorker(number, actor, log_path, shared_out=self._shared_out, head=self._head)
 
     def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
         """Wait for a message; see `Engine`."""
         import ray
         from ray.exceptions import ObjectLostError, RayActorError, RaySystemError, RayTaskError
 
+        self._head.look()
         waiting = {w.pending: w for w in workers if isinstance(w, RayWorker) and w.pending}
         if not waiting:
             time.sleep(seconds)
@@ -202,8 +241,52 @@ class RayEngine:
         """Leave the cluster, and end it where it was started here."""
         import ray
 
-        if self._is_ours:
+        if self._is_ours and not self._head.is_gone:
             ray.shutdown()
+
+
+def import_ray() -> Any:
+    """Import Ray.
+
+    Raises:
+        EngineError: If it is not installed.
+    """
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ImportError as err:
+        raise EngineError(
+            "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, or pip install ray"
+        ) from err
+    return ray
+
+
+def check_reachable(address: str | None) -> None:
+    """See whether Ray is there, and a cluster at its address, as far as that can be told quickly.
+
+    Raises:
+        EngineError: If Ray is not installed, or nothing answers.
+    """
+    import_ray()
+    try:
+        if address is not None:
+            _knock(address)
+    except OSError as err:
+        raise EngineError(f"there is no Ray cluster at {address!r}: {_first_line(err)}") from err
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """Keep this process's handlers of signals: Ray puts one in their place that ends it at once."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in numbers}
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in before.items():
+                if handler is not None:
+                    signal.signal(number, handler)
 
 
 def _connect(ray: Any, workers: Workers) -> None:
@@ -213,11 +296,10 @@ def _connect(ray: Any, workers: Workers) -> None:
         if workers.address is None:
             ray.init(num_cpus=workers.count, include_dashboard=False, **common)
         else:
-            _knock(workers.address)
             ray.init(address=workers.address, **common)
     except (OSError, RuntimeError, ValueError) as err:
         where = "on this machine" if workers.address is None else f"at {workers.address!r}"
-        raise WorkerError(f"there is no Ray cluster {where}: {_first_line(err)}") from err
+        raise EngineError(f"there is no Ray cluster {where}: {_first_line(err)}") from err
 
 
 def _knock(address: str) -> None:
