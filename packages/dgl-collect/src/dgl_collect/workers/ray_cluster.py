@@ -296,6 +296,7 @@ def _connect(ray: Any, workers: Workers) -> None:
         if workers.address is None:
             ray.init(num_cpus=workers.count, include_dashboard=False, **common)
         else:
+            _knock(workers.address)
             ray.init(address=workers.address, **common)
     except (OSError, RuntimeError, ValueError) as err:
         where = "on this machine" if workers.address is None else f"at {workers.address!r}"
