@@ -113,6 +113,11 @@ def check_line(text):
     assert AttemptResult.from_line(result.to_line()) == result
 
 
+def test_a_strange_name_does_not_break_the_line_of_its_error():
+    with pytest.raises(ValueError, match=r"result; '\\n': Unexpected keyword argument; got None$"):
+        AttemptResult.from_line(json.dumps(LINE | {"\n": None}))
+
+
 @quick
 @given(st.data())
 def test_lines_of_attempts(data):
@@ -157,6 +162,19 @@ def test_demonstrations(demonstrations, data):
     except DemonstrationError as err:
         assert str(err).startswith("mine.json: ")
         assert "\n" not in str(err)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [("right", "\n"), ("come_from", "\n"), ("orientation", "\n"), ("\n", 0)],
+)
+def test_a_strange_value_does_not_break_the_line_of_its_error(demonstrations, place, value):
+    content = copy.deepcopy(next(d for d in demonstrations if d["task"] == "FoldTops-v1"))
+    kind = "approach" if place == "come_from" else "move"
+    step = next(s for s in content["stages"][0]["steps"] if s["step"] == kind)
+    step[place] = value
+    with pytest.raises(DemonstrationError, match=r"^mine.json: stage '.*'\\n'"):
+        parse_demonstration(content, source="mine.json")
 
 
 @pytest.fixture(scope="module")

@@ -65,13 +65,18 @@ def _adapter(kind: type) -> pydantic.TypeAdapter:
 def _describe(err: pydantic.ValidationError) -> str:
     """Say what the first error is, where, and what came."""
     first = err.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"])
+    where = _shorten(".".join(_tell(part) for part in first["loc"]), 80)
     text = _shorten(first["msg"].removeprefix("Value error, "), 200)
     came = _shorten(repr(first["input"]), 80)
     if first["type"] in ("missing", "value_error", "json_invalid"):
         return f"{where}: {text}" if where else text
     told = f"{text}; got {came}"
     return f"{where}: {told}" if where else told
+
+
+def _tell(part: str | int) -> str:
+    """Write a step of the way to a value: a name in a file may hold anything, line ends too."""
+    return str(part) if str(part).isprintable() else repr(part)
 
 
 def _shorten(text: str, length: int) -> str:

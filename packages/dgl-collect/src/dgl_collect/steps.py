@@ -45,7 +45,7 @@ class Approach(Step):
         _check_name("orientation", self.orientation, GRASP_ORIENTATIONS)
         _check_positive("spacing", self.spacing)
         if len(self.come_from) != 3:
-            raise ValueError(f"come_from must be three numbers; got {self.come_from}")
+            raise ValueError(f"come_from must be three numbers; got {self.come_from!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class Move(Step):
             raise ValueError(f"a move has targets for some of {SIDES}; got {sorted(self.targets)}")
         for side, formulas in self.targets.items():
             if len(formulas) != 3:
-                raise ValueError(f"{side} must have formulas for x, y, z; got {formulas}")
+                raise ValueError(f"{side} must have formulas for x, y, z; got {formulas!r}")
         if self.orientation is not None:
             _check_name("orientation", self.orientation, GRASP_ORIENTATIONS)
         _check_positive("spacing", self.spacing)
@@ -177,7 +177,7 @@ class Grasp:
         if (self.at is None) == (not self.points):
             raise ValueError(f"a grasp must have points or a place; got {self}")
         if self.at is not None and len(self.at) != 3:
-            raise ValueError(f"a place must have formulas for x, y, z; got {self.at}")
+            raise ValueError(f"a place must have formulas for x, y, z; got {self.at!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
