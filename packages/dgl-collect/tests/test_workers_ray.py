@@ -1,6 +1,7 @@
 """Workers on a Ray cluster: the same files as on one machine, whatever is lost on the way."""
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -129,9 +130,11 @@ def test_nodes_with_other_packages_are_refused(run, monkeypatch):
         run()
 
 
-def test_a_cluster_that_is_not_there_is_told(run, tmp_path):
-    with pytest.raises(EngineError, match=r"there is no Ray cluster at '127\.0\.0\.1:1'"):
-        run(workers=Workers(engine="ray", address="127.0.0.1:1"))
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "auto"])
+def test_a_cluster_that_is_not_there_is_told(run, tmp_path, monkeypatch, address):
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
+    with pytest.raises(EngineError, match=f"there is no Ray cluster at '{re.escape(address)}'"):
+        run(workers=Workers(engine="ray", address=address))
     assert not (tmp_path / "out").exists()
 
 

@@ -307,8 +307,12 @@ def _knock(address: str) -> None:
     """See whether anything answers at an address; Ray itself would try for five minutes.
 
     Raises:
-        OSError: If nothing does.
+        OSError: If nothing does, or no address is known for "auto".
     """
+    if address == "auto":
+        from ray._private.services import get_ray_address_from_environment
+
+        address = get_ray_address_from_environment(address, None)
     host, _, port = address.rpartition(":")
     if host and port.isdecimal() and "/" not in host:
         socket.create_connection((host, int(port)), timeout=CONNECT_SECONDS).close()
