@@ -27,6 +27,7 @@ from dgl_collect.demonstration import load_demonstration
 from dgl_collect.errors import UnknownTaskError
 from dgl_collect.runner import make_attempt_seed
 from dgl_collect.setup import Setup
+from dgl_physics import MeshError
 from dgl_tasks import get_task
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.evaluation import EpisodeResult
@@ -402,6 +403,16 @@ def test_what_cannot_be_reached_is_a_failure(monkeypatch, fake_setup, tmp_path):
     assert (result.success, result.value, result.reason) == (False, None, "unreachable")
     assert result.detail == "the left arm cannot reach that"
     assert (tmp_path / "e.png").is_file()
+
+
+def test_a_garment_that_cannot_be_simulated_ends_the_episode_with_its_error(
+    monkeypatch, fake_setup, tmp_path
+):
+    def fail():
+        raise MeshError("a wall folds over itself")
+
+    with pytest.raises(MeshError, match="a wall folds over itself"):
+        run_fake(monkeypatch, tmp_path, fail)
 
 
 @pytest.mark.slow

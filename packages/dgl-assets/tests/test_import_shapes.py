@@ -267,9 +267,17 @@ def test_hat_stands_on_its_rim(tmp_path):
     hat = trimesh.Trimesh(vertices @ foreign.Z_UP, faces, process=False)  # y up
     hat.export(tmp_path / "bowl.ply")
     report = import_garment(
-        tmp_path / "bowl.ply", out=tmp_path / "out", category="Bowl_Hat", units="cm", spacing=0.012
+        tmp_path / "bowl.ply",
+        out=tmp_path / "out",
+        category="Bowl_Hat",
+        units="cm",
+        spacing=0.012,
+        lay_flat=lambda vertices, faces, rest: vertices * [1, 1, 0.1],
     )
     garment = load_asset(report.folder)
+    assert not report.is_laid_flat
+    assert "not laid flat: a Bowl_Hat keeps its shape" in report.assumptions
+    assert report.up == "y"
     rim = find_loops(garment.faces)[0]
     assert garment.vertices[rim, 2] == pytest.approx(garment.vertices[:, 2].min(), abs=1e-3)
     assert report.extent == pytest.approx((0.18, 0.18, 0.0836), abs=0.004)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 
@@ -116,6 +117,34 @@ def test_a_garment_of_another_category_or_none_is_refused(prepared, tmp_path):
         prepare_garment(prepared.folder, get_task("FoldTrousers-v1"), folder=tmp_path)
     with pytest.raises(ValueError, match=r"garment must be a mesh file .*none\.obj is not there"):
         prepare_garment(tmp_path / "none.obj", get_task("FoldTops-v1"), folder=tmp_path)
+
+
+@pytest.fixture(scope="module")
+def hat(tmp_path_factory):
+    """A hat of a file in centimetres, standing on its rim, prepared for its task."""
+    folder = tmp_path_factory.mktemp("hat")
+    known = load_garment("Bowl_Hat/000005")
+    trimesh.Trimesh(known.vertices * 100, known.faces, process=False).export(folder / "hat.obj")
+    return prepare_garment(
+        folder / "hat.obj", get_task("WearBowlHat-v1"), folder=folder / "kept"
+    ).folder
+
+
+def test_a_hat_keeps_its_shape(hat):
+    found, known = load_asset(hat), load_garment("Bowl_Hat/000005")
+    assert np.ptp(found.vertices, axis=0) == pytest.approx(
+        np.ptp(known.vertices, axis=0), abs=0.004
+    )
+
+
+def test_a_garment_that_cannot_be_simulated_is_refused(hat, tmp_path):
+    mine = Path(shutil.copytree(hat, tmp_path / "mine"))
+    meta = json.loads((mine / "meta.json").read_text())
+    (mine / "meta.json").write_text(json.dumps(meta | {"wall_thickness": 0.05}))
+    with pytest.raises(
+        ValueError, match=r"mine cannot be simulated: a wall of 0\.05 m folds over itself"
+    ):
+        prepare_garment(mine, get_task("WearBowlHat-v1"), folder=tmp_path)
 
 
 def test_the_exact_matcher_knows_the_catalogue_alone(prepared):

@@ -15,7 +15,7 @@ from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.results import AttemptResult, package_versions
 from dgl_collect.setup import Setup, make_setup
 from dgl_collect.video import VideoWriter, save_png
-from dgl_physics import PhysicsError
+from dgl_physics import MeshError, PhysicsError
 from dgl_tasks import TaskError
 from dgl_tasks.driver import Listener
 from dgl_tasks.evaluation import EpisodeResult, run_episode
@@ -176,6 +176,8 @@ def film_attempt(
                 film=video.add,
                 listener=listener,
             )
+        except MeshError:
+            raise  # no episode has begun, and there is nothing to be seen of it
         except (TaskError, PhysicsError) as err:
             logger.info("attempt %d: %s", index, err)
             error = err

@@ -5,6 +5,7 @@ import json
 import shutil
 import tempfile
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.source import KEYPOINTS_FILE
 from dgl_collect.demonstration import load_demonstration
 from dgl_gam import GarmentAffordanceModel
+from dgl_physics import MeshError, ModelBuilder
 from dgl_physics.lay_flat import lay_flat
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+from dgl_tasks.soft_body import SoftBody
 
 __all__ = ["OwnGarment", "prepare_garment"]
 
@@ -43,9 +46,9 @@ class OwnGarment:
 def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGarment:
     """Make a garment of a file or of an imported folder ready for a task.
 
-    A file is imported as a garment of the task's category and laid flat in a short simulation. Places that the task's
-    rule judges by are the garment's own key points; those that it lacks are found by the affordance model on the
-    garment lying flat.
+    A file is imported as a garment of the task's category and, but for hats and gloves, laid flat in a short simulation.
+    Places that the task's rule judges by are the garment's own key points; those that it lacks are found by the affordance
+    model on the garment lying flat.
 
     Args:
         source: A mesh file, or the folder of an imported garment.
@@ -53,7 +56,7 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
         folder: Where prepared garments are kept; one that is there is not made again.
 
     Raises:
-        ValueError: If there is nothing at `source`, or the garment is of another category.
+        ValueError: If there is nothing at `source`, or the garment is of another category or cannot be simulated.
         AssetError: If the file cannot be imported.
         GamError: If places have to be found, and no model is there for the category.
     """
@@ -61,7 +64,7 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
         raise ValueError(
             f"garment must be a mesh file or the folder of a garment; {source} is not there"
         )
-    notes: tuple[str, ...] = ()
+    given, notes = source, ()
     if not (source / META_FILE).is_file():
         source, notes = _import(source, task, folder)
     garment = load_asset(source)
@@ -69,6 +72,10 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
         raise ValueError(
             f"garment must be of category {task.category}, which {task.id} is about; {source} is of {garment.category}"
         )
+    try:
+        SoftBody(garment, task.material, task.stiffness).add_to(ModelBuilder(), garment.vertices)
+    except MeshError as err:
+        raise ValueError(f"garment {given} cannot be simulated: {err}") from err
     missing = [name for name in task.success.landmarks if name not in garment.landmarks]
     if missing:
         notes += (f"judged by places that the affordance model has found: {', '.join(missing)}",)
@@ -93,7 +100,7 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
 
 def _digest(source: Path, category: str) -> str:
     """Name what a garment is made of: all files of a folder, or a file and what it refers to."""
-    digest = hashlib.sha256(category.encode())
+    digest = hashlib.sha256(f"{category} {version('dgl-assets')}".encode())
     if source.is_dir():
         for path in sorted(path for path in source.rglob("*") if path.is_file()):
             digest.update(path.read_bytes())

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dgl_assets.importing import AnyGarment, ImportedGarment
-from dgl_physics import ClothMaterial, SolidMaterial
+from dgl_physics import ClothMaterial, ModelBuilder, SolidMaterial
 from dgl_physics.sapien_bridge import SapienCloth
 
 logger = logging.getLogger(__name__)
@@ -48,12 +48,15 @@ class SoftBody:
             )
         self.garment, self._material, self._stiffness = garment, material, stiffness or {}
 
-    def add_to(self, cloth: SapienCloth, vertices: np.ndarray) -> None:
+    def add_to(self, cloth: SapienCloth | ModelBuilder, vertices: np.ndarray) -> None:
         """Add it to a simulation.
 
         Args:
             cloth: The simulation.
             vertices: Where its vertices are at first [m], shape (V, 3): an elastic shell is moved, but not bent.
+
+        Raises:
+            MeshError: If its mesh cannot be simulated.
         """
         garment, material = self.garment, self._material
         if isinstance(material, SolidMaterial):

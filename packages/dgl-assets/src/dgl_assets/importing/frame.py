@@ -24,6 +24,7 @@ AXES: dict[str, tuple[float, float, float]] = {
 """Axes of a file by name."""
 _SNAP = np.cos(np.radians(15))  # directions this near an axis of the file are that axis
 _ALIGNED = 0.7  # cosine at which the up axis decides about a direction
+_ON_THEIR_RIM = ("Baseball_Cap", "Bowl_Hat")
 _FLAT = 0.12  # depth over length of a garment that lies flat
 
 
@@ -115,7 +116,7 @@ def find_frame(
             )
     elif snapped is not None:
         rotation = snapped
-    found, how = _name_up(rotation, vertices, stated)
+    found, how = _name_up(rotation, vertices, category, stated)
     if up is None:
         how = how if declared_up is None else "as the file states"
         notes.append(f"up axis {found}, {how}")
@@ -259,16 +260,20 @@ def _snap(rotation: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def _name_up(rotation: np.ndarray, vertices: np.ndarray, stated: str | None) -> tuple[str, str]:
+def _name_up(
+    rotation: np.ndarray, vertices: np.ndarray, category: str, stated: str | None
+) -> tuple[str, str]:
+    """The up axis of the file, and how it was found."""
     if stated is not None:
         return stated, ""
+    if category in _ON_THEIR_RIM:
+        return _name_axis(rotation[2]), "found from the rim"
     extents = np.ptp(vertices @ rotation.T, axis=0)
     lies = extents[2] < _FLAT * extents[:2].max()
     direction = rotation[2] if lies else rotation[1]
-    name = max(AXES, key=lambda axis: float(np.dot(AXES[axis], direction)))
-    text = (
-        "found from the thin side of a garment that lies"
-        if lies
-        else "found from the neck or waist"
-    )
-    return name, text
+    text = "found from the thin side of a garment that lies" if lies else "found from the openings"
+    return _name_axis(direction), text
+
+
+def _name_axis(direction: np.ndarray) -> str:
+    return max(AXES, key=lambda axis: float(np.dot(AXES[axis], direction)))

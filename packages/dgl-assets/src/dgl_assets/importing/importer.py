@@ -75,7 +75,8 @@ def import_garment(
         up: Up axis of the file, such as "y" or "-z"; found from the openings by default.
         scale: Size over the original's: 1 by default, 0.85 for ClothesNet, so that robots reach both cuffs.
         spacing: Edge length of the new mesh [m], 0.006 to 0.025.
-        lay_flat: Simulation that lays it down; none by default. This package has no physics.
+        lay_flat: Simulation that lays it down; none by default. This package has no physics. Hats and gloves keep
+            their shape.
         keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices or positions of
             the mesh file; by default keypoints.json in the folder. Names such as left_cuff and right_cuff, collar and hem
             tell how the garment is turned.
@@ -253,10 +254,14 @@ def _finish(
                 f"texture left out: it is cut into {patches} patches, at most {MAX_PATCHES} are kept"
             )
     rest = _centre(remeshed.vertices)
-    vertices = rest
-    if lay_flat is not None:
-        vertices = _lay_flat(lay_flat, rest, remeshed)
+    laid = None
+    is_shell = CATEGORIES[placed.category].wall_thickness is not None
+    if lay_flat is not None and is_shell:
+        notes.append(f"not laid flat: a {placed.category} keeps its shape")
+    elif lay_flat is not None:
+        laid = _lay_flat(lay_flat, rest, remeshed)
         notes.append("laid flat by simulation")
+    vertices = rest if laid is None else laid
     notes += _judge(vertices, placed.category)
     landmarks = (
         {} if points is None else dict(zip(points.names, remeshed.pins.tolist(), strict=True))
@@ -279,7 +284,7 @@ def _finish(
         even_angles=even_angles,
         landmarks=tuple(landmarks),
         has_texture=texture is not None and uvs is not None,
-        is_laid_flat=lay_flat is not None,
+        is_laid_flat=laid is not None,
         assumptions=tuple(notes),
     )
     meta = {key: value for key, value in report.to_dict().items() if key != "folder"}
@@ -290,7 +295,7 @@ def _finish(
             folder,
             vertices=vertices,
             faces=remeshed.faces,
-            rest_vertices=None if lay_flat is None else rest,
+            rest_vertices=None if laid is None else rest,
             uvs=uvs,
             texture=texture,
             landmarks=landmarks,
