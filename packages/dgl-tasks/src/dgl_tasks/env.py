@@ -12,9 +12,9 @@ from mani_skill.agents.registration import REGISTERED_AGENTS
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
-from dgl_assets import Garment, garment_ids
+from dgl_assets import garment_ids
 from dgl_assets.garments.catalogue import Split
-from dgl_assets.importing import AnyGarment, ImportedGarment, find_garment
+from dgl_assets.importing import AnyGarment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
@@ -25,7 +25,7 @@ from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.drawing.painter import Painter
-from dgl_tasks.env_state import batch_state, split_state
+from dgl_tasks.env_state import batch_state, read_cloth, split_state, write_cloth
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
 from dgl_tasks.fields import shorten
 from dgl_tasks.grasps import wrist_to_grasp
@@ -46,6 +46,7 @@ from dgl_tasks.scene import (
 from dgl_tasks.scene_check import check_scene, get_frame
 from dgl_tasks.soft_body import SoftBody
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area
+from dgl_tasks.task_garment import find_task_garment, name_garment
 from dgl_tasks.tasks import get_task, task_ids
 from dgl_tasks.views import TrueView
 
@@ -268,12 +269,12 @@ class GarmentEnv(BaseEnv):
         drawn = self._garment_ids[rng.integers(len(self._garment_ids))]
         declared = self.task.start
         x, y = rng.uniform(*declared.x_range), rng.uniform(*declared.y_range)
-        garment = self._make_garment(options.get("garment", drawn))
+        garment = find_task_garment(options.get("garment", drawn), self.task)
         roll = rng.uniform(*declared.roll_range)
         sample_fabric = sample_studio_fabric if self._look == "studio" else sample_fabric_material
         self.fabric = sample_fabric([seed, 7])
         self.draws = {
-            "garment": self._name_garment(options.get("garment", drawn)),
+            "garment": name_garment(options.get("garment", drawn)),
             "x": float(x),
             "y": float(y),
             "roll": float(roll),
@@ -301,33 +302,6 @@ class GarmentEnv(BaseEnv):
             ):
                 break
             roll = min(roll + STEEPER, steepest)
-
-    def _make_garment(self, source: Any) -> AnyGarment:
-        """Make or load a garment of the task's category that has the places that the rule judges by."""
-        garment = source
-        if not isinstance(source, (Garment, ImportedGarment)):
-            garment = find_garment(source)
-        if garment.category != self.task.category:
-            raise ValueError(
-                f"garment must be of category {self.task.category}; got {garment.name}, a {garment.category}"
-            )
-        unknown = sorted(set(self.task.success.landmarks) - set(garment.landmarks))
-        if unknown:
-            raise ValueError(
-                f"task {self.task.id}: the rule judges by {unknown}; {garment.name} has "
-                f"{sorted(garment.landmarks)}"
-                + (
-                    " (dgl_collect.own_garment.prepare_garment finds them)"
-                    if isinstance(garment, ImportedGarment)
-                    else ""
-                )
-            )
-        return garment
-
-    @staticmethod
-    def _name_garment(source: Any) -> str:
-        """Name a garment so that it is found again: its id, or its folder."""
-        return source.name if isinstance(source, (Garment, ImportedGarment)) else str(source)
 
     def _drop(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
         """Let the garment fall and settle, and see what there is before it is touched.
@@ -579,13 +553,7 @@ class GarmentEnv(BaseEnv):
         self._check_open("get_state_dict")
         state = super().get_state_dict()
         state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
-        state["garment"] = {
-            "positions": torch.from_numpy(self.cloth.state.get_positions()).flatten(1),
-            "velocities": torch.from_numpy(self.cloth.state.get_velocities()).flatten(1),
-            "is_stuck": torch.from_numpy(self.cloth.state.get_is_stuck()).float(),
-            "memory": torch.from_numpy(self.cloth.state.get_memory())[None],
-            "forces": torch.from_numpy(self.cloth.get_forces().copy()).flatten(1),
-        }
+        state["garment"] = read_cloth(self.cloth)
         return state
 
     def set_state_dict(self, state: dict, env_idx: torch.Tensor | None = None) -> None:
@@ -594,27 +562,17 @@ class GarmentEnv(BaseEnv):
         Args:
             state: As of `get_state_dict`; tensors or arrays, shape (1, D) or, as recordings have them, (D,).
             env_idx: ManiSkill's.
+
+        Raises:
+            ValueError: If it is of another garment.
+            EnvironmentClosedError: After `close`.
         """
         self._check_open("set_state_dict")
         state = batch_state(state)
-        garment = state["garment"]
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
-        shape = self.cloth.state.get_positions().shape
-        if garment["positions"].shape[1] != shape[1] * 3:
-            raise ValueError(
-                f"the state must be of this garment, with {shape[1]} particles; "
-                f"got {garment['positions'].shape[1] // 3}"
-            )
-        self.cloth.state.set_particles(
-            garment["positions"].cpu().numpy().reshape(shape),
-            garment["velocities"].cpu().numpy().reshape(shape),
-            garment["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
-        )
+        write_cloth(self.cloth, state["garment"])
         self._target = state["targets"]["joints"].cpu().numpy().reshape(-1).astype(np.float64)
-        self.cloth.state.set_memory(garment["memory"].cpu().numpy().reshape(-1))
-        self.cloth.set_forces(garment["forces"].cpu().numpy().reshape(1, -1, 6))
-        self.cloth.sync_bodies(is_jump=True)
         self._appearance.mark_moved()
 
     def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:

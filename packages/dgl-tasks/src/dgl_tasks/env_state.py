@@ -2,7 +2,42 @@
 
 import torch
 
-__all__ = ["batch_state", "split_state"]
+from dgl_physics.sapien_bridge import SapienCloth
+
+__all__ = ["batch_state", "read_cloth", "split_state", "write_cloth"]
+
+
+def read_cloth(cloth: SapienCloth) -> dict[str, torch.Tensor]:
+    """Give the state of a garment: particles, contacts and forces, each of shape (1, D)."""
+    return {
+        "positions": torch.from_numpy(cloth.state.get_positions()).flatten(1),
+        "velocities": torch.from_numpy(cloth.state.get_velocities()).flatten(1),
+        "is_stuck": torch.from_numpy(cloth.state.get_is_stuck()).float(),
+        "memory": torch.from_numpy(cloth.state.get_memory())[None],
+        "forces": torch.from_numpy(cloth.get_forces().copy()).flatten(1),
+    }
+
+
+def write_cloth(cloth: SapienCloth, state: dict[str, torch.Tensor]) -> None:
+    """Restore the state of a garment, as of `read_cloth`; the rigid bodies are where they were by now.
+
+    Raises:
+        ValueError: If it is of another garment.
+    """
+    shape = cloth.state.get_positions().shape
+    if state["positions"].shape[1] != shape[1] * 3:
+        raise ValueError(
+            f"the state must be of this garment, with {shape[1]} particles; "
+            f"got {state['positions'].shape[1] // 3}"
+        )
+    cloth.state.set_particles(
+        state["positions"].cpu().numpy().reshape(shape),
+        state["velocities"].cpu().numpy().reshape(shape),
+        state["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
+    )
+    cloth.state.set_memory(state["memory"].cpu().numpy().reshape(-1))
+    cloth.set_forces(state["forces"].cpu().numpy().reshape(1, -1, 6))
+    cloth.sync_bodies(is_jump=True)
 
 
 def batch_state(state: dict) -> dict:
