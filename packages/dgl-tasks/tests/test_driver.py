@@ -271,7 +271,7 @@ def test_the_largest_strain_of_each_fifth_step_is_kept(make_env):
 def made():
     """Of a coarse garment that is still falling after a reset: what is compared depends on every step."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dgl_tasks.env.find_garment", partial(load_garment, spacing=0.025))
+        patch.setattr("dgl_tasks.task_garment.find_garment", partial(load_garment, spacing=0.025))
         made = gymnasium.make(
             "FoldTops-v1",
             task=dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2)),
