@@ -12,6 +12,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from dgl_assets.importing import ImportReport, import_garment, load_asset
+from dgl_assets.importing.errors import UnclearGarmentError
+from dgl_assets.importing.openings import check_hollow, name_openings
 from dgl_assets.importing.topology import compute_edge_table, compute_normals, find_loops
 
 _SPEC = importlib.util.spec_from_file_location("foreign", Path(__file__).parent / "foreign.py")
@@ -260,6 +262,31 @@ def test_scarf_of_two_triangles(tmp_path):
     assert report.extent == pytest.approx((1.4, 0.3, 0.0), abs=1e-6)
     garment = load_asset(report.folder)
     assert (compute_normals(garment.vertices, garment.faces)[0][:, 2] > 0.99).all()
+
+
+@pytest.mark.parametrize(("slope", "is_hat"), [(0.0, False), (0.45, False), (0.47, True)])
+def test_a_sheet_is_no_hat(slope, is_hat):
+    """The side of a cone is sqrt(1 + slope^2) as large as its base: 1.1 at a slope of 0.458."""
+    angles = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(400)])
+    vertices = np.vstack([[0, 0, slope], rim])
+    steps = np.arange(400)
+    faces = np.column_stack([np.zeros(400, int), 1 + steps, 1 + (steps + 1) % 400])
+    openings = name_openings(vertices, find_loops(faces), "Bowl_Hat")
+    if is_hat:
+        check_hollow(vertices, faces, openings, "Bowl_Hat")
+    else:
+        with pytest.raises(UnclearGarmentError, match="a Bowl_Hat is hollow; this is a flat sheet"):
+            check_hollow(vertices, faces, openings, "Bowl_Hat")
+    check_hollow(vertices, faces, openings, "Scarf")
+
+
+def test_a_sheet_of_two_triangles_is_no_hat_of_a_file(tmp_path):
+    file = tmp_path / "two.obj"
+    file.write_text("v 0 0 0\nv 0.2 0 0\nv 0.2 0.2 0\nv 0 0.2 0.05\nf 1 2 3\nf 1 3 4\n")
+    with pytest.raises(UnclearGarmentError, match=r"two\.obj: a Bowl_Hat is hollow"):
+        import_garment(file, out=tmp_path / "out", category="Bowl_Hat")
+    assert not (tmp_path / "out").exists()
 
 
 def test_hat_stands_on_its_rim(tmp_path):

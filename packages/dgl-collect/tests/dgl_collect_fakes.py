@@ -80,6 +80,8 @@ class FakeRunner:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out_dir / "film"))
         if self._is_first("use_up_memory_once_at", attempt_index):
             raise MemoryError
+        draws = {"x": float(np.random.default_rng(seed).uniform(-0.1, 0.1))}
+        measurements = {"max_strain_mean": 0.1}
         files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
         if attempt_index not in self.options.get("forget_file_at", ()):
             stages = (make_stage(seed, frames=1),)
@@ -89,6 +91,8 @@ class FakeRunner:
                 garment_id=f"tops/{seed % 5:04d}",
                 success=seed % 2 == 0,
                 success_value=0.9 if seed % 2 == 0 else 0.5,
+                randomisation=draws,
+                measurements=measurements,
             )
             write_episode(out_dir / f"{episode_id}.h5", episode)
             files["episode"] = f"{episode_id}.h5"
@@ -106,7 +110,8 @@ class FakeRunner:
             frames=1,
             stage_seconds={"left_sleeve": 0.1},
             files=files,
-            randomisation={"x": float(np.random.default_rng(seed).uniform(-0.1, 0.1))},
+            randomisation=draws,
+            measurements=measurements,
             beliefs={"value": 0.7},
         )
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from dgl_assets import AssetError, load_garment
 from dgl_assets.importing import find_garment, load_asset
 from dgl_collect.matching import ExactMatcher
-from dgl_collect.own_garment import prepare_garment
+from dgl_collect.own_garment import _digest, prepare_garment
 from dgl_tasks import get_task
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.perception import take_picture
@@ -67,6 +67,23 @@ def test_a_file_becomes_a_garment_with_the_places_that_the_rule_needs(prepared):
     told = " ".join(prepared.notes)
     assert "unit mm" in told
     assert f"judged by places that the affordance model has found: {', '.join(names)}" in told
+
+
+def test_the_same_file_by_another_name_is_another_garment(shirt, tmp_path):
+    for suffix in (".obj", ".mtl", ".png"):
+        shutil.copy(shirt[0].with_suffix(suffix), tmp_path / f"shirt{suffix}")
+    assert _digest(tmp_path / "shirt.obj", "Tops_LongSleeve") == _digest(
+        shirt[0], "Tops_LongSleeve"
+    )
+    other = (tmp_path / "shirt.obj").rename(tmp_path / "other.obj")
+    assert _digest(other, "Tops_LongSleeve") != _digest(shirt[0], "Tops_LongSleeve")
+
+
+def test_a_folder_without_a_mesh_is_refused_unread(tmp_path, monkeypatch):
+    (tmp_path / "film.mp4").write_bytes(b"large")
+    monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail(f"{path} is read"))
+    with pytest.raises(AssetError, match=f"{tmp_path.name} holds no mesh"):
+        prepare_garment(tmp_path, get_task("FoldTops-v1"), folder=tmp_path / "kept")
 
 
 def test_what_was_prepared_is_not_made_again(prepared, shirt):

@@ -115,6 +115,7 @@ def bring_garment(source: Path | None, task: str) -> Path | None:
         raise ValueError(
             f"--garment must be a mesh file or the folder of an imported garment; {source} is not there"
         )
+    source = source.absolute()  # "." has no name
     from dexgarmentlab.cli.assets_import import name_flags
     from dgl_assets.importing import AssetImportError
     from dgl_collect.own_garment import prepare_garment

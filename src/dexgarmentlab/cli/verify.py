@@ -65,6 +65,6 @@ def run(options: Options) -> int:
                     f"{part}: not complete: attempts {named} are not made yet; --resume makes them"
                 )
         console.out(
-            f"{folder}: {len(files)} files, {len(faults) or 'no'} fault{'s' if len(faults) > 1 else ''}"
+            f"{folder}: {len(files)} file{'s' if len(files) > 1 else ''}, {len(faults) or 'no'} fault{'s' if len(faults) > 1 else ''}"
         )
     return EXIT_FAILURE if faults else EXIT_OK

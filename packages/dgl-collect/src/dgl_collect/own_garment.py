@@ -17,7 +17,7 @@ from dgl_assets.importing import ImportedGarment, import_garment, load_asset
 from dgl_assets.importing.asset_folder import META_FILE
 from dgl_assets.importing.paths import detect_kind, read_bytes
 from dgl_assets.importing.read import read_mesh
-from dgl_assets.importing.source import KEYPOINTS_FILE
+from dgl_assets.importing.source import KEYPOINTS_FILE, find_source
 from dgl_collect.demonstration import load_demonstration
 from dgl_gam import GarmentAffordanceModel
 from dgl_physics import MeshError, ModelBuilder
@@ -99,9 +99,14 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
 
 
 def _digest(source: Path, category: str) -> str:
-    """Name what a garment is made of: all files of a folder, or a file and what it refers to."""
-    digest = hashlib.sha256(f"{category} {version('dgl-assets')}".encode())
+    """Name what a garment is made of: its name, and all files of a folder, or a file and what it refers to.
+
+    Raises:
+        AssetError: If there is no mesh, or it cannot be read.
+    """
+    digest = hashlib.sha256(f"{category} {version('dgl-assets')} {source.name}".encode())
     if source.is_dir():
+        find_source(source)  # before all files of a large folder are read
         for path in sorted(path for path in source.rglob("*") if path.is_file()):
             digest.update(path.read_bytes())
         return digest.hexdigest()[:16]

@@ -111,7 +111,9 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
     if fault := _open_file(run, result, kind, path):
         return fault
     recorded = result.checksums.get(kind)
-    if recorded is not None and compute_checksum(path) != recorded:
+    if recorded is None:
+        return f"{path}: {ATTEMPTS_FILE} holds no SHA-256 of it"
+    if compute_checksum(path) != recorded:
         return f"{path}: it was changed since the run wrote it (its SHA-256 is another one)"
     return ""
 
@@ -146,6 +148,15 @@ def _check_episode(run: RunRecord, result: AttemptResult, path: Path) -> str:
     ):
         if ours != its:
             return f"{path}: its {name} is {its}; {ATTEMPTS_FILE} says {ours}"
+    for kind, line, file in (
+        ("draw", result.randomisation, episode.randomisation),
+        ("measurement", result.measurements, episode.measurements),
+    ):
+        for name, value in file.items():
+            if line.get(name) != value:
+                return (
+                    f"{path}: its {kind} {name!r} is {value}; {ATTEMPTS_FILE} says {line.get(name)}"
+                )
     return ""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.holes import compute_perimeter
-from dgl_assets.importing.topology import find_loops
+from dgl_assets.importing.topology import compute_normals, find_loops
 
 _OF_THE_LONGEST, _OF_THE_EXTENT = 0.10, 0.055
 _SLEEVES = 1.15  # distance of the cuffs over the width of the body
@@ -22,6 +22,7 @@ _BAND, _GAP = (
 )  # half height of such a level, and the gap that parts a sleeve from the body, of the length
 _TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
 _SCARF = 2.5  # length over width
+_HOLLOW = 1.1  # surface of a hat or glove over the area within its opening; a wide-brimmed hat has 1.3, a sheet 1
 _CLOSED = "a closed surface is sewn shut, or has a thickness whose sides cannot be told: open it, or export its outside alone"
 
 
@@ -91,6 +92,31 @@ def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) 
         return Openings(main=main, neck=None, pair=(left, right))
     left, right, neck = _choose_pair(vertices, loops[1:], [loops[0]])
     return Openings(main=loops[0], neck=neck, pair=(left, right))
+
+
+def check_hollow(
+    vertices: np.ndarray, faces: np.ndarray, openings: Openings, category: str
+) -> None:
+    """Check that a hat or a glove has room for a head or a hand.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        faces: Oriented manifold triangles, shape (F, 3), int.
+        openings: Its openings.
+        category: What it is; garments without a thickness of their own may be flat.
+
+    Raises:
+        UnclearGarmentError: If it is a sheet.
+    """
+    if CATEGORIES[category].wall_thickness is None:
+        return
+    rim = vertices[openings.main]
+    within = 0.5 * float(np.linalg.norm(np.cross(rim, np.roll(rim, -1, axis=0)).sum(axis=0)))
+    area = float(compute_normals(vertices, faces)[1].sum())
+    if area < _HOLLOW * within:
+        raise UnclearGarmentError(
+            f"a {category} is hollow; this is a flat sheet, {area / within:.2f} times as large as its opening"
+        )
 
 
 def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, str]:

@@ -17,6 +17,7 @@ from dgl_assets.importing.frame import Frame, find_frame, turn_outward
 from dgl_assets.importing.holes import close_small_holes
 from dgl_assets.importing.keypoints import Keypoints
 from dgl_assets.importing.openings import (
+    check_hollow,
     compute_smallest_opening,
     find_openings,
     guess_category,
@@ -126,6 +127,7 @@ def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) ->
             category, why = guess_category(mesh.vertices, loops)
             notes.append(f"category {category}, {why}")
         openings = name_openings(mesh.vertices, loops, category)
+        check_hollow(mesh.vertices, mesh.faces, openings, category)
         faces, is_turned = turn_outward(mesh.vertices, mesh.faces)
         if is_turned:
             notes.append("all faces were turned over, so that normals point outward")
