@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
+from dgl_files.fields import decode_json, from_plain
 from dgl_sadp import (
     CheckpointError,
     CorruptEpisodeError,
@@ -25,7 +26,6 @@ from dgl_sadp import (
     read_card,
     save_policy,
 )
-from dgl_sadp._fields import decode_json, from_plain
 from dgl_sadp.ranges import measure_episodes
 
 FEW = settings(

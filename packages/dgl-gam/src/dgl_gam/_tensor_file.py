@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from safetensors import SafetensorError, safe_open
 
-from dgl_gam._fields import show, tell
+from dgl_files.fields import show, tell
 
 __all__ = ["ArrayFile", "open_arrays", "seal"]
 

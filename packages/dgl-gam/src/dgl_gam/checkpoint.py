@@ -11,7 +11,7 @@ import torch
 from annotated_types import Interval
 from safetensors.numpy import save_file
 
-from dgl_gam._fields import check_value, decode_json, show, tell
+from dgl_files.fields import check_value, decode_json, show, tell
 from dgl_gam._tensor_file import SEALED, open_arrays, seal
 from dgl_gam.confidence import Calibration
 from dgl_gam.config import NetworkConfig

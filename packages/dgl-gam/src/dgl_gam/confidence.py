@@ -9,7 +9,7 @@ import torch
 from annotated_types import Interval
 from torch import Tensor
 
-from dgl_gam._fields import STRICT, check_fields, decode_json, from_plain, show
+from dgl_files.fields import STRICT, check_fields, decode_json, from_plain, show
 
 __all__ = ["EVIDENCE", "Calibration", "compute_auroc", "compute_evidence", "fit_calibration"]
 

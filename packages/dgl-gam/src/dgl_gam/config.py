@@ -10,7 +10,7 @@ from typing import Annotated
 
 from annotated_types import Interval, Len
 
-from dgl_gam._fields import STRICT, check_fields, decode_json, from_plain
+from dgl_files.fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "PRESETS",

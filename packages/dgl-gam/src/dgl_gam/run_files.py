@@ -11,7 +11,7 @@ from annotated_types import Interval
 from safetensors.numpy import save_file
 from torch import Tensor
 
-from dgl_gam._fields import check_value, decode_json, show
+from dgl_files.fields import check_value, decode_json, show
 from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
 from dgl_gam.errors import CheckpointError
 

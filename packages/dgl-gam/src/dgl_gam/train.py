@@ -15,8 +15,8 @@ import torch
 from annotated_types import Interval
 from torch import Tensor
 
+from dgl_files.fields import STRICT, check_fields
 from dgl_gam._device import find_device
-from dgl_gam._fields import STRICT, check_fields
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker

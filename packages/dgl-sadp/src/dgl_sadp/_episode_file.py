@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from dgl_sadp._fields import show, tell
+from dgl_files.fields import show, tell
 from dgl_sadp.errors import CorruptEpisodeError, UnsuitableEpisodeError
 
 __all__ = [

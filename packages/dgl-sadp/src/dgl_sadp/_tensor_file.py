@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from dgl_sadp._fields import decode_json, show, tell
+from dgl_files.fields import decode_json, show, tell
 from dgl_sadp.errors import CheckpointError
 
 __all__ = ["TensorFile", "open_tensors", "read_header", "write_tensors"]

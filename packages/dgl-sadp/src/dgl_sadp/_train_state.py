@@ -13,7 +13,7 @@ import torch
 from annotated_types import Interval
 from torch import Tensor
 
-from dgl_sadp._fields import check_value
+from dgl_files.fields import check_value
 from dgl_sadp._tensor_file import open_tensors, write_tensors
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy

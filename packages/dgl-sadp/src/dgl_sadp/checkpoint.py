@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import torch
 from annotated_types import Interval, Len
 
-from dgl_sadp._fields import check_value, from_plain
+from dgl_files.fields import check_value, from_plain
 from dgl_sadp._tensor_file import open_tensors, read_header, write_tensors
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, get_args
 
 from annotated_types import Interval, Len
 
-from dgl_sadp._fields import STRICT, check_fields, decode_json, from_plain
+from dgl_files.fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "DiffusionConfig",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dgl_files.fields import tell
 from dgl_sadp._episode_file import (
     FRAME_KEYS,
     FrameSlice,
@@ -18,7 +19,6 @@ from dgl_sadp._episode_file import (
     scan_stage,
     take_frames,
 )
-from dgl_sadp._fields import tell
 from dgl_sadp.errors import CorruptEpisodeError
 
 __all__ = ["EpisodeDataset", "split_episodes"]

@@ -7,8 +7,8 @@ from typing import Annotated, Literal, get_args
 
 from annotated_types import Interval
 
+from dgl_files.fields import STRICT, check_fields
 from dgl_sadp._clouds import Augmentation
-from dgl_sadp._fields import STRICT, check_fields
 from dgl_sadp.config import Method, PolicySize
 
 __all__ = ["TrainConfig", "get_train_config"]

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Len
 from safetensors.numpy import save_file
 
-from dgl_gam._fields import check_value, decode_json, show, tell
+from dgl_files.fields import check_value, decode_json, show, tell
 from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
 from dgl_gam.config import check_category
 from dgl_gam.errors import DataError
