@@ -1,4 +1,4 @@
-"""Types and ranges of fields: stated once, as annotations, and checked wherever the values come from."""
+"""Types and ranges of fields, stated as annotations and checked wherever values come from."""
 
 import dataclasses
 import json
@@ -14,7 +14,7 @@ __all__ = ["STRICT", "check_fields", "check_value", "decode_json", "from_plain",
 C = TypeVar("C")
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
-"""For configurations, as `__pydantic_config__`: no value is converted, none is unknown, numbers are finite."""
+"""`__pydantic_config__` of configurations: no conversion, no unknown field, finite numbers."""
 MAX_JSON_CHARACTERS = 16 * 2**20
 
 
@@ -22,7 +22,8 @@ def check_fields(config: Any) -> None:
     """Check type and range of every field of a dataclass; meant for `__post_init__`.
 
     Raises:
-        ValueError: If a field is of another type or out of range: its name, what it must be, and what came.
+        ValueError: If a field is of another type or out of range. The message names the field, the
+            expected type or range, and the value.
     """
     for name, hint in _get_hints(type(config)).items():
         check_value(name, getattr(config, name), hint)
@@ -32,7 +33,7 @@ def check_value(name: str, value: Any, hint: Any) -> None:
     """Check a value against a type, annotated with what `annotated_types` has.
 
     Raises:
-        ValueError: If it does not fit: the name, what it must be, and what came.
+        ValueError: With the name, the expected type or range, and the value.
     """
     try:
         _get_adapter(hint).validate_python(value, strict=True)
@@ -44,7 +45,8 @@ def from_plain(cls: type[C], values: Any) -> C:
     """Build a configuration from plain values, as JSON holds them.
 
     Raises:
-        ValueError: If the values are no object, or a field is missing, unknown, of a wrong type or out of range.
+        ValueError: If the values are no object, or a field is missing, unknown, of a wrong type
+            or out of range.
     """
     if not isinstance(values, dict):
         raise ValueError(f"{cls.__name__} must be an object; got {show(values)}")
@@ -75,7 +77,7 @@ def decode_json(text: str) -> Any:
 
 
 def show(value: Any) -> str:
-    """Write a value of any kind for a message, in one line of at most about 80 characters."""
+    """Write any value for a message, in one line of about 80 characters."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a whole number of {value.bit_length()} bits"
     text = " ".join(repr(value)[:400].split())
@@ -83,12 +85,12 @@ def show(value: Any) -> str:
 
 
 def tell(name: str) -> str:
-    """Write a name that came from a file, for a message: as it is, unless it is long or would break the line."""
+    """Write a name from a file for a message; quote it if it is long or not printable."""
     return name if name.isprintable() and len(name) <= 80 else show(name)
 
 
 def _describe(err: ValidationError, name: str = "") -> str:
-    """Say of the first error where it is, what is expected and what came."""
+    """Describe the first error: its place, the expected value and the received one."""
     first = err.errors(include_url=False)[0]
     where = name
     for part in first["loc"]:

@@ -1,0 +1,54 @@
+"""Readers that behave and misbehave, for the tests of the guard."""
+
+import os
+import time
+
+import numpy as np
+
+
+class DamagedError(Exception):
+    """Of the same name as the one of the tests."""
+
+
+def echo(*arguments):
+    array = np.arange(6, dtype=np.int16).reshape(2, 3)
+    os.write(1, b"a library that prints\n")
+    return {
+        "arguments": arguments,
+        "parts": [{"array": array}],
+        "bytes": b"\0\1",
+        "nothing": None,
+        "process": os.getpid(),
+    }
+
+
+def sleep():
+    time.sleep(30)
+
+
+def fill_memory():
+    return np.ones(2**30)
+
+
+def abort():
+    os.abort()
+
+
+def leave():
+    os._exit(3)
+
+
+def fail():
+    raise ValueError("two\nlines")
+
+
+def refuse():
+    raise DamagedError("line 7")
+
+
+def return_an_object():
+    return {"value": object()}
+
+
+def return_pickled():
+    return {"value": np.array([object()])}
