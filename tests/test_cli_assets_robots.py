@@ -62,14 +62,14 @@ def test_an_unknown_robot_is_said_before_anything_starts(verb, tmp_path, capsys)
 
 
 def test_a_run_remembers_its_robot(tmp_path, hand):
-    from dexgarmentlab.cli.collect import Options, robot_options
+    from dexgarmentlab.cli.collect import CollectOptions, robot_options
 
     robots = tmp_path / "robots"
     arguments = ["assets", "import-robot", str(hand), "--name", "sixteen", "--kind", "hand"]
     assert main([*arguments, "--robots", str(robots)]) == 0
     assert robot_options("sixteen", robots) == {"robot": "sixteen", "robots": str(robots)}
     assert robot_options("ur10e+shadow", None) == {}
-    options = Options(task="FoldTops-v1", out=tmp_path, robot="sixteen", robots=robots)
+    options = CollectOptions(task="FoldTops-v1", out=tmp_path, robot="sixteen", robots=robots)
     assert options.command.endswith(f"--robot sixteen --robots {robots}")
 
 

@@ -39,7 +39,9 @@ def fake(monkeypatch):
 
 
 def options(out, **changes):
-    return collect_verb.Options(**({"task": "FoldTops-v1", "episodes": 2, "out": out} | changes))
+    return collect_verb.CollectOptions(
+        **({"task": "FoldTops-v1", "episodes": 2, "out": out} | changes)
+    )
 
 
 def test_collect_says_how_many_succeeded(fake, tmp_path, capsys):
@@ -105,7 +107,7 @@ def test_demo_says_where_everything_is_and_can_be_repeated(fake, tmp_path, capsy
     fake()
     succeeds = make_attempt_seed(0, 0) % 2 == 0
     for _ in range(2):
-        assert demo_verb.run(demo_verb.Options(out=tmp_path / "out")) == (0 if succeeds else 1)
+        assert demo_verb.run(demo_verb.DemoOptions(out=tmp_path / "out")) == (0 if succeeds else 1)
     out, err = capsys.readouterr()
     for kind in ("video", "picture", "report"):
         assert f"  {kind}" in out
@@ -114,10 +116,10 @@ def test_demo_says_where_everything_is_and_can_be_repeated(fake, tmp_path, capsy
 
 def test_demo_leaves_other_peoples_folders_alone(fake, tmp_path):
     fake()
-    demo_verb.run(demo_verb.Options(out=tmp_path / "out"))
+    demo_verb.run(demo_verb.DemoOptions(out=tmp_path / "out"))
     (tmp_path / "out/notes.txt").write_text("precious")
     with pytest.raises(ValueError, match="not \\(only\\) an earlier demonstration's"):
-        demo_verb.run(demo_verb.Options(out=tmp_path / "out"))
+        demo_verb.run(demo_verb.DemoOptions(out=tmp_path / "out"))
     assert (tmp_path / "out/attempts.jsonl").exists()
     assert (tmp_path / "out/notes.txt").read_text() == "precious"
     collect_verb.run(options(tmp_path / "mine", episodes=1))

@@ -58,7 +58,7 @@ def fake(monkeypatch):
 
 def options(out, **changes):
     content = {"task": "FoldTops-v1", "policy": "nothing", "episodes": 3, "seeds": "0,1"}
-    return verb.Options(**(content | {"out": out} | changes))
+    return verb.EvalOptions(**(content | {"out": out} | changes))
 
 
 def count_even(seed, episodes, *, of=2):

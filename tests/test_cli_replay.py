@@ -39,7 +39,7 @@ def use(monkeypatch, joints=0.0, success=True, draws=None):
 
 def test_what_reproduces_is_said_and_is_a_success(monkeypatch, path, capsys):
     use(monkeypatch)
-    assert verb.run(verb.Options(episode=path)) == 0
+    assert verb.run(verb.ReplayOptions(episode=path)) == 0
     out = capsys.readouterr().out
     assert "FoldTops-v1, seed 7, tops/7: 3 steps" in out
     assert "joint_state  60       equal" in out
@@ -57,7 +57,7 @@ def test_what_reproduces_is_said_and_is_a_success(monkeypatch, path, capsys):
 )
 def test_what_does_not_is_named_and_fails(monkeypatch, path, capsys, change, fault):
     use(monkeypatch, **change)
-    assert verb.run(verb.Options(episode=path, json=True)) == 1
+    assert verb.run(verb.ReplayOptions(episode=path, json=True)) == 1
     out, err = capsys.readouterr()
     assert json.loads(out)["reproduces"] is False
     assert err.strip().splitlines()[-1].endswith(f"e.h5 does not reproduce: {fault}")
@@ -65,11 +65,11 @@ def test_what_does_not_is_named_and_fails(monkeypatch, path, capsys, change, fau
 
 def test_a_tolerance_lets_small_differences_pass(monkeypatch, path):
     use(monkeypatch, joints=0.02)
-    assert verb.run(verb.Options(episode=path, tolerance=0.05)) == 0
+    assert verb.run(verb.ReplayOptions(episode=path, tolerance=0.05)) == 0
     with pytest.raises(ValueError, match="--tolerance must be at least 0; got -1"):
-        verb.run(verb.Options(episode=path, tolerance=-1.0))
+        verb.run(verb.ReplayOptions(episode=path, tolerance=-1.0))
 
 
 def test_an_episode_without_its_commands_is_refused(path):
     with pytest.raises(NotReplayableError, match="collect it again"):
-        verb.run(verb.Options(episode=path))
+        verb.run(verb.ReplayOptions(episode=path))

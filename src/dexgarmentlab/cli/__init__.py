@@ -2,8 +2,9 @@
 
 A verb is one module in this package and one line in `VERBS`. The module defines
 
-* `Options`: a frozen keyword-only dataclass (or a union of them), whose docstring is the verb's help and
-  holds an example, and whose fields are its arguments (`tyro.conf.Positional[str]` for a positional one);
+* `<Verb>Options` (`CollectOptions` for `collect`): a frozen keyword-only dataclass, or a union of them.
+  Its docstring, with an example, is the verb's help; its fields are the arguments
+  (`tyro.conf.Positional[str]` for a positional one);
 * `run(options) -> int`: does the work and returns the exit status.
 
 Verb modules import the packages that they need inside `run`, so that `dgl --help` stays quick.
@@ -141,7 +142,8 @@ def _dispatch(arguments: list[str]) -> int:
     import tyro
 
     module = verb.load()
-    options = tyro.cli(module.Options, prog=f"dgl {verb.name}", args=rest)
+    options = getattr(module, f"{verb.name.capitalize()}Options")
+    options = tyro.cli(options, prog=f"dgl {verb.name}", args=rest)
     with console.keep_results_alone():
         return int(module.run(options))
 

@@ -12,7 +12,7 @@ from dexgarmentlab.cli.assets_catalogue import (
     list_garments,
     show,
 )
-from dexgarmentlab.cli.assets_import import ImportOptions, bring
+from dexgarmentlab.cli.assets_import import ImportGarmentOptions, bring
 from dexgarmentlab.cli.assets_looks import (
     MaterialsOptions,
     PropsOptions,
@@ -26,15 +26,15 @@ from dexgarmentlab.cli.assets_robots import (
     list_robots,
 )
 
-__all__ = ["Options", "run"]
+__all__ = ["AssetsOptions", "run"]
 
-Options = Annotated[
+AssetsOptions = Annotated[
     Annotated[ListOptions, tyro.conf.subcommand("list")]
     | Annotated[ShowOptions, tyro.conf.subcommand("show")]
     | Annotated[BuildOptions, tyro.conf.subcommand("build")]
     | Annotated[PropsOptions, tyro.conf.subcommand("props")]
     | Annotated[MaterialsOptions, tyro.conf.subcommand("materials")]
-    | Annotated[ImportOptions, tyro.conf.subcommand("import")]
+    | Annotated[ImportGarmentOptions, tyro.conf.subcommand("import")]
     | Annotated[ImportRobotOptions, tyro.conf.subcommand("import-robot")]
     | Annotated[ListRobotsOptions, tyro.conf.subcommand("list-robots")],
     tyro.conf.arg(name=""),
@@ -48,7 +48,7 @@ def run(
     | BuildOptions
     | PropsOptions
     | MaterialsOptions
-    | ImportOptions
+    | ImportGarmentOptions
     | ImportRobotOptions
     | ListRobotsOptions,
 ) -> int:

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
     from dgl_assets.importing import ImportReport
 
-__all__ = ["ImportOptions", "bring", "name_flags"]
+__all__ = ["ImportGarmentOptions", "bring", "name_flags"]
 
 _FLAGS = {"object_name": "--object", "use_textures=False": "--no-textures"}
 """Flags that are not called as the parameter of the library is."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImportOptions:
+class ImportGarmentOptions:
     """Bring your own garment: import a mesh file, a folder of them, or a zip archive.
 
     OBJ, PLY, STL, GLB, glTF and USD; a folder of {mesh, keypoints.json, meta.json}; a ClothesNet folder. What is
@@ -69,7 +69,7 @@ class ImportOptions:
     """Write the result as JSON."""
 
 
-def bring(options: ImportOptions) -> int:
+def bring(options: ImportGarmentOptions) -> int:
     """Import one model or many, and say what was made and what was refused."""
     from dgl_assets import AssetError
     from dgl_assets.importing import list_models
@@ -104,7 +104,7 @@ def bring(options: ImportOptions) -> int:
     return EXIT_FAILURE if refused else EXIT_OK
 
 
-def _import(path: Path, options: ImportOptions) -> "ImportReport":
+def _import(path: Path, options: ImportGarmentOptions) -> "ImportReport":
     from dgl_assets.importing import AssetImportError, import_garment
 
     try:

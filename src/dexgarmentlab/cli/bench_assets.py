@@ -15,13 +15,13 @@ from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_conti
 if TYPE_CHECKING:
     from dexgarmentlab.bench_assets import Attempt, RunConfig
 
-__all__ = ["AssetsOptions", "measure_assets"]
+__all__ = ["BenchAssetsOptions", "measure_assets"]
 
 _COUNT, _FRAMES = 2500, 300
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssetsOptions:
+class BenchAssetsOptions:
     """Measure garments of every category, drop each flat onto the ground, and see whether it stays whole.
 
     Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A bar that is not met is a
@@ -64,7 +64,7 @@ class AssetsOptions:
         return shlex.join(str(word) for word in words)
 
 
-def measure_assets(options: AssetsOptions) -> int:
+def measure_assets(options: BenchAssetsOptions) -> int:
     """Drop the garments that are left and write the rows."""
     from dexgarmentlab.bench_assets import RunConfig, load_run, make_rows
 
@@ -93,7 +93,7 @@ def _report(folder: Path, attempts: "list[Attempt]") -> Path:
         return write_report(folder, on_picture=bar.advance)
 
 
-def _drop(config: "RunConfig", options: AssetsOptions) -> tuple[list["Attempt"], bool]:
+def _drop(config: "RunConfig", options: BenchAssetsOptions) -> tuple[list["Attempt"], bool]:
     """Drop garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
     from dexgarmentlab.bench_assets import drop_garments
     from dgl_collect.workers import stop_signals

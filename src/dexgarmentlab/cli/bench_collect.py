@@ -9,11 +9,11 @@ from dexgarmentlab.cli.bench_physics import print_rows
 if TYPE_CHECKING:
     from dexgarmentlab.bench_collect.timed import AttemptTimes
 
-__all__ = ["CollectOptions", "measure_collect"]
+__all__ = ["BenchCollectOptions", "measure_collect"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CollectOptions:
+class BenchCollectOptions:
     """Time attempts with film and recording: by component, in all, the start of a worker, and several workers.
 
     Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time
@@ -35,7 +35,7 @@ class CollectOptions:
     """Print the rows as JSON."""
 
 
-def measure_collect(options: CollectOptions) -> int:
+def measure_collect(options: BenchCollectOptions) -> int:
     """Make the attempts and write the rows."""
     from dexgarmentlab.bench_collect import Plan, make_attempts, measure_collection
 

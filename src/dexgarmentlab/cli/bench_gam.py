@@ -6,11 +6,11 @@ from typing import Literal
 from dexgarmentlab.cli import EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 
-__all__ = ["GamOptions", "measure_gam"]
+__all__ = ["BenchGamOptions", "measure_gam"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GamOptions:
+class BenchGamOptions:
     """Time the affordance model: a pair of clouds of 2,048 points, and batches of 32, on CPU and CUDA.
 
     Example: dgl bench gam --json
@@ -28,7 +28,7 @@ class GamOptions:
     """Print the rows as JSON."""
 
 
-def measure_gam(options: GamOptions) -> int:
+def measure_gam(options: BenchGamOptions) -> int:
     """Measure and write the rows."""
     from dexgarmentlab.gam.speed import measure_speed
 

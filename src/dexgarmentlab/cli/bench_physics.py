@@ -11,11 +11,11 @@ from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
 if TYPE_CHECKING:
     from dgl_physics_bench import Row
 
-__all__ = ["PhysicsOptions", "measure_physics", "print_rows"]
+__all__ = ["BenchPhysicsOptions", "measure_physics", "print_rows"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhysicsOptions:
+class BenchPhysicsOptions:
     """Measure the simulation of cloth and elastic solids, theory beside measurement.
 
     A row is a name, a value, its unit, the bar that the value should meet and whether it does. A bar that
@@ -38,7 +38,7 @@ class PhysicsOptions:
     """Print the rows as JSON."""
 
 
-def measure_physics(options: PhysicsOptions) -> int:
+def measure_physics(options: BenchPhysicsOptions) -> int:
     """Measure and write the rows."""
     import dgl_physics_bench
 
@@ -110,7 +110,7 @@ def print_rows(rows: "Sequence[Row]", *, as_json: bool) -> None:
 _MARKS = {True: "yes", False: "no", None: ""}
 
 
-def _command(options: PhysicsOptions) -> str:
+def _command(options: BenchPhysicsOptions) -> str:
     """How to make the same again."""
     words = ["dgl", "bench", "physics"]
     if options.only:

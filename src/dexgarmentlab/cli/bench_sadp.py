@@ -6,11 +6,11 @@ from typing import Literal
 from dexgarmentlab.cli import EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 
-__all__ = ["SadpOptions", "measure_sadp"]
+__all__ = ["BenchSadpOptions", "measure_sadp"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SadpOptions:
+class BenchSadpOptions:
     """Time the policies: a chunk of joint targets with its encoders, the start of a stage, and steps of training.
 
     Example: dgl bench sadp --json
@@ -34,7 +34,7 @@ class SadpOptions:
     """Print the rows as JSON."""
 
 
-def measure_sadp(options: SadpOptions) -> int:
+def measure_sadp(options: BenchSadpOptions) -> int:
     """Measure and write the rows."""
     from dexgarmentlab.sadp.speed import measure_speed
 

@@ -7,11 +7,11 @@ from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags
 
-__all__ = ["SoakOptions", "measure_soak"]
+__all__ = ["BenchSoakOptions", "measure_soak"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SoakOptions:
+class BenchSoakOptions:
     """Make random actions in every task: count what is not finite, what overflows and what raises, and watch memory.
 
     Hands are sent to the garment and anywhere, fingers move at random. Each episode has a seed of its own, which is told
@@ -35,7 +35,7 @@ class SoakOptions:
     """Print the rows as JSON."""
 
 
-def measure_soak(options: SoakOptions) -> int:
+def measure_soak(options: BenchSoakOptions) -> int:
     """Run the episodes and write the rows."""
     import dataclasses
     import json

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dgl_collect import CollectConfig, Progress, Summary
 
 __all__ = [
-    "Options",
+    "CollectOptions",
     "collect_with_progress",
     "describe_failures",
     "format_duration",
@@ -28,7 +28,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class CollectOptions:
     """Collect demonstrations of a task automatically.
 
     Makes the attempts, keeps the episodes of those that succeed, and says why the others did not. The
@@ -151,7 +151,7 @@ def choose_matcher(matcher: str | None, garment: Path | None) -> str | None:
     return "gam"
 
 
-def run(options: Options) -> int:
+def run(options: CollectOptions) -> int:
     """Collect, write the report, and say how many attempts succeeded."""
     from dgl_collect import CollectConfig
 

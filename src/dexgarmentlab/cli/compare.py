@@ -12,11 +12,11 @@ from dexgarmentlab.cli import EXIT_OK, console
 if TYPE_CHECKING:
     from dexgarmentlab.evaluation.comparison import Comparison, Evaluation
 
-__all__ = ["Options", "run"]
+__all__ = ["CompareOptions", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class CompareOptions:
     """Compare evaluations of one task on the episodes that all of them have run.
 
     Every method of `dgl eval` meets the same garments at the same places, so what tells two methods apart are the
@@ -31,7 +31,7 @@ class Options:
     """Write the comparison, with the episodes by number, as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: CompareOptions) -> int:
     """Compare, and show each method and every two of them."""
     from dexgarmentlab.evaluation.comparison import compare, read_evaluation
 

@@ -13,7 +13,7 @@ from datetime import timedelta
 from typing import Any, Protocol, TextIO, TypeVar
 
 __all__ = [
-    "Progress",
+    "ProgressBar",
     "error",
     "info",
     "keep_results_alone",
@@ -31,7 +31,7 @@ LOG_SECONDS = 30.0
 """Time between two lines of progress in a log [s]."""
 
 
-class Progress(Protocol):
+class ProgressBar(Protocol):
     """A running progress bar."""
 
     def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
@@ -92,7 +92,7 @@ def error(text: str) -> None:
 
 
 @contextmanager
-def progress(description: str, total: int | None = None) -> Iterator[Progress]:
+def progress(description: str, total: int | None = None) -> Iterator[ProgressBar]:
     """Show a progress bar on standard error while the block runs.
 
     Args:

@@ -9,7 +9,7 @@ from pathlib import Path
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import collect_with_progress, format_duration, robot_options
 
-__all__ = ["TASK", "Options", "clear_previous", "run"]
+__all__ = ["TASK", "DemoOptions", "clear_previous", "run"]
 
 TASK = "FoldTops-v1"
 SEED = 0
@@ -17,7 +17,7 @@ _COMMAND = "dgl demo"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class DemoOptions:
     """Collect one demonstration: two dexterous hands fold a long-sleeved top.
 
     Writes the episode, its film, its final picture and a report that shows them.
@@ -35,7 +35,7 @@ class Options:
     """Write where the files are as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: DemoOptions) -> int:
     """Collect the demonstration, write the report, and say where everything is."""
     from dgl_collect import CollectConfig
     from dgl_collect.results import read_results

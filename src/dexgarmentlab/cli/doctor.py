@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from dexgarmentlab import doctor
 from dexgarmentlab.cli import console
 
-__all__ = ["Options", "run"]
+__all__ = ["DoctorOptions", "run"]
 
 _MARKS = {"ok": "ok      ", "fail": "FAIL    ", "optional": "optional"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class DoctorOptions:
     """Say what works on this machine, and the fix for what does not.
 
     The exit status is 0 when `dgl demo` can run here, and 1 when it cannot.
@@ -25,7 +25,7 @@ class Options:
     """Run only these checks, by name; all of them when none is named."""
 
 
-def run(options: Options) -> int:
+def run(options: DoctorOptions) -> int:
     """Run the checks, write their results, and return 1 if a needed one fails."""
     with console.progress("checking this machine", len(options.only or doctor.CHECKS)) as bar:
         results = doctor.run_checks(

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from dexgarmentlab.evaluation.results import Count, Results
     from dgl_collect import CollectConfig, Progress
 
-__all__ = ["SEED_OFFSET", "Options", "parse_seeds", "run"]
+__all__ = ["SEED_OFFSET", "EvalOptions", "parse_seeds", "run"]
 
 SEED_OFFSET = 1_000_000
 """Added to the seeds, so that no episode starts as one of a collection with the same seed did."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class EvalOptions:
     """Evaluate a method on a task, as the paper does: episodes for each of several seeds.
 
     Every method meets the same garments at the same places. Half of the garments are of the catalogue's
@@ -111,7 +111,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return seeds
 
 
-def run(options: Options) -> int:
+def run(options: EvalOptions) -> int:
     """Evaluate, write `results.json` and the report, and say how many episodes succeeded."""
     from dexgarmentlab.evaluation.methods import check_method
     from dexgarmentlab.evaluation.results import RESULTS_FILE, Run, summarize, to_json
@@ -179,7 +179,7 @@ def run(options: Options) -> int:
     return EXIT_OK
 
 
-def _configure(options: Options, seed: int, own: Path | None) -> "CollectConfig":
+def _configure(options: EvalOptions, seed: int, own: Path | None) -> "CollectConfig":
     """Make the run of one seed."""
     from dexgarmentlab.evaluation.attempts import FACTORY
     from dgl_collect import CollectConfig
@@ -206,7 +206,7 @@ def _configure(options: Options, seed: int, own: Path | None) -> "CollectConfig"
     )
 
 
-def _tell_method(options: Options) -> "MethodOptions":
+def _tell_method(options: EvalOptions) -> "MethodOptions":
     from dexgarmentlab.evaluation.methods import MethodOptions
 
     checkpoints = options.checkpoints
@@ -220,7 +220,7 @@ def _tell_method(options: Options) -> "MethodOptions":
     )
 
 
-def _asked(options: Options) -> dict[str, object]:
+def _asked(options: EvalOptions) -> dict[str, object]:
     content = {
         field.name: getattr(options, field.name)
         for field in dataclasses.fields(options)
@@ -231,7 +231,7 @@ def _asked(options: Options) -> dict[str, object]:
     return {**content, "seeds": list(parse_seeds(options.seeds)), "command": options.command}
 
 
-def _show(options: Options, results: "Results") -> None:
+def _show(options: EvalOptions, results: "Results") -> None:
     total = results.total
     if results.mean is None or total.rate is None:
         console.out(f"{options.task}, {options.policy}: no episode has finished")

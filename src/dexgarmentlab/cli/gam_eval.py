@@ -6,11 +6,11 @@ from typing import Literal
 
 from dexgarmentlab.cli import EXIT_OK, console
 
-__all__ = ["EvalOptions", "PackOptions", "evaluate_models", "pack"]
+__all__ = ["GamEvalOptions", "GamPackOptions", "evaluate_models", "pack"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvalOptions:
+class GamEvalOptions:
     """Measure how well places are found again on garments that the networks have not seen.
 
     Example: dgl gam eval --data gam-data --weights gam-runs --markdown
@@ -39,7 +39,7 @@ class EvalOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PackOptions:
+class GamPackOptions:
     """Make weights to ship of finished runs: 16-bit, their confidence calibrated, each with a model card.
 
     The confidence is calibrated on garments of the training split; the card's figures are from the others.
@@ -65,7 +65,7 @@ class PackOptions:
     """Write the files and their rows as JSON."""
 
 
-def evaluate_models(options: EvalOptions) -> int:
+def evaluate_models(options: GamEvalOptions) -> int:
     """Measure and write the rows."""
     from dexgarmentlab.gam.runs import load_models
     from dgl_gam.data import GarmentFolder
@@ -103,7 +103,7 @@ def evaluate_models(options: EvalOptions) -> int:
     return EXIT_OK
 
 
-def pack(options: PackOptions) -> int:
+def pack(options: GamPackOptions) -> int:
     """Calibrate, measure and write each run's network."""
     from dataclasses import replace
 

@@ -11,11 +11,11 @@ from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
 if TYPE_CHECKING:
     from dgl_collect.relabel import Relabelling
 
-__all__ = ["Options", "run"]
+__all__ = ["RelabelOptions", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class RelabelOptions:
     """Give recorded episodes the affordance that the Garment Affordance Model sees in their clouds.
 
     For policies that will be run behind the model, from demonstrations that another matcher has guided, and for new weights of
@@ -37,7 +37,7 @@ class Options:
     """Write the result as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: RelabelOptions) -> int:
     """Relabel, and say what was left out."""
     from dgl_collect.relabel import Relabeller, relabel_episodes
 

@@ -12,11 +12,11 @@ from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
 if TYPE_CHECKING:
     from dgl_collect.replay import Replay
 
-__all__ = ["Options", "run"]
+__all__ = ["ReplayOptions", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class ReplayOptions:
     """Send a recorded episode's commands to the simulation once more, and compare.
 
     Every recorded joint state, pose, picture and cloud, the garment's particles at the end and the verdict
@@ -39,7 +39,7 @@ class Options:
     """Write the comparison as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: ReplayOptions) -> int:
     """Replay, and say how far what came is from what was recorded."""
     from dgl_collect import VideoWriter, read_episode
     from dgl_collect.replay import replay_episode

@@ -9,13 +9,13 @@ from dexgarmentlab.cli import EXIT_OK, console
 if TYPE_CHECKING:
     from dgl_tasks.declaration import Task
 
-__all__ = ["Options", "describe_task", "run"]
+__all__ = ["TasksOptions", "describe_task", "run"]
 
 SPLITS = ("train", "test")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class TasksOptions:
     """Show the tasks: category, stages, success rule, garments and where the robots stand.
 
     Example: dgl tasks --json
@@ -25,7 +25,7 @@ class Options:
     """Write the result as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: TasksOptions) -> int:
     """Write every task with what its declaration says."""
     from dgl_tasks import get_task, task_ids
 

@@ -14,9 +14,9 @@ from dexgarmentlab.cli.train_policy import (
     train_policy,
 )
 
-__all__ = ["Options", "run"]
+__all__ = ["TrainOptions", "run"]
 
-Options = Annotated[
+TrainOptions = Annotated[
     Annotated[TrainGamOptions, tyro.conf.subcommand("gam")]
     | Annotated[TrainSadpOptions, tyro.conf.subcommand("sadp")]
     | Annotated[TrainSadpGOptions, tyro.conf.subcommand("sadp-g")]

@@ -8,11 +8,11 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
 
-__all__ = ["Options", "run"]
+__all__ = ["VerifyOptions", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class VerifyOptions:
     """Check the folder of a collection or an evaluation; nothing in it is changed.
 
     Every file is opened: shapes and numbers are right, lines and files agree, seeds are those of the run, success follows
@@ -28,7 +28,7 @@ class Options:
     """Write what is wrong as JSON."""
 
 
-def run(options: Options) -> int:
+def run(options: VerifyOptions) -> int:
     """Check, and say what is wrong."""
     from dexgarmentlab.evaluation.results import RESULTS_FILE
     from dexgarmentlab.evaluation.verify import verify_evaluation
