@@ -32,7 +32,7 @@ from dexgarmentlab.bench_assets.selection import find_partners, select_ids
 from dexgarmentlab.bench_assets.sheets import load_dropped
 from dexgarmentlab.cli import main
 from dgl_assets import garment_ids, list_categories, load_garment
-from dgl_collect.files import append_line
+from dgl_files.whole import append_line
 
 GOOD = Attempt(
     id="Scarf/000001",

@@ -114,7 +114,7 @@ def check_line(text):
 
 
 def test_a_strange_name_does_not_break_the_line_of_its_error():
-    with pytest.raises(ValueError, match=r"result; '\\n': Unexpected keyword argument; got None$"):
+    with pytest.raises(ValueError, match=r"result; '\\n': unexpected keyword argument; got None$"):
         AttemptResult.from_line(json.dumps(LINE | {"\n": None}))
 
 

@@ -3,8 +3,8 @@ import json
 import pytest
 
 from dgl_collect import AttemptResult, Criterion, OutputFolderError, wilson_interval
-from dgl_collect.files import append_line, drop_unfinished_line
 from dgl_collect.results import read_results, summarize
+from dgl_files.whole import append_line, drop_unfinished_line
 
 
 def make_result(index, *, success=True, **changes):

@@ -24,10 +24,10 @@ from dgl_collect import (
     read_episode,
     run_folder,
 )
-from dgl_collect.files import append_line
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import RunFolder
 from dgl_collect.runner import make_attempt_seed
+from dgl_files.whole import append_line
 
 SUCCESSES = [index for index in range(8) if make_attempt_seed(0, index) % 2 == 0]
 

@@ -11,7 +11,7 @@ import numpy as np
 from dexgarmentlab.bench_assets.drop import drop_garment
 from dexgarmentlab.bench_assets.measures import describe_mesh, measure_landmarks
 from dgl_assets import AssetError, Garment, load_garment
-from dgl_collect.files import written_beside
+from dgl_files.whole import written_beside
 from dgl_physics import PhysicsError
 
 __all__ = [

@@ -11,7 +11,7 @@ from dexgarmentlab.bench_assets.run import load_run
 from dexgarmentlab.bench_assets.sheets import COLUMNS, draw_sheet, load_dropped
 from dexgarmentlab.reports.page import badge, figure, make_page, provenance, table, tiles
 from dgl_assets import list_categories, load_garment, save_picture
-from dgl_collect.files import written_beside
+from dgl_files.whole import written_beside
 from dgl_physics_bench.rows import Row, format_value
 
 __all__ = ["PICTURES", "REPORT_FILE", "TABLE_FILE", "count_pictures", "make_table", "write_report"]

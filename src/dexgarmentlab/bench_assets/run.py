@@ -18,16 +18,10 @@ from dexgarmentlab.bench_assets.attempts import (
 from dexgarmentlab.bench_assets.drop import FRAMES, HEIGHT
 from dexgarmentlab.bench_assets.selection import find_partners, select_ids
 from dgl_assets import choose_categories
-from dgl_collect.files import (
-    append_line,
-    check_continued,
-    disk_faults_told,
-    drop_unfinished_line,
-    locked_folder,
-    write_json,
-)
+from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.results import package_versions
 from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
+from dgl_files.whole import append_line, drop_unfinished_line, write_json
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
 

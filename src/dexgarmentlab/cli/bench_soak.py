@@ -42,8 +42,8 @@ def measure_soak(options: BenchSoakOptions) -> int:
     from contextlib import closing
 
     from dexgarmentlab.bench_soak import SoakConfig, Spell, list_requests, make_rows, soak
-    from dgl_collect.files import append_line
     from dgl_collect.workers import stop_signals
+    from dgl_files.whole import append_line
 
     config = SoakConfig(
         steps=options.steps, episode=options.episode, tasks=options.task, seed=options.seed

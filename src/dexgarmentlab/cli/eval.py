@@ -117,10 +117,10 @@ def run(options: EvalOptions) -> int:
     from dexgarmentlab.evaluation.results import RESULTS_FILE, Run, summarize, to_json
     from dexgarmentlab.reports.evaluation import write_report
     from dgl_collect import collect, package_versions
-    from dgl_collect.files import write_json
     from dgl_collect.results import read_results
     from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE
     from dgl_collect.runner import check_task
+    from dgl_files.whole import write_json
     from dgl_tasks.tasks import get_task, task_ids
 
     seeds = parse_seeds(options.seeds)

@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from dexgarmentlab.evaluation.results import RESULTS_FILE, Count, ResultsRecord, count
-from dgl_collect.schema import read_json_file
+from dgl_files.fields import read_json_file
 
 __all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from dgl_collect import AttemptResult, wilson_interval
-from dgl_collect.schema import STRICT_PART
+from dgl_files.fields import STRICT_PART
 
 __all__ = [
     "RESULTS_FILE",

@@ -7,8 +7,8 @@ from dexgarmentlab.evaluation.results import RESULTS_FILE, ResultsRecord
 from dgl_collect.errors import CollectionError
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import ATTEMPTS_FILE
-from dgl_collect.schema import read_json_file
 from dgl_collect.verify import verify_run
+from dgl_files.fields import read_json_file
 
 __all__ = ["verify_evaluation"]
 

@@ -28,7 +28,7 @@ def draw_data_sheet(folder: Path, path: Path, *, garments: int = 2) -> int:
     """
     from PIL import Image, ImageDraw, ImageFont
 
-    from dgl_collect.files import written_beside
+    from dgl_files.whole import written_beside
 
     data = GarmentFolder(folder)
     rows = [

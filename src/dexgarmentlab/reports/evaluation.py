@@ -19,8 +19,8 @@ from dexgarmentlab.reports.page import (
     tiles,
 )
 from dexgarmentlab.reports.pictures import Shot, draw_sheet, gallery, make_shot
-from dgl_collect.files import written_beside
 from dgl_collect.results import AttemptResult
+from dgl_files.whole import written_beside
 
 __all__ = ["PICTURES_FILE", "REPORT_FILE", "write_report"]
 

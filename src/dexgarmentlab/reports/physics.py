@@ -34,7 +34,7 @@ def write_report(
         The page, `index.html`, which needs nothing but the folder.
     """
     # Not above: it brings the simulator, which rows alone do not need.
-    from dgl_collect.files import written_beside
+    from dgl_files.whole import written_beside
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

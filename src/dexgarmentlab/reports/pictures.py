@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from dexgarmentlab.reports.figures import picture_uri
-from dgl_collect.files import written_beside
 from dgl_collect.results import AttemptResult
+from dgl_files.whole import written_beside
 
 __all__ = ["Shot", "draw_sheet", "gallery", "make_shot"]
 

@@ -18,7 +18,6 @@ from dgl_assets.props import make_prop
 from dgl_assets.robots import SIDES
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
-from dgl_collect.schema import decode_json
 from dgl_collect.steps import (
     SEEN_NAMES,
     STEPS,
@@ -30,6 +29,7 @@ from dgl_collect.steps import (
     Step,
     Stretch,
 )
+from dgl_files.fields import decode_json
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
 

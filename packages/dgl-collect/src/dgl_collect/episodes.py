@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_collect.files import write_bytes
-from dgl_collect.schema import decode_json
+from dgl_files.fields import decode_json
+from dgl_files.whole import write_bytes
 
 FORMAT_VERSION = 1
 DEFAULT_ROBOT = "ur10e+shadow"

@@ -10,7 +10,7 @@ import numpy as np
 
 from dgl_collect.episodes import Points, read_stage_names
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_collect.schema import decode_json
+from dgl_files.fields import decode_json
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

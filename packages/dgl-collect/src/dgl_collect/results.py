@@ -16,8 +16,8 @@ from typing import Literal
 from scipy.stats import binomtest
 
 from dgl_collect.errors import OutputFolderError
-from dgl_collect.files import write_json
-from dgl_collect.schema import STRICT, read_json
+from dgl_files.fields import STRICT, read_json
+from dgl_files.whole import write_json
 from dgl_tasks.success import Criterion
 
 VERSIONED_PACKAGES = (

@@ -10,16 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from dgl_collect.errors import MachineError, OutputFolderError
-from dgl_collect.files import (
-    append_line,
-    check_continued,
-    compute_checksum,
-    disk_faults_told,
-    drop_unfinished_line,
-    locked_folder,
-    sync_folder,
-    write_json,
-)
+from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.results import (
     AttemptResult,
     Summary,
@@ -28,8 +19,15 @@ from dgl_collect.results import (
     summarize,
     write_summary,
 )
-from dgl_collect.schema import STRICT, read_json_file
 from dgl_collect.workers import Machine
+from dgl_files.fields import STRICT, read_json_file
+from dgl_files.whole import (
+    append_line,
+    compute_checksum,
+    drop_unfinished_line,
+    sync_folder,
+    write_json,
+)
 
 logger = logging.getLogger(__name__)
 

@@ -11,11 +11,11 @@ import imageio.v3 as iio
 
 from dgl_collect.episodes import read_episode
 from dgl_collect.errors import CollectionError, CorruptEpisodeError, OutputFolderError
-from dgl_collect.files import compute_checksum
 from dgl_collect.results import AttemptResult, Summary, read_results, summarize
 from dgl_collect.run_folder import ATTEMPTS_FILE, SUMMARY_FILE, RunRecord, read_run
 from dgl_collect.runner import CollectConfig, make_attempt_seed, make_episode_id
-from dgl_collect.schema import read_json_file
+from dgl_files.fields import read_json_file
+from dgl_files.whole import compute_checksum
 
 __all__ = ["find_missing", "verify_run"]
 

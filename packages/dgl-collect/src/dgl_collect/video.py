@@ -11,7 +11,7 @@ import av
 import imageio.v3 as iio
 import numpy as np
 
-from dgl_collect.files import write_bytes
+from dgl_files.whole import write_bytes
 
 FRAME_RATE = 12
 """Recorded frames a second: one at every fifth control step of 1/60 s."""

@@ -1,39 +1,42 @@
-"""Types and ranges of fields, stated as annotations and checked wherever values come from."""
+"""Dataclasses and JSON, checked against annotations: one line of error with field, limit and value."""
 
 import dataclasses
 import json
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 import pydantic_core
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-__all__ = ["STRICT", "check_fields", "check_value", "decode_json", "from_plain", "show", "tell"]
-
 C = TypeVar("C")
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
-"""`__pydantic_config__` of configurations: no conversion, no unknown field, finite numbers."""
-MAX_JSON_CHARACTERS = 16 * 2**20
+"""For `__pydantic_config__` of dataclasses: no conversion, no unknown field, finite numbers."""
+STRICT_PART = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False)
+"""The same, for a part of what a file holds: unknown fields are ignored."""
+_STRICT_VALUE = ConfigDict(
+    strict=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True
+)
+MAX_JSON_BYTES = 16 * 2**20
 
 
 def check_fields(config: Any) -> None:
-    """Check type and range of every field of a dataclass; meant for `__post_init__`.
+    """Check type and range of every field of a dataclass; for use in `__post_init__`.
 
     Raises:
-        ValueError: If a field is of another type or out of range. The message names the field, the
-            expected type or range, and the value.
+        ValueError: If a field does not fit: its name, the type or range, and the value.
     """
     for name, hint in _get_hints(type(config)).items():
         check_value(name, getattr(config, name), hint)
 
 
 def check_value(name: str, value: Any, hint: Any) -> None:
-    """Check a value against a type, annotated with what `annotated_types` has.
+    """Check a value against a type, which may be annotated with limits of `annotated_types`.
 
     Raises:
-        ValueError: With the name, the expected type or range, and the value.
+        ValueError: If it does not fit: the name, the type or range, and the value.
     """
     try:
         _get_adapter(hint).validate_python(value, strict=True)
@@ -42,32 +45,49 @@ def check_value(name: str, value: Any, hint: Any) -> None:
 
 
 def from_plain(cls: type[C], values: Any) -> C:
-    """Build a configuration from plain values, as JSON holds them.
+    """Build a dataclass from plain values, as JSON holds them.
 
     Raises:
-        ValueError: If the values are no object, or a field is missing, unknown, of a wrong type
-            or out of range.
+        ValueError: If the values are no object, or a field is missing, unknown or does not fit.
     """
     if not isinstance(values, dict):
         raise ValueError(f"{cls.__name__} must be an object; got {show(values)}")
+    return read_json(cls, pydantic_core.to_json(values, inf_nan_mode="constants"))
+
+
+def read_json(cls: type[C], text: str | bytes) -> C:
+    """Decode JSON as a dataclass, and check type and range of every field.
+
+    Raises:
+        ValueError: If the text is no JSON, or a field is missing, unknown or does not fit.
+    """
     try:
-        return _get_adapter(cls).validate_json(
-            pydantic_core.to_json(values, inf_nan_mode="constants"), strict=True
-        )
+        return _get_adapter(cls).validate_json(text, strict=True)
     except ValidationError as err:
         raise ValueError(_describe(err)) from None
 
 
-def decode_json(text: str) -> Any:
+def read_json_file(cls: type[C], path: Path) -> C:
+    """Read a file with `read_json`.
+
+    Raises:
+        ValueError: As `read_json`; the message begins with the file.
+        OSError: If the file cannot be read.
+    """
+    try:
+        return read_json(cls, path.read_bytes())
+    except ValueError as err:
+        raise ValueError(f"{path}: {err}") from err
+
+
+def decode_json(text: str | bytes) -> Any:
     """Decode JSON whose numbers are finite.
 
     Raises:
-        ValueError: If it is none, too long, nested too deep, or a number is not finite.
+        ValueError: If the text is no JSON, too long, nested too deep, or a number is not finite.
     """
-    if len(text) > MAX_JSON_CHARACTERS:
-        raise ValueError(
-            f"JSON must have at most {MAX_JSON_CHARACTERS} characters; got {len(text)}"
-        )
+    if len(text) > MAX_JSON_BYTES:
+        raise ValueError(f"JSON must have at most {MAX_JSON_BYTES} characters; got {len(text)}")
     value = pydantic_core.from_json(text)
     try:
         json.dumps(value, allow_nan=False)
@@ -77,36 +97,43 @@ def decode_json(text: str) -> Any:
 
 
 def show(value: Any) -> str:
-    """Write any value for a message, in one line of about 80 characters."""
+    """Write any value for a message, in one line of at most about 80 characters."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a whole number of {value.bit_length()} bits"
-    text = " ".join(repr(value)[:400].split())
-    return text if len(text) <= 80 else f"{text[:79]}…"
+    return _clip(repr(value)[:400], 80)
 
 
 def tell(name: str) -> str:
-    """Write a name from a file for a message; quote it if it is long or not printable."""
+    """Write a name from a file for a message; quoted only if it is long or not printable."""
     return name if name.isprintable() and len(name) <= 80 else show(name)
 
 
 def _describe(err: ValidationError, name: str = "") -> str:
-    """Describe the first error: its place, the expected value and the received one."""
+    """Write the first error: the field, the type or range, and the value."""
     first = err.errors(include_url=False)[0]
     where = name
     for part in first["loc"]:
         where += f"[{part}]" if isinstance(part, int) else f".{tell(part)}" if where else tell(part)
-    text = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "value_error":  # of a configuration's own check, which names its fields
+    where = _clip(where, 160)
+    text = _clip(first["msg"].removeprefix("Value error, "), 300)
+    if first["type"] == "value_error":  # A dataclass's own check names its fields.
         return f"{where}: {text}" if where else text
-    got = "" if first["type"] == "missing" else f"; got {show(first['input'])}"
+    got = "" if first["type"] in ("missing", "json_invalid") else f"; got {show(first['input'])}"
     if text.startswith("Input "):
-        return f"{where} {text.removeprefix('Input ')}{got}"
-    return f"{where}: {text[0].lower()}{text[1:]}{got}"
+        return f"{where} {text.removeprefix('Input ')}{got}".strip()
+    text = text if text.startswith("Invalid JSON") else f"{text[0].lower()}{text[1:]}"
+    return f"{where}: {text}{got}" if where else text + got
+
+
+def _clip(text: str, length: int) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= length else f"{line[: length - 1]}…"
 
 
 @cache
 def _get_adapter(hint: Any) -> TypeAdapter:
-    return TypeAdapter(hint, config=None if dataclasses.is_dataclass(hint) else STRICT)
+    # A dataclass has a configuration of its own.
+    return TypeAdapter(hint, config=None if dataclasses.is_dataclass(hint) else _STRICT_VALUE)
 
 
 @cache

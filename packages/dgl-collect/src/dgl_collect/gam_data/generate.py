@@ -8,17 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dgl_assets import choose_categories, garment_ids
-from dgl_collect.files import (
-    append_line,
-    check_continued,
-    disk_faults_told,
-    drop_unfinished_line,
-    locked_folder,
-    sync_folder,
-    write_json,
-)
+from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.gam_data.garment import FILE, SPACING, Entry, Made, Split, find_path, get_versions
 from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
+from dgl_files.whole import append_line, drop_unfinished_line, sync_folder, write_json
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
 

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from dgl_collect.errors import EngineError, WorkerError
-from dgl_collect.files import write_bytes
 from dgl_collect.workers.engine import Worker, Workers
 from dgl_collect.workers.inside import Workbench
 from dgl_collect.workers.jobs import Job, Lost, Message, Placed, Work
 from dgl_collect.workers.local import CLOSE_SECONDS, ENVIRONMENT, print_to
+from dgl_files.whole import write_bytes
 
 logger = logging.getLogger(__name__)
 
