@@ -65,7 +65,7 @@ def test_the_methods_of_the_table_are_those_of_the_command_line():
     from dexgarmentlab.evaluation.learned import METHODS
     from dexgarmentlab.evaluation.methods import SCRIPTED
 
-    table = PAGE.split("| `--policy` | does |")[1].split("\n\n")[0]
+    table = PAGE.split("| `--policy` | what it does |")[1].split("\n\n")[0]
     told = {
         name
         for line in table.splitlines()[2:]
