@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dgl_physics import ModelBuilder, Shape, SolidMaterial, SolverXPBD
+from dgl_physics import ModelBuilder, Shape, SolidMaterial, SolverXPBD, State
 
 RADIUS = 0.09  # m, outside
 WALL = 0.004  # m
@@ -84,7 +84,7 @@ def main(youngs_modulus: float = 3e5, edge: float = 0.0125, speed: float = 0.1) 
     builder.add_shape(Shape(kind="sphere", size=(HEAD, 0, 0)))
     builder.add_shape(Shape(kind="box", size=(0.15, 0.15, PLATE)), body=builder.add_body("plate"))
     model = builder.build()
-    state, solver = model.make_state(), SolverXPBD(model)
+    state, solver = State(model), SolverXPBD(model)
     rest = model.initial_positions[0]
     height = above + RADIUS + felt.rest_offset + PLATE + 0.01
     depth = height - (reach + WALL + felt.rest_offset + PLATE + 0.002)

@@ -5,7 +5,7 @@ Run with `python drape_sheet.py`.
 
 import numpy as np
 
-from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverXPBD
+from dgl_physics import ClothMaterial, ModelBuilder, Shape, SolverXPBD, State
 
 EDGE = 0.0125  # m; the thickness of the cloth must be more than 0.58 of it
 RADIUS = 0.1  # m
@@ -52,7 +52,7 @@ def main(frames: int = 180, side: float = 0.5) -> np.ndarray:
     builder.add_shape(Shape(kind="sphere", size=(RADIUS, 0, 0), pose=pose))
     builder.add_ground()
     model = builder.build()
-    state, solver = model.make_state(), SolverXPBD(model)
+    state, solver = State(model), SolverXPBD(model)
     for _ in range(frames):
         solver.step(state)
     return state.get_positions()[0, :, 2]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from dgl_physics import ModelBuilder, SolverConfig, SolverXPBD
+from dgl_physics import ModelBuilder, SolverConfig, SolverXPBD, State
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)], ids=["cpu", "cuda"])
@@ -50,7 +50,7 @@ class Run:
 
     def __init__(self, builder, *, device="cpu", **config):
         self.model = builder.build(device)
-        self.state = self.model.make_state()
+        self.state = State(self.model)
         self.solver = SolverXPBD(self.model, SolverConfig(**config))
         self.mass = np.zeros(self.model.env_count * self.model.particles_per_env)
         w = self.model.inverse_mass.numpy()

@@ -7,7 +7,7 @@ import pytest
 
 from dgl_physics.drawing.camera import PinholeCamera
 from dgl_physics.drawing.light import Studio, blur_dome
-from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, Surface
+from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
 
 FOV = 0.414  # [rad]
@@ -43,7 +43,7 @@ def make_square(half=0.3, height=0.0, *, segment=FLOOR, body=None, surface=None)
         vertices=np.column_stack([corners, np.full(4, height)]),
         normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
         faces=np.array([[0, 1, 2], [0, 2, 3]]),
-        surface=surface or Surface(colour=(0.5, 0.4, 0.3)),
+        surface=surface or SurfaceLook(colour=(0.5, 0.4, 0.3)),
         segment=segment,
         body=body,
         uvs=corners / half / 2 + 0.5,
@@ -58,7 +58,7 @@ def make_box(half, *, body=0):
         vertices=corners,
         normals=corners / np.linalg.norm(half),
         faces=faces,
-        surface=Surface(colour=(0.2, 0.2, 0.8)),
+        surface=SurfaceLook(colour=(0.2, 0.2, 0.8)),
         segment=BOX,
         body=body,
     )
@@ -159,7 +159,7 @@ def test_neighbouring_triangles_leave_no_crack():
             vertices=np.column_stack([flat, rng.uniform(0.0, 0.02, len(flat))]),
             normals=np.tile([0.0, 0.0, 1.0], (len(flat), 1)),
             faces=faces,
-            surface=Surface(),
+            surface=SurfaceLook(),
             segment=5,
         )
         assert (Rasteriser([mesh], STUDIO).draw_picture(ABOVE).segments == 5).all()
@@ -192,7 +192,7 @@ def test_a_highlight_is_where_the_lamp_is_mirrored():
     )  # of a lamp that shines along (0.3, 0.1, -1)
     sizes = []
     for roughness in (0.3, 0.5):
-        surface = Surface(colour=(0.0, 0.0, 0.0), roughness=roughness, specular=0.04)
+        surface = SurfaceLook(colour=(0.0, 0.0, 0.0), roughness=roughness, specular=0.04)
         rgb = Rasteriser([make_square(5.0, surface=surface)], STUDIO).draw(camera)
         light = (rgb[..., 0] / 255.0) ** 2.2
         row, column = np.unravel_index(light.argmax(), light.shape)
@@ -216,7 +216,7 @@ def test_an_image_lies_as_its_coordinates_say():
     pixels = np.zeros((64, 64, 3), dtype=np.uint8)
     pixels[:32, :, 0] = 200  # v < 1/2, at small y: below in the picture
     pixels[:, 32:, 1] = 200  # u > 1/2, at large x: to the right
-    surface = Surface(image=Image(pixels=pixels, is_repeated=False))
+    surface = SurfaceLook(image=Image(pixels=pixels, is_repeated=False))
     rgb = Rasteriser([make_square(0.4, surface=surface)], STUDIO).draw(ABOVE).astype(int)
     corner = {(r, c): rgb[40 + 20 * r, 48 + 20 * c] for r in (-1, 1) for c in (-1, 1)}
     for (r, c), colour in corner.items():
@@ -228,9 +228,9 @@ def test_a_fine_pattern_from_afar_is_its_mean():
     """By values in the texture, as SAPIEN does, and without patterns of its own."""
     checks = np.indices((256, 256)).sum(axis=0) % 2
     image = Image(pixels=np.repeat(255 * checks[..., None], 3, axis=2).astype(np.uint8))
-    mesh = make_square(5.0, surface=Surface(image=image))
+    mesh = make_square(5.0, surface=SurfaceLook(image=image))
     mesh = replace(mesh, uvs=mesh.uvs * 20.0)
-    grey = make_square(5.0, surface=Surface(colour=(0.216, 0.216, 0.216)))  # sRGB 128
+    grey = make_square(5.0, surface=SurfaceLook(colour=(0.216, 0.216, 0.216)))  # sRGB 128
     seen, mean = (Rasteriser([m], STUDIO).draw(ABOVE).astype(int) for m in (mesh, grey))
     assert np.abs(seen - mean).max() <= 3
     assert len(image.build_levels()) == 9

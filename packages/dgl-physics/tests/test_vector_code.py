@@ -14,6 +14,7 @@ from dgl_physics import (
     SolidMaterial,
     SolverConfig,
     SolverXPBD,
+    State,
     UnsupportedCpuError,
     launcher,
 )
@@ -129,7 +130,7 @@ SCENES = {
 def play(builder, cpu_code, *, frames=25, check=None, **config):
     """Move the bodies down and across, and wake and set an environment in between."""
     model = builder.build("cpu")
-    state, solver = model.make_state(), None
+    state, solver = State(model), None
     solver = SolverXPBD(model, SolverConfig(cpu_code=cpu_code, sleep_after=0.15, **config))
     if check is not None:
         check(solver)

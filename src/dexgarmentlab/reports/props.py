@@ -12,7 +12,7 @@ from dgl_assets.props import Prop, PropPart
 from dgl_physics.drawing.camera import PinholeCamera
 from dgl_physics.drawing.light import DAYLIGHT, GAMMA
 from dgl_physics.drawing.mesh import Image as Texture
-from dgl_physics.drawing.mesh import Mesh, Surface
+from dgl_physics.drawing.mesh import Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser
 
 __all__ = ["draw_prop", "draw_prop_sheet"]
@@ -81,7 +81,7 @@ def _make_mesh(part: PropPart) -> Mesh:
         normals=part.normals,
         faces=part.faces,
         uvs=uvs,
-        surface=Surface(
+        surface=SurfaceLook(
             colour=finish.colour,
             roughness=finish.roughness,
             metallic=finish.metallic,
@@ -117,7 +117,7 @@ def _cast(prop: Prop, middle: np.ndarray, half: float) -> np.ndarray:
         vertices=vertices,
         normals=np.zeros_like(vertices),
         faces=np.concatenate(faces),
-        surface=Surface(inside_shade=1.0),  # whichever side is up
+        surface=SurfaceLook(inside_shade=1.0),  # whichever side is up
         segment=1,
         body=0,
     )

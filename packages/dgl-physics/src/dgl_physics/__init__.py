@@ -11,7 +11,7 @@ from dgl_physics.fabrics import FABRICS as FABRICS
 from dgl_physics.fabrics import get_fabric as get_fabric
 from dgl_physics.lattice import Skin as Skin
 from dgl_physics.material import ClothMaterial as ClothMaterial
-from dgl_physics.model import Garment as Garment
+from dgl_physics.model import GarmentParticles as GarmentParticles
 from dgl_physics.model import Model as Model
 from dgl_physics.model import ModelBuilder as ModelBuilder
 from dgl_physics.shapes import Shape as Shape
@@ -26,7 +26,7 @@ __all__ = [
     "CollisionMesh",
     "ContactMaterial",
     "ContactOverflowError",
-    "Garment",
+    "GarmentParticles",
     "MeshError",
     "Model",
     "ModelBuilder",

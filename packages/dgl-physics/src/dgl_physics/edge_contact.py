@@ -5,7 +5,7 @@ from itertools import pairwise
 import warp as wp
 
 from dgl_physics._kernels import edge_contact
-from dgl_physics._kernels.types import Limits
+from dgl_physics._kernels.types import SolverLimits
 from dgl_physics.model import Model
 from dgl_physics.near_shapes import NearShapes
 from dgl_physics.state import State
@@ -19,7 +19,7 @@ class EdgeContact:
     On a CPU they are listed once a frame: hardly any edge is near a shape.
     """
 
-    def __init__(self, model: Model, limits: Limits, near: NearShapes) -> None:
+    def __init__(self, model: Model, limits: SolverLimits, near: NearShapes) -> None:
         """Make the list.
 
         Args:

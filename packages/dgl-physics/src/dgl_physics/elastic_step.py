@@ -8,7 +8,7 @@ import warp as wp
 from dgl_physics._kernels import solid, solid_contact
 from dgl_physics._kernels.solid import Bodies
 from dgl_physics._kernels.solid_contact import Touches
-from dgl_physics._kernels.types import Limits
+from dgl_physics._kernels.types import SolverLimits
 from dgl_physics.elastic import Solids
 from dgl_physics.near_shapes import NearShapes
 from dgl_physics.state import State
@@ -86,7 +86,7 @@ class ElasticStep:
         self,
         gravity: wp.vec3,
         state: State,
-        limits: Limits,
+        limits: SolverLimits,
         near: NearShapes,
         inverse_mass: wp.array,
         previous: wp.array,

@@ -21,8 +21,8 @@ def compute_strain(
 
     Args:
         positions: [m], shape (V, 3).
-        edges: Vertex indices, shape (E, 2); `Garment.edges` of a model.
-        rest_lengths: [m], shape (E,); `Garment.rest_lengths`.
+        edges: Vertex indices, shape (E, 2); `GarmentParticles.edges` of a model.
+        rest_lengths: [m], shape (E,); `GarmentParticles.rest_lengths`.
 
     Returns:
         Shape (E,): positive where stretched, negative where compressed.

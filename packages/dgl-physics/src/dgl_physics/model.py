@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics import topology
-from dgl_physics._kernels.types import Grid, Material, ShapeTable
+from dgl_physics._kernels.types import Grid, ParticleMaterial, ShapeTable
 from dgl_physics.bending import make_bending
 from dgl_physics.coarse import CoarseLevel, CoarseTable, build_coarse_level, join_coarse_levels
 from dgl_physics.contact_material import ContactMaterial
@@ -20,12 +20,11 @@ from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
 from dgl_physics.solid_entry import make_solid_entry, make_tet_entry
 from dgl_physics.solid_material import SolidMaterial
-from dgl_physics.state import State
 from dgl_physics.stencils import Stencils, upload_stencils
 
 
 @dataclass(frozen=True, kw_only=True)
-class Garment:
+class GarmentParticles:
     """Where one garment of one environment lies in the particle arrays."""
 
     env: int
@@ -74,7 +73,7 @@ class Model:
     particles_per_env: int
     body_count: int
     shape_count: int
-    garments: tuple[Garment, ...]
+    garments: tuple[GarmentParticles, ...]
     initial_positions: np.ndarray
     """[m], shape (B, V, 3)."""
     contact_reach: float
@@ -104,10 +103,6 @@ class Model:
     particles rest at the sum of their radii; those inside of solids have none and touch no other."""
     solids: Solids | None
     coarse: CoarseTable
-
-    def make_state(self) -> State:
-        """Make a state at the initial positions, at rest, with all bodies at the origin."""
-        return State(self)
 
 
 class ModelBuilder:
@@ -180,7 +175,7 @@ class ModelBuilder:
 
         An open surface (a hat, a glove) becomes a wall of one layer of tetrahedra behind it: the
         particles are its vertices, and then their copies on the inside. A closed surface is
-        filled with a lattice, whose particles carry it; `Garment.get_surface` gives what to draw.
+        filled with a lattice, whose particles carry it; `GarmentParticles.get_surface` gives what to draw.
 
         Args:
             vertices: Unstrained positions [m], shape (V, 3).
@@ -277,7 +272,7 @@ class ModelBuilder:
         position[:, 0] = 1.0e3 + np.arange(count) % per_env
         inverse_mass = np.zeros(count, dtype=np.float32)
         garment_index = np.zeros(count, dtype=np.int32)
-        garments: list[Garment] = []
+        garments: list[GarmentParticles] = []
         blocks: list[tuple[np.ndarray, ...]] = []
         bending, yarns = [], []
         edge_blocks: list[np.ndarray] = []
@@ -305,7 +300,7 @@ class ModelBuilder:
                 levels.append((base, g["coarse"]))
                 materials.append(g["material"])
                 garments.append(
-                    Garment(
+                    GarmentParticles(
                         env=e,
                         first=first,
                         vertex_count=n,
@@ -339,7 +334,9 @@ class ModelBuilder:
             contact_reach=float(2.0 * touch[:, 0].max() + touch[:, 3].max()),
             shapes=shapes,
             grids=grids,
-            materials=wp.array([_to_struct(m) for m in materials], dtype=Material, device=device),
+            materials=wp.array(
+                [_to_struct(m) for m in materials], dtype=ParticleMaterial, device=device
+            ),
             environment=to_device(np.repeat(np.arange(self.env_count), per_env), wp.int32),
             garment_index=to_device(garment_index, wp.int32),
             inverse_mass=to_device(inverse_mass, wp.float32),
@@ -401,8 +398,8 @@ def _describe_touch(radius: np.ndarray, m: ContactMaterial) -> np.ndarray:
     return np.column_stack([radius, np.tile([*others, m.adhesion_radius], (len(radius), 1))])
 
 
-def _to_struct(m: ContactMaterial) -> Material:
-    s = Material()
+def _to_struct(m: ContactMaterial) -> ParticleMaterial:
+    s = ParticleMaterial()
     s.friction = m.friction
     s.adhesion = m.adhesion
     s.adhesion_radius = m.adhesion_radius

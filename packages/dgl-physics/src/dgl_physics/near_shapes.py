@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics._kernels import rigid
-from dgl_physics._kernels.types import Limits
+from dgl_physics._kernels.types import SolverLimits
 from dgl_physics.contact_lists import grow_list
 from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
@@ -21,7 +21,7 @@ class NearShapes:
         self,
         model: Model,
         config: SolverConfig,
-        limits: Limits,
+        limits: SolverLimits,
         overflow: wp.array,
         launcher: Launcher,
     ) -> None:

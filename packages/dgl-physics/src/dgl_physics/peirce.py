@@ -16,6 +16,7 @@ from dgl_physics.material import ClothMaterial
 from dgl_physics.model import ModelBuilder
 from dgl_physics.solver import SolverXPBD
 from dgl_physics.solver_config import SolverConfig
+from dgl_physics.state import State
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +133,7 @@ def measure_bending_length(
     model = builder.build()
     # a damped strip creeps to its place: it must not fall asleep on the way
     config = replace(config or SolverConfig(), sleep_distance=0.0)
-    state, solver = model.make_state(), SolverXPBD(model, config)
+    state, solver = State(model), SolverXPBD(model, config)
     for _ in range(frames):
         solver.step(state)
     positions = state.get_positions()[0].astype(np.float64)

@@ -211,7 +211,7 @@ class SapienCloth:
     def build(self) -> None:
         """Build model, state and solver from what was added."""
         self.model = self._builder.build(self._device)
-        self.state: State = self.model.make_state()
+        self.state = State(self.model)
         self.solver = SolverXPBD(self.model, self.config)
         self._forces = np.zeros((len(self.scenes), len(self.bodies[0]), 6), dtype=np.float32)
         self.sync_bodies(is_jump=True)

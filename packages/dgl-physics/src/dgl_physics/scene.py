@@ -6,6 +6,7 @@ from dgl_physics.measure import compute_strain
 from dgl_physics.model import ModelBuilder
 from dgl_physics.solver import SolverXPBD
 from dgl_physics.solver_config import SolverConfig
+from dgl_physics.state import State
 
 __all__ = ["Scene"]
 
@@ -30,7 +31,7 @@ class Scene:
             device: "cpu", or a CUDA device.
         """
         self.model = builder.build(device)
-        self.state = self.model.make_state()
+        self.state = State(self.model)
         self.solver = SolverXPBD(self.model, config)
 
     def step(self, frames: int = 1) -> None:

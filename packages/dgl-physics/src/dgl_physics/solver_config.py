@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import get_args
 
-from dgl_physics._kernels.types import Limits
+from dgl_physics._kernels.types import SolverLimits
 from dgl_physics.launcher import CpuCode
 
 __all__ = ["SolverConfig"]
@@ -74,13 +74,13 @@ class SolverConfig:
         if self.search_every < 1:
             raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 
-    def make_limits(self, contact_reach: float) -> Limits:
+    def make_limits(self, contact_reach: float) -> SolverLimits:
         """Return what kernels look up.
 
         Args:
             contact_reach: Largest distance at which two particles act on each other [m].
         """
-        limits = Limits()
+        limits = SolverLimits()
         limits.max_speed = self.max_speed
         limits.separation_speed = self.separation_speed
         limits.neighbour_margin = self.neighbour_margin

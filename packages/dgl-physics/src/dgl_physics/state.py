@@ -1,14 +1,9 @@
 """All that changes during a simulation."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import warp as wp
 
-if TYPE_CHECKING:
-    from dgl_physics.model import Model
+from dgl_physics.model import Model
 
 
 class State:

@@ -10,7 +10,7 @@ import sapien
 from dgl_assets.importing import AnyGarment, ImportedGarment
 from dgl_assets.importing.textures import read_picture
 from dgl_assets.materials import FabricMaterial
-from dgl_physics.drawing.mesh import Image, Mesh, Surface
+from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
 from dgl_physics.sapien_bridge import GarmentVisual
 from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
@@ -28,7 +28,7 @@ __all__ = ["Appearance"]
 class _Garment:
     """A garment that can be shown, made when the first picture of it is taken."""
 
-    surface: Surface
+    surface: SurfaceLook
     caster: ShadowCaster
     visual: GarmentVisual
 
@@ -189,7 +189,7 @@ class Appearance:
         else:
             uvs, texture = maps.compute_uvs(_lay_out(garment)), maps.base_colour
         return _Garment(
-            surface=Surface(
+            surface=SurfaceLook(
                 roughness=roughness,
                 specular=GarmentVisual.SPECULAR,
                 image=Image(pixels=texture),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dgl_physics.drawing.camera import PinholeCamera
-from dgl_physics.drawing.mesh import Mesh, Surface
+from dgl_physics.drawing.mesh import Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
 
 __all__ = ["DISTANCE", "POINTS", "TOLERANCE", "View", "make_direction", "see_surface"]
@@ -132,10 +132,10 @@ class _Sides:
             vertices=vertices,
             normals=np.zeros_like(vertices),
             faces=faces,
-            surface=Surface(inside_shade=1.0),
+            surface=SurfaceLook(inside_shade=1.0),
             segment=1,
         )
-        outside = replace(mesh, surface=Surface())
+        outside = replace(mesh, surface=SurfaceLook())
         self._both, self._outside = Rasteriser([mesh]), Rasteriser([outside])
 
     def see(self, camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:

@@ -100,7 +100,7 @@ def build_pile(env_count: int, *, device: str = "cpu") -> tuple[SolverXPBD, Stat
     builder.add_garment(np.add(vertices, [0, 0, material.thickness]), faces, material=material)
     builder.add_ground()
     model = builder.build(device)
-    return SolverXPBD(model), model.make_state()
+    return SolverXPBD(model), State(model)
 
 
 def time_frames(solver: SolverXPBD, state: State, frames: int, *, warm_up: int = 5) -> float:

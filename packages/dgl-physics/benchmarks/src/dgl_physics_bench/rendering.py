@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_physics.drawing.camera import PinholeCamera
-from dgl_physics.drawing.mesh import Mesh, Surface
+from dgl_physics.drawing.mesh import Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
 from dgl_physics.topology import compute_vertex_normals
 from dgl_physics_bench.figures import Picture
@@ -124,7 +124,7 @@ class _Part:
             vertices=self.vertices,
             normals=np.zeros_like(self.vertices),
             faces=self.faces,
-            surface=Surface(inside_shade=1.0),
+            surface=SurfaceLook(inside_shade=1.0),
             segment=1,
         )
 

@@ -5,7 +5,7 @@
 import warp as wp
 
 from dgl_physics._kernels.damping import compute_damping
-from dgl_physics._kernels.types import Material
+from dgl_physics._kernels.types import ParticleMaterial
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -21,7 +21,7 @@ def integrate(
     dt: wp.float32,
     environment: wp.array(dtype=wp.int32),
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
@@ -50,7 +50,7 @@ def solve_distances(
     position: wp.array(dtype=wp.vec3),
     damping_rate: wp.float32,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     length_before: wp.array(dtype=wp.float32),
     is_torn: wp.array(dtype=wp.int32),
 ):

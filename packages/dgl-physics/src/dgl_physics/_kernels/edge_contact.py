@@ -5,7 +5,7 @@
 import warp as wp
 
 from dgl_physics._kernels.hit import find_drift, find_hit
-from dgl_physics._kernels.types import Limits, Material, ShapeTable
+from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -30,9 +30,9 @@ def solve_edge(
     j: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
-    m: Material,
+    m: ParticleMaterial,
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),
@@ -92,11 +92,11 @@ def solve_edge_contact(
     first: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     pairs: wp.array(dtype=wp.vec2i),
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),
@@ -145,11 +145,11 @@ def solve_listed_edges(
     listed_count: wp.array(dtype=wp.int32),
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     pairs: wp.array(dtype=wp.vec2i),
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),

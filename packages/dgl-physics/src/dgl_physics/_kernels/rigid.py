@@ -7,7 +7,7 @@ import warp as wp
 
 from dgl_physics._kernels.distance import PLANE, SPHERE, bound_distance
 from dgl_physics._kernels.hit import find_drift, find_hit
-from dgl_physics._kernels.types import Limits, Material, ShapeTable
+from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -139,7 +139,7 @@ def pose_shapes(
 def find_reach(
     dt: wp.float32,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     velocity: wp.array(dtype=wp.vec3),
     i: wp.int32,
 ):
@@ -182,7 +182,7 @@ def bound_gap(
 
 @wp.func
 def list_near_shape(
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     active: wp.array2d(dtype=wp.int32),
     near: wp.array(dtype=wp.int32),
@@ -207,10 +207,10 @@ def list_near_shape(
 def find_near_shapes(
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
     middle: wp.array2d(dtype=wp.transform),
@@ -254,10 +254,10 @@ def resolve_rigid_contact(
     i: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),
@@ -354,10 +354,10 @@ def resolve_rigid_contact(
 def solve_rigid_contact(
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),
@@ -393,7 +393,7 @@ def solve_rigid_contact(
 @wp.kernel
 def measure_penetration(
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     active: wp.array2d(dtype=wp.int32),
     pose_now: wp.array2d(dtype=wp.transform),

@@ -9,7 +9,7 @@ See `dgl_physics.topology.compute_radii`.
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.types import Limits
+from dgl_physics._kernels.types import SolverLimits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -41,7 +41,7 @@ def find_cell(x: wp.vec3, size: wp.float32, env: wp.int32, count: wp.int32):
 @wp.kernel
 def mark_stirred(
     interval: wp.float32,
-    limits: Limits,
+    limits: SolverLimits,
     environment: wp.array(dtype=wp.int32),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
@@ -77,7 +77,7 @@ def mark_stirred(
 @wp.kernel
 def find_neighbours(
     grid: wp.uint64,
-    limits: Limits,
+    limits: SolverLimits,
     environment: wp.array(dtype=wp.int32),
     touch: wp.array(dtype=wp.vec4),
     reach: wp.float32,
@@ -139,7 +139,7 @@ def find_neighbours(
 @wp.kernel
 def solve_self_contact(
     dt: wp.float32,
-    limits: Limits,
+    limits: SolverLimits,
     touch: wp.array(dtype=wp.vec4),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),

@@ -4,7 +4,7 @@
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.types import Limits, ShapeTable
+from dgl_physics._kernels.types import ShapeTable, SolverLimits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -12,7 +12,7 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 @wp.kernel
 def find_touched(
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     active: wp.array2d(dtype=wp.int32),
     near: wp.array(dtype=wp.int32),
@@ -29,7 +29,7 @@ def find_touched(
 
 @wp.kernel
 def count_still_frames(
-    limits: Limits,
+    limits: SolverLimits,
     free_count: wp.array(dtype=wp.float32),
     is_touched: wp.array(dtype=wp.int32),
     motion: wp.array(dtype=wp.float32),
@@ -49,7 +49,7 @@ def count_still_frames(
 
 @wp.kernel
 def lay_down(
-    limits: Limits,
+    limits: SolverLimits,
     environment: wp.array(dtype=wp.int32),
     still: wp.array(dtype=wp.int32),
     inverse_mass: wp.array(dtype=wp.float32),
@@ -75,7 +75,7 @@ def lay_down(
 
 @wp.kernel
 def clear_impulses(
-    limits: Limits,
+    limits: SolverLimits,
     still: wp.array(dtype=wp.int32),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
@@ -88,7 +88,7 @@ def clear_impulses(
 @wp.kernel
 def ease_press(
     rise: wp.float32,
-    limits: Limits,
+    limits: SolverLimits,
     still: wp.array(dtype=wp.int32),
     pressed: wp.array2d(dtype=wp.spatial_vector),
     press: wp.array2d(dtype=wp.spatial_vector),

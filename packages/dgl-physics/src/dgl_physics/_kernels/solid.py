@@ -7,7 +7,7 @@ Solids have rows of their own: a row for each particle, in the order of the fact
 # pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
-from dgl_physics._kernels.types import Material
+from dgl_physics._kernels.types import ParticleMaterial
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -53,7 +53,7 @@ def predict(
     damping: wp.array(dtype=wp.float32),
     environment: wp.array(dtype=wp.int32),
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),

@@ -12,7 +12,7 @@ import warp as wp
 from dgl_physics._kernels.edge_contact import REST_SHARE
 from dgl_physics._kernels.hit import find_drift, find_hit
 from dgl_physics._kernels.solid import Bodies
-from dgl_physics._kernels.types import Limits, Material, ShapeTable
+from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimits
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -56,10 +56,10 @@ class Touches:
 def add_adhesion(
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_now: wp.array2d(dtype=wp.transform),
@@ -96,10 +96,10 @@ def find_touches(
     first: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     inverse_mass: wp.array(dtype=wp.float32),
     active: wp.array2d(dtype=wp.int32),
     pose_before: wp.array2d(dtype=wp.transform),

@@ -5,7 +5,7 @@ import warp as wp
 
 
 @wp.struct
-class Material:
+class ParticleMaterial:
     """Parameters of one garment that kernels look up; see `dgl_physics.ContactMaterial`."""
 
     friction: wp.float32
@@ -21,7 +21,7 @@ class Material:
 
 
 @wp.struct
-class Limits:
+class SolverLimits:
     """Numbers of the solver that no garment owns."""
 
     max_speed: wp.float32

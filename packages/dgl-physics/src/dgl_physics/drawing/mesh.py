@@ -32,7 +32,7 @@ class Image:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class SurfaceLook:
     """How a surface looks, as in glTF: a blend of plastic and metal."""
 
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -58,7 +58,7 @@ class Mesh:
     """Of the vertices, shape (V, 3), frame of the body."""
     faces: np.ndarray
     """Vertex indices, counter-clockwise from outside, shape (F, 3)."""
-    surface: Surface
+    surface: SurfaceLook
     segment: int
     """What the segmentation picture shows of it; `SHADOW` for a shadow."""
     body: int | None = None

@@ -8,7 +8,13 @@ import numpy as np
 import warp as wp
 
 from dgl_physics.drawing._kernels import raster, shading
-from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks, Material, Texture
+from dgl_physics.drawing._kernels.types import (
+    Camera,
+    Geometry,
+    Looks,
+    ShadedMaterial,
+    TextureLevels,
+)
 from dgl_physics.drawing.camera import PinholeCamera
 from dgl_physics.drawing.light import (
     DAYLIGHT,
@@ -19,7 +25,7 @@ from dgl_physics.drawing.light import (
     blur_dome,
     compute_mirror,
 )
-from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, Surface
+from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
 
 _DEVICE = "cpu"
 
@@ -286,7 +292,7 @@ def _make_looks(meshes: Sequence[Mesh], studio: Studio) -> Looks:
     looks = Looks()
     looks.textures, looks.texels = _make_textures(list(images.values()))
     materials = [_make_material(m.surface, m.segment, numbers) for m in meshes]
-    looks.materials = _make(materials, Material)
+    looks.materials = _make(materials, ShadedMaterial)
     looks.to_lamp = wp.vec3(*(-np.array(studio.direction) / np.linalg.norm(studio.direction)))
     looks.lamp = wp.vec3(*studio.colour)
     looks.shade = studio.shade ** (1 / GAMMA)
@@ -297,8 +303,8 @@ def _make_looks(meshes: Sequence[Mesh], studio: Studio) -> Looks:
     return looks
 
 
-def _make_material(surface: Surface, segment: int, numbers: dict[int, int]) -> Material:
-    material = Material()
+def _make_material(surface: SurfaceLook, segment: int, numbers: dict[int, int]) -> ShadedMaterial:
+    material = ShadedMaterial()
     material.colour = wp.vec3(*surface.colour)
     material.roughness = surface.roughness
     material.metallic = surface.metallic
@@ -311,13 +317,13 @@ def _make_material(surface: Surface, segment: int, numbers: dict[int, int]) -> M
 
 def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
     textures, texels, first = (
-        [Texture()],
+        [TextureLevels()],
         [np.zeros((1, 3), np.uint8)],
         1,
     )  # Warp has no use for none
     for image in images:
         levels = image.build_levels()
-        texture = Texture()
+        texture = TextureLevels()
         texture.first = first
         texture.height, texture.width = image.pixels.shape[:2]
         texture.levels = len(levels)
@@ -326,7 +332,7 @@ def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
         texels += [level.reshape(-1, 3) for level in levels]
         first += sum(len(level) * level.shape[1] for level in levels)
     return (
-        _make(textures[1:] or textures, Texture),
+        _make(textures[1:] or textures, TextureLevels),
         _make(np.concatenate(texels), wp.vec3ub),
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 import sapien
 from sapien import render
 
-from dgl_physics.drawing.mesh import Image, Mesh, Surface
+from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
 
 _STRAIGHT = 0.08  # SAPIEN's unit of specular reflection
 
@@ -60,14 +60,14 @@ def _get_scale(shape: render.RenderShape) -> np.ndarray:
     return np.ones(3)
 
 
-def _read_surface(material: render.RenderMaterial) -> Surface:
+def _read_surface(material: render.RenderMaterial) -> SurfaceLook:
     r, g, b, _ = material.base_color
     texture = material.base_color_texture
     image = None
     if texture is not None:
         pixels = np.ascontiguousarray(texture.download()[..., :3])
         image = Image(pixels=pixels, is_repeated=texture.address_mode == "repeat")
-    return Surface(
+    return SurfaceLook(
         colour=(r, g, b),
         roughness=material.roughness,
         metallic=material.metallic,

@@ -7,7 +7,7 @@ import numpy as np
 import sapien
 
 from dgl_physics.drawing.light import Studio
-from dgl_physics.drawing.mesh import SHADOW, Mesh, Surface
+from dgl_physics.drawing.mesh import SHADOW, Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Picture, Rasteriser
 from dgl_tasks.cameras import CameraPlacement
 from dgl_tasks.drawing.bodies import read_meshes
@@ -51,7 +51,7 @@ class Painter:
             vertices=np.full((count, 3), HEIGHT),
             normals=np.zeros((count, 3)),
             faces=shadow_faces,
-            surface=Surface(),
+            surface=SurfaceLook(),
             segment=SHADOW,
             body=world,
         )

@@ -6,7 +6,7 @@ import warp as wp
 
 from dgl_physics._kernels.distance import PLANE
 from dgl_physics._kernels.rigid import bound_gap, find_reach, list_near_shape
-from dgl_physics._kernels.types import Limits, Material, ShapeTable
+from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimits
 from dgl_physics._kernels.vector.lanes import LANES
 
 wp.set_module_options({"enable_backward": False})
@@ -87,10 +87,10 @@ def find_near_shapes(
     count: wp.int32,
     dt: wp.float32,
     particles_per_env: wp.int32,
-    limits: Limits,
+    limits: SolverLimits,
     shapes: ShapeTable,
     garment: wp.array(dtype=wp.int32),
-    materials: wp.array(dtype=Material),
+    materials: wp.array(dtype=ParticleMaterial),
     active: wp.array2d(dtype=wp.int32),
     active_count: wp.array(dtype=wp.int32),
     middle: wp.array2d(dtype=wp.transform),

@@ -6,7 +6,7 @@
 import warp as wp
 
 from dgl_physics.drawing._kernels.raster import get_triangle, trace
-from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks, Texture
+from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks, TextureLevels
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
@@ -89,7 +89,9 @@ def _weigh(a: wp.float32, b: wp.float32, c: wp.float32) -> wp.vec3:
 
 
 @wp.func
-def _sample(looks: Looks, texture: Texture, uv: wp.vec2, right: wp.vec2, down: wp.vec2) -> wp.vec3:
+def _sample(
+    looks: Looks, texture: TextureLevels, uv: wp.vec2, right: wp.vec2, down: wp.vec2
+) -> wp.vec3:
     """Look a colour up, linear, as fine as the pixel: `right` and `down` are places of its neighbours."""
     u = uv[0]
     v = uv[1]
@@ -111,7 +113,7 @@ def _sample(looks: Looks, texture: Texture, uv: wp.vec2, right: wp.vec2, down: w
 @wp.func
 def _fetch(
     looks: Looks,
-    texture: Texture,
+    texture: TextureLevels,
     level: wp.int32,
     u: wp.float32,
     v: wp.float32,

@@ -53,7 +53,7 @@ class Geometry:
 
 
 @wp.struct
-class Material:
+class ShadedMaterial:
     """What a surface looks like."""
 
     colour: wp.vec3
@@ -73,7 +73,7 @@ class Material:
 
 
 @wp.struct
-class Texture:
+class TextureLevels:
     """A picture with its mipmaps, one after the other among all texels."""
 
     first: wp.int32
@@ -92,8 +92,8 @@ class Texture:
 class Looks:
     """Surfaces and light."""
 
-    materials: wp.array(dtype=Material)
-    textures: wp.array(dtype=Texture)
+    materials: wp.array(dtype=ShadedMaterial)
+    textures: wp.array(dtype=TextureLevels)
     texels: wp.array(dtype=wp.vec3ub)
     """Of all textures, sRGB."""
     to_lamp: wp.vec3
