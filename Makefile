@@ -2,7 +2,7 @@
 # uv may live in .uv/bin, where scripts/bootstrap.sh puts it when the machine has none.
 export PATH := $(CURDIR)/.uv/bin:$(PATH)
 RUN := uv run --no-sync
-SOURCES := src packages tests scripts conftest.py
+SOURCES := src packages benchmarks tests scripts conftest.py
 
 .PHONY: help setup demo test test-slow test-all test-package check format lint type imports spell bench build pin clean
 

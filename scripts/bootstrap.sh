@@ -199,7 +199,7 @@ explain_vulkan() {
 
 fingerprint() {
   {
-    cat pyproject.toml packages/*/pyproject.toml packages/*/benchmarks/pyproject.toml .python-version scripts/bootstrap.sh
+    cat pyproject.toml packages/*/pyproject.toml benchmarks/pyproject.toml .python-version scripts/bootstrap.sh
     printf '%s\n' "$PWD" "${VK_DRIVER_FILES:-}" "${VK_ICD_FILENAMES:-}"
     ls -l /usr/share/vulkan/icd.d /etc/vulkan/icd.d 2>/dev/null || true
   } | sha256sum | cut -d ' ' -f 1
@@ -210,7 +210,7 @@ is_up_to_date() {
   # A look at the environment itself, without importing what takes seconds.
   .venv/bin/python -c '
 import importlib.util as u, sys
-names = "dexgarmentlab dgl_physics dgl_assets dgl_gam dgl_sadp dgl_tasks dgl_collect dgl_physics_bench sapien warp torch mani_skill pytest"
+names = "dexgarmentlab dgl_physics dgl_assets dgl_gam dgl_sadp dgl_tasks dgl_collect dgl_bench sapien warp torch mani_skill pytest"
 sys.exit(any(u.find_spec(name) is None for name in names.split()))' 2>/dev/null
 }
 

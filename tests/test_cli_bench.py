@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-import dgl_physics_bench
+import dgl_bench.physics
 from dexgarmentlab.cli import main
-from dexgarmentlab.reports.physics import write_report
-from dgl_physics_bench import Experiment, Result, Row
-from dgl_physics_bench.figures import Bars, Figure
+from dgl_bench.physics import Experiment, Result, Row
+from dgl_bench.physics.figures import Bars, Figure
+from dgl_bench.physics.report import write_report
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def made_up(monkeypatch):
         return Result(rows=rows)
 
     experiment = Experiment("made_up", "Made up", "", measure)
-    monkeypatch.setattr(dgl_physics_bench, "select", lambda names: (experiment,))
+    monkeypatch.setattr(dgl_bench.physics, "select", lambda names: (experiment,))
     return benches
 
 
@@ -146,3 +146,9 @@ def test_the_report_is_whole(tmp_path):
     for part in ('src="all_kinds.png"', "a &lt; b", "Theory &amp; more.", "1 of 2", "skipped"):
         assert part in text
     assert [r["ok"] for r in json.loads((folder / "rows.json").read_text())] == [True, False, None]
+
+
+def test_benchmarks_that_are_not_installed_are_told_in_one_line(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["bench", "gam"]) == 1
+    assert capsys.readouterr().err.startswith("dgl: the benchmarks are not installed")

@@ -339,7 +339,7 @@ def test_garments_are_registered_without_their_coordinates(data, tmp_path, capsy
 
 
 def test_the_speed_is_measured_with_a_bar_for_a_pair(capsys, monkeypatch):
-    monkeypatch.setattr("dexgarmentlab.gam.speed._BATCH", 2)
+    monkeypatch.setattr("dgl_bench.gam._BATCH", 2)
     assert main(["bench", "gam", "--network", "small", "--repeats", "1", "--json"]) == 0
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert rows["small, pair, cpu"]["bar"] == rows["shipped, pair, cpu"]["bar"] == "<= 40"

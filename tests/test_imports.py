@@ -40,7 +40,7 @@ ALLOWED: dict[str, frozenset[str]] = {
     "dgl_sadp": frozenset({"h5py", "torch"}),  # diffusers takes seconds: imported where it is used
     # ManiSkill, torch and what they bring along take seconds: only who makes an environment imports them.
     "dgl_tasks": frozenset({"gymnasium", "scipy", "warp"}),
-    "dgl_physics_bench": frozenset({"warp"}),
+    "dgl_bench.physics": frozenset({"warp"}),
     "dgl_collect": frozenset({"gymnasium", "h5py", "imageio", "scipy", "warp"}),
 }
 
@@ -86,7 +86,7 @@ def test_no_package_imports_one_above_it(imported):
     below = {
         "dexgarmentlab": set(ALLOWED),
         "dgl_collect": {"dgl_tasks", "dgl_physics", "dgl_assets", "dgl_gam"},
-        "dgl_physics_bench": {"dgl_collect", "dgl_tasks", "dgl_physics", "dgl_assets"},
+        "dgl_bench.physics": {"dgl_collect", "dgl_tasks", "dgl_physics", "dgl_assets"},
         "dgl_tasks": {"dgl_physics", "dgl_assets"},
     }
     ours = set(ALLOWED) & set(facts["loaded"]) - {name, "dgl_files"}

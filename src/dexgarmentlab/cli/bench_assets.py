@@ -13,7 +13,7 @@ from dexgarmentlab.cli.collect import format_duration
 from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
 
 if TYPE_CHECKING:
-    from dexgarmentlab.bench_assets import Attempt, RunConfig
+    from dgl_bench.assets import Attempt, RunConfig
 
 __all__ = ["BenchAssetsOptions", "measure_assets"]
 
@@ -66,7 +66,7 @@ class BenchAssetsOptions:
 
 def measure_assets(options: BenchAssetsOptions) -> int:
     """Drop the garments that are left and write the rows."""
-    from dexgarmentlab.bench_assets import RunConfig, load_run, make_rows
+    from dgl_bench.assets import RunConfig, load_run, make_rows
 
     if options.drop:
         config = RunConfig(count=options.count, categories=options.category, frames=options.frames)
@@ -87,7 +87,7 @@ def measure_assets(options: BenchAssetsOptions) -> int:
 
 def _report(folder: Path, attempts: "list[Attempt]") -> Path:
     """Write the report with a progress bar."""
-    from dexgarmentlab.bench_assets import count_pictures, write_report
+    from dgl_bench.assets import count_pictures, write_report
 
     with console.progress("drawing", count_pictures(attempts)) as bar:
         return write_report(folder, on_picture=bar.advance)
@@ -95,7 +95,7 @@ def _report(folder: Path, attempts: "list[Attempt]") -> Path:
 
 def _drop(config: "RunConfig", options: BenchAssetsOptions) -> tuple[list["Attempt"], bool]:
     """Drop garments with a progress bar; the second value tells whether Ctrl-C has ended it."""
-    from dexgarmentlab.bench_assets import drop_garments
+    from dgl_bench.assets import drop_garments
     from dgl_collect.workers import stop_signals
 
     done: list[Attempt] = []

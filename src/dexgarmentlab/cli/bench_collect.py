@@ -7,7 +7,7 @@ from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
 from dexgarmentlab.cli.bench_physics import print_rows
 
 if TYPE_CHECKING:
-    from dexgarmentlab.bench_collect.timed import AttemptTimes
+    from dgl_bench.collect.timed import AttemptTimes
 
 __all__ = ["BenchCollectOptions", "measure_collect"]
 
@@ -37,7 +37,7 @@ class BenchCollectOptions:
 
 def measure_collect(options: BenchCollectOptions) -> int:
     """Make the attempts and write the rows."""
-    from dexgarmentlab.bench_collect import Plan, make_attempts, measure_collection
+    from dgl_bench.collect import Plan, make_attempts, measure_collection
 
     try:
         plan = Plan(

@@ -30,7 +30,7 @@ class BenchGamOptions:
 
 def measure_gam(options: BenchGamOptions) -> int:
     """Measure and write the rows."""
-    from dexgarmentlab.gam.speed import measure_speed
+    from dgl_bench.gam import measure_speed
 
     console.info("timing the affordance model ...")
     rows = measure_speed(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
 
 if TYPE_CHECKING:
-    from dgl_physics_bench import Row
+    from dgl_bench.physics import Row
 
 __all__ = ["BenchPhysicsOptions", "measure_physics", "print_rows"]
 
@@ -40,11 +40,11 @@ class BenchPhysicsOptions:
 
 def measure_physics(options: BenchPhysicsOptions) -> int:
     """Measure and write the rows."""
-    import dgl_physics_bench
+    import dgl_bench.physics
 
     try:
-        experiments = dgl_physics_bench.select(options.only)
-        bench = dgl_physics_bench.Bench(
+        experiments = dgl_bench.physics.select(options.only)
+        bench = dgl_bench.physics.Bench(
             effort=options.effort, seed=options.seed, newton_python=options.newton_python
         )
     except ValueError as err:
@@ -61,7 +61,7 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
     results = []
     console.quieten_warp()
     console.info(f"measuring {experiments[0].name} ...")
-    for number, found in enumerate(dgl_physics_bench.run(experiments, bench), start=1):
+    for number, found in enumerate(dgl_bench.physics.run(experiments, bench), start=1):
         results.append(found)
         experiment, result, seconds = found
         judged = [row.ok for row in result.rows if row.ok is not None]
@@ -72,7 +72,7 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
         )
     rows = [row for _, result, _ in results for row in result.rows]
     if options.report is not None:
-        from dexgarmentlab.reports.physics import write_report
+        from dgl_bench.physics.report import write_report
 
         page = write_report(options.report, results, command=_command(options))
         console.info(f"report: {page}")
@@ -82,7 +82,7 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
 
 def print_rows(rows: "Sequence[Row]", *, as_json: bool) -> None:
     """Write rows as JSON or as a table."""
-    from dgl_physics_bench.rows import format_value
+    from dgl_bench.rows import format_value
 
     if as_json:
         console.out_json([row.to_dict() for row in rows])

@@ -36,7 +36,7 @@ class BenchSadpOptions:
 
 def measure_sadp(options: BenchSadpOptions) -> int:
     """Measure and write the rows."""
-    from dexgarmentlab.sadp.speed import measure_speed
+    from dgl_bench.sadp import measure_speed
 
     console.info("timing the policies ...")
     rows = measure_speed(

@@ -41,7 +41,7 @@ def measure_soak(options: BenchSoakOptions) -> int:
     import json
     from contextlib import closing
 
-    from dexgarmentlab.bench_soak import SoakConfig, Spell, list_requests, make_rows, soak
+    from dgl_bench.soak import SoakConfig, Spell, list_requests, make_rows, soak
     from dgl_collect.workers import stop_signals
     from dgl_files.whole import append_line
 

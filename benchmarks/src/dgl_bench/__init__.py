@@ -1,0 +1,1 @@
+"""The benchmarks behind `dgl bench`, one package or module a subject."""

@@ -1,0 +1,264 @@
+"""What is known of one dropped garment: one line of JSON."""
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from dgl_assets import AssetError, Garment, load_garment
+from dgl_bench.assets.drop import drop_garment
+from dgl_bench.assets.measures import describe_mesh, measure_landmarks
+from dgl_files.whole import written_beside
+from dgl_physics import PhysicsError
+
+__all__ = [
+    "EDGE_CHANGE_LIMIT",
+    "POSITIONS",
+    "POSITIONS_FILE",
+    "STRAIN_LIMIT",
+    "Attempt",
+    "DropRequest",
+    "Drops",
+    "find_positions",
+    "make_attempt",
+    "read_attempts",
+]
+
+STRAIN_LIMIT = 0.01
+"""Mean strain of a whole garment, at most, in every frame."""
+EDGE_CHANGE_LIMIT = 0.5
+"""Change of length of each edge of a whole garment at the end, at most. Collars that fold and fronts that overlap start
+with up to 0.1, so this tells spikes, not strain."""
+POSITIONS = "final"
+"""Folder, in that of a run, with where each garment came to lie."""
+POSITIONS_FILE = "positions.npy"
+"""Name of the same in the folder of a garment's job."""
+_KEPT = 64  # garments that a worker remembers: a garment's partner is the one selected before it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """One garment: built, measured and dropped. Lengths in [m], times in [s], shares and strains as fractions."""
+
+    id: str
+    error: str = ""
+    """Why it could not be built or simulated to the end; empty when it could."""
+    vertices: int = 0
+    edges: int = 0
+    faces: int = 0
+    particles: int = 0
+    """Vertices, and those of a shell's inner side."""
+    build_seconds: float | None = None
+    """CPU time of building the garment."""
+    drop_seconds: float | None = None
+    """CPU time of simulating and measuring it."""
+    edge_mean: float | None = None
+    edge_shortest: float | None = None
+    edge_longest: float | None = None
+    edge_share: float | None = None
+    """Share of the edges within the accepted range."""
+    angle_smallest: float | None = None
+    """[degrees]."""
+    angle_share: float | None = None
+    """Share of the triangles without a sharp angle."""
+    partner: str = ""
+    """The garment that its landmarks were mapped to."""
+    landmark_miss: float | None = None
+    """Largest distance of a mapped landmark from the partner's, in mean edge lengths of the partner."""
+    landmark: str = ""
+    """Which landmark that was."""
+    strain_start: float | None = None
+    """Mean strain as let go."""
+    strain_worst: float | None = None
+    """Mean strain in the worst frame, the start included."""
+    strain_worst_frame: int | None = None
+    frames_over: int | None = None
+    """Frames in which the mean strain was above the limit, the start included."""
+    strain_end: float | None = None
+    edge_change: float | None = None
+    """Largest change of length of one edge at the end."""
+    speed: float | None = None
+    """Root mean square speed at the end [m/s]."""
+    still_seconds: float | None = None
+    """When it had come to rest for good; None if it moved on."""
+    crossings_start: int | None = None
+    """Edges that pierce a triangle of another place."""
+    crossings_end: int | None = None
+
+    @property
+    def category(self) -> str:
+        """The catalogue's category."""
+        return self.id.partition("/")[0]
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Why it is not whole; nothing when it is."""
+        if self.error:
+            return (self.error,)
+        faults = []
+        if self.strain_worst is None or not self.strain_worst <= STRAIN_LIMIT:
+            faults.append(
+                f"mean strain {_percent(self.strain_worst)} in frame {self.strain_worst_frame}, "
+                f"{_percent(self.strain_end)} at the end"
+            )
+        if self.edge_change is None or not self.edge_change <= EDGE_CHANGE_LIMIT:
+            faults.append(f"an edge changed by {_percent(self.edge_change)}")
+        return tuple(faults)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no edge, no frame and no number is out of bounds."""
+        return not self.faults
+
+    def to_line(self) -> str:
+        """Give it as one line of JSON, without the line end."""
+        return json.dumps(asdict(self), allow_nan=False)
+
+    @classmethod
+    def from_line(cls, line: str) -> "Attempt":
+        """Read it from its line.
+
+        Raises:
+            ValueError: If the line is none.
+        """
+        try:
+            return cls(**json.loads(line))
+        except (TypeError, json.JSONDecodeError) as err:
+            raise ValueError(f"line must be a dropped garment; {err}") from err
+
+
+@dataclass(frozen=True, kw_only=True)
+class DropRequest:
+    """A garment to drop."""
+
+    id: str
+    """Which."""
+    partner: str
+    """The garment that its landmarks are mapped to."""
+
+
+class Drops:
+    """Builds, measures and drops garments as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
+
+    def __init__(self, *, frames: int, height: float) -> None:
+        """Remember how garments are dropped.
+
+        Args:
+            frames: How long each is simulated [1/60 s].
+            height: That each falls from [m].
+        """
+        self._frames, self._height = frames, height
+
+    def run(self, request: DropRequest, out_dir: Path) -> Attempt:
+        """Drop one garment, and save where it came to lie in `POSITIONS_FILE`."""
+        return make_attempt(
+            request, frames=self._frames, height=self._height, path=out_dir / POSITIONS_FILE
+        )
+
+    def close(self) -> None:
+        """Nothing is to be released."""
+
+
+def make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
+    """Build, measure and drop a garment, and save where it came to lie.
+
+    Args:
+        request: Which.
+        frames: How long it is simulated [1/60 s].
+        height: That it falls from [m].
+        path: Where the file of positions belongs; it is whole or absent.
+    """
+    try:
+        return _make_attempt(request, frames=frames, height=height, path=path)
+    except (AssetError, PhysicsError, ValueError, RuntimeError) as err:
+        return Attempt(id=request.id, error=f"{type(err).__name__}: {err}")
+
+
+def find_positions(folder: Path, garment_id: str) -> Path:
+    """Give the file with where a garment came to lie: shape (V, 3), float32."""
+    return folder / POSITIONS / f"{garment_id}.npy"
+
+
+def read_attempts(path: Path) -> list[Attempt]:
+    """Read every attempt, in the order in which they were finished.
+
+    Args:
+        path: One line each. A last line without a line end is what a power cut leaves: it is no attempt.
+
+    Raises:
+        ValueError: If a whole line is no attempt, or a garment is there twice.
+    """
+    if not path.exists():
+        return []
+    *lines, _ = path.read_text(encoding="utf-8", errors="replace").split("\n")
+    found: dict[str, Attempt] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            attempt = Attempt.from_line(line)
+        except ValueError as err:
+            raise ValueError(f"{path}, line {number}: {err}") from err
+        if attempt.id in found:
+            raise ValueError(f"{path}, line {number}: {attempt.id} is there twice")
+        found[attempt.id] = attempt
+    return list(found.values())
+
+
+def _make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
+    garment, build_seconds = _build(request.id)
+    mesh = describe_mesh(garment.rest_vertices, garment.faces)
+    miss, landmark, _ = measure_landmarks(garment, _build(request.partner)[0])
+    begin = time.process_time()
+    drop = drop_garment(garment, frames=frames, height=height)
+    drop_seconds = time.process_time() - begin
+    if np.isfinite(drop.end).all():
+        _save(path, drop.end)
+    worst = int(np.argmax(drop.strain))
+    return Attempt(
+        id=request.id,
+        error=drop.error,
+        vertices=mesh.vertices,
+        edges=mesh.edges,
+        faces=mesh.faces,
+        particles=drop.particles,
+        build_seconds=build_seconds,
+        drop_seconds=drop_seconds,
+        edge_mean=mesh.edge_mean,
+        edge_shortest=mesh.edge_shortest,
+        edge_longest=mesh.edge_longest,
+        edge_share=mesh.edge_share,
+        angle_smallest=mesh.angle_smallest,
+        angle_share=mesh.angle_share,
+        partner=request.partner,
+        landmark_miss=miss,
+        landmark=landmark,
+        strain_start=float(drop.strain[0]),
+        strain_worst=float(drop.strain[worst]),
+        strain_worst_frame=worst,
+        frames_over=int((drop.strain > STRAIN_LIMIT).sum()),
+        strain_end=None if drop.error else float(drop.strain[-1]),
+        edge_change=drop.edge_change,
+        speed=drop.speed,
+        still_seconds=None if drop.still_frame is None else drop.still_frame / 60,
+        crossings_start=drop.crossings[0],
+        crossings_end=drop.crossings[1],
+    )
+
+
+@lru_cache(maxsize=_KEPT)
+def _build(garment_id: str) -> tuple[Garment, float]:
+    """Make a garment, and say how much CPU time it took [s]."""
+    begin = time.process_time()
+    garment = load_garment(garment_id)
+    return garment, time.process_time() - begin
+
+
+def _save(path: Path, positions: np.ndarray) -> None:
+    with written_beside(path) as partial, partial.open("wb") as file:
+        np.save(file, positions)
+
+
+def _percent(value: float | None) -> str:
+    return "unknown" if value is None else f"{100 * value:.2f} %"

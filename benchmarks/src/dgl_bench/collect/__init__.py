@@ -1,0 +1,7 @@
+"""How long attempts take as `dgl collect` makes them, and what their time is spent on."""
+
+from dgl_bench.collect.measure import Plan as Plan
+from dgl_bench.collect.measure import make_attempts as make_attempts
+from dgl_bench.collect.measure import measure_collection as measure_collection
+
+__all__ = ["Plan", "make_attempts", "measure_collection"]

@@ -1,0 +1,11 @@
+"""The validation of dgl-physics: experiments with theory beside measurement, their rows and figures."""
+
+from dgl_bench.physics.experiment import Bench as Bench
+from dgl_bench.physics.experiment import Experiment as Experiment
+from dgl_bench.physics.experiment import Result as Result
+from dgl_bench.physics.registry import EXPERIMENTS as EXPERIMENTS
+from dgl_bench.physics.registry import run as run
+from dgl_bench.physics.registry import select as select
+from dgl_bench.rows import Row as Row
+
+__all__ = ["EXPERIMENTS", "Bench", "Experiment", "Result", "Row", "run", "select"]

@@ -1,0 +1,121 @@
+"""The solver's two codes for a CPU, vector code and Warp's own, on the same frames."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dgl_bench.physics.experiment import Bench, Result
+from dgl_bench.physics.figures import Bars, Figure
+from dgl_bench.physics.speed_scenes import SpeedScene, make_drop, make_fold, make_hanging
+from dgl_bench.rows import Row
+from dgl_physics.launcher import find_vector_obstacle
+
+__all__ = ["Comparison", "compare_codes", "make_rows", "measure_cpu_code"]
+
+BARS = {"Fold Tops, awake frame": "<= 5", "crumpled drop, frame": "<= 8"}
+"""Longest frames of vector code [ms]."""
+BLOCK = 30
+"""Frames of one code before the other has its turn: a busy machine disturbs both alike."""
+WARM_UP = 2
+"""Frames at the beginning, awake, in which kernels are loaded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What both codes took for the same frames."""
+
+    vector: np.ndarray
+    """Processor time of each frame that counts [ms], shape (T,)."""
+    warp: np.ndarray
+    """The same of Warp's code."""
+    differing: int
+    """Particles that are elsewhere at the end, by a single bit."""
+
+
+def measure_cpu_code(bench: Bench) -> Result:
+    """Play the three scenes with both codes."""
+    from dgl_bench.physics.fold_replay import record_fold
+    from dgl_collect.runner import make_attempt_seed
+
+    if obstacle := find_vector_obstacle():
+        note = f"skipped: this CPU runs no vector code: {obstacle}"
+        name = "vector code against Warp's"
+        return Result(rows=[Row(name=name, value=None, unit="times", note=note, is_skipped=True)])
+    # the garment and place of a collection's first attempt
+    record = record_fold(seed=make_attempt_seed(bench.seed, 0), garment=None)
+    found = [(s, compare_codes(s)) for s in (make_fold(record), make_drop(), make_hanging())]
+    rows = [row for scene, comparison in found for row in make_rows(scene, comparison)]
+    return Result(rows=rows, figures=(_draw(found),))
+
+
+def compare_codes(scene: SpeedScene) -> Comparison:
+    """Play a scene with both codes, in turns; frames in which all sleep do not count."""
+    codes = ("vector", "warp")
+    built = {code: scene.build(replace(scene.config, cpu_code=code)) for code in codes}
+    milliseconds = np.zeros((len(codes), scene.frames))
+    is_awake = np.zeros(scene.frames, dtype=bool)
+    for start in range(0, scene.frames, BLOCK):
+        for row, code in enumerate(codes):
+            solver, state = built[code]
+            for frame in range(start, min(start + BLOCK, scene.frames)):
+                before = state.get_positions()
+                began = time.process_time()
+                scene.play(solver, state, frame)
+                milliseconds[row, frame] = 1e3 * (time.process_time() - began)
+                is_awake[frame] = (state.get_positions() != before).any()
+    counted = np.flatnonzero(is_awake)[WARM_UP:]
+    counted = counted[counted >= scene.first_timed]
+    ends = [state.get_positions()[0].view(np.uint32) for _, state in built.values()]
+    vector, warp = milliseconds[:, counted]
+    return Comparison(
+        vector=vector, warp=warp, differing=int((ends[0] != ends[1]).any(axis=1).sum())
+    )
+
+
+def make_rows(scene: SpeedScene, found: Comparison) -> list[Row]:
+    """Sum up a comparison."""
+    vector, warp = float(found.vector.mean()), float(found.warp.mean())
+    spread = f"median {np.median(found.vector):.1f}, 95th percentile {np.percentile(found.vector, 95):.1f}"
+    return [
+        Row(
+            name=f"{scene.name}, vector code",
+            value=vector,
+            unit="ms",
+            bar=BARS.get(scene.name, ""),
+            note=f"mean processor time of {len(found.vector)} frames, {spread}; {scene.note}",
+        ),
+        Row(name=f"{scene.name}, Warp's code", value=warp, unit="ms"),
+        Row(
+            name=f"{scene.name}, Warp's code relative to vector code",
+            value=warp / vector,
+            unit="times",
+        ),
+        Row(
+            name=f"{scene.name}, particles that differ at the end",
+            value=float(found.differing),
+            unit="particles",
+            bar="<= 0",
+            note="to the bit",
+        ),
+    ]
+
+
+def _draw(found: Sequence[tuple[SpeedScene, Comparison]]) -> Figure:
+    names = [scene.name.removesuffix(", frame").removesuffix(", awake frame") for scene, _ in found]
+    panels = [
+        Bars(
+            title=title,
+            labels=names,
+            values=[float(getattr(comparison, code).mean()) for _, comparison in found],
+            value_label="processor time of a frame [ms]",
+        )
+        for code, title in (("vector", "vector code"), ("warp", "Warp's code"))
+    ]
+    return Figure(
+        name="cpu_code",
+        caption="Mean time of a frame on one core, the same frames in turns by vector code and by Warp's own: the "
+        "robots' fold while the top moves, a dress as a heap, and a dress that hangs from two hands over a bar.",
+        panels=panels,
+    )

@@ -1,0 +1,120 @@
+"""The hung panel at equal strain: what a frame costs in each solver whose cloth stretches no more than this."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from dgl_bench.physics.against_newton import (
+    NewtonError,
+    Setting,
+    hang_here,
+    hang_in_newton,
+)
+from dgl_bench.physics.experiment import Bench, Result
+from dgl_bench.physics.panel import Panel
+from dgl_bench.rows import Row
+from dgl_physics import SolverConfig
+
+__all__ = ["Trial", "find_cheapest", "make_rows", "measure_equal_strain"]
+
+FRAMES = 10
+"""A sixth of a second, in which the panel falls into its corners; strain counts in its second half."""
+MEAN_LIMIT, TAIL_LIMIT = 0.5, 8.0
+"""Largest mean and 99.9th percentile of the edges' strain [%]: about what this solver leaves at its default."""
+OURS = "dgl-physics"
+SETTINGS: Mapping[str, Sequence[Setting]] = MappingProxyType(
+    {
+        OURS: [Setting(n, 1) for n in (4, 5, 6, 8, 9, 10, 12, 15, 20)],
+        "xpbd": [Setting(n, 1) for n in (40, 60, 80, 100, 120, 160, 240)],
+        "vbd": [Setting(20, 2), Setting(40, 1), Setting(30, 2), Setting(40, 2), Setting(80, 1)],
+    }
+)
+"""What is tried, from cheap to dear. With more iterations instead of substeps XPBD's springs have to be softer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """The panel with one setting."""
+
+    setting: Setting
+    frame: float
+    """Median processor time of a frame [ms]."""
+    mean: float
+    """Mean strain of the edges [%]; infinite where the simulation blew up."""
+    tail: float
+    """99.9th percentile of it [%]."""
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it stretches as little as asked for."""
+        return self.mean <= MEAN_LIMIT and self.tail <= TAIL_LIMIT
+
+    def __str__(self) -> str:
+        return f"{self.setting}: mean strain {self.mean:.2f} %, 99.9th percentile {self.tail:.1f} %"
+
+    @classmethod
+    def from_run(cls, setting: Setting, run: Mapping) -> "Trial":
+        """Sum up what `hang_here` or `hang_in_newton` returned."""
+        late = slice(len(run["means"]) // 2, None)
+        mean, tail = (
+            np.inf if None in run[key] else float(np.mean(run[key][late]))
+            for key in ("means", "tails")
+        )
+        frame = 1e3 * float(np.median(run["seconds"]))
+        return cls(setting=setting, frame=frame, mean=mean, tail=tail)
+
+
+def measure_equal_strain(bench: Bench) -> Result:
+    """Find the cheapest setting of each solver that leaves as little strain."""
+    frames, panel = bench.scale(FRAMES, least=4), Panel()
+
+    def hang(kind: str, setting: Setting) -> Mapping:
+        if kind == OURS:
+            return hang_here(panel, frames, SolverConfig(substeps=setting.substeps))
+        return hang_in_newton(bench, panel, frames, kind, setting)
+
+    rows: list[Row] = []
+    ours: Trial | None = None
+    for kind, settings in SETTINGS.items():
+        name = kind if kind == OURS else f"Newton {kind.upper()}"
+        try:
+            trials = find_cheapest(settings, lambda s, kind=kind: hang(kind, s))
+        except NewtonError as err:
+            note = f"skipped: {err}"
+            unmeasured = f"{name}, frame at equal strain"
+            rows.append(Row(name=unmeasured, value=None, unit="ms", note=note, is_skipped=True))
+            continue
+        rows += make_rows(name, trials, ours)
+        ours = trials[-1] if kind == OURS else ours
+    return Result(rows=rows)
+
+
+def find_cheapest(settings: Sequence[Setting], hang: Callable[[Setting], Mapping]) -> list[Trial]:
+    """Try settings, from cheap to dear, until one is enough; the last trial is this, or the dearest."""
+    trials: list[Trial] = []
+    for setting in settings:
+        trials.append(Trial.from_run(setting, hang(setting)))
+        if trials[-1].is_enough:
+            break
+    return trials
+
+
+def make_rows(name: str, trials: Sequence[Trial], ours: Trial | None) -> list[Row]:
+    """Sum up the trials of a solver, beside the one that was enough for this solver."""
+    label, found = f"{name}, frame at equal strain", trials[-1]
+    if not found.is_enough:
+        return [Row(name=label, value=None, unit="ms", note=f"not reached; {found}")]
+    before = f"; not enough: {trials[-2]}" if len(trials) > 1 else ""
+    rows = [Row(name=label, value=found.frame, unit="ms", note=f"processor time; {found}{before}")]
+    if ours is not None and ours.is_enough:
+        rows.append(
+            Row(
+                name=f"{label}, relative to {OURS}",
+                value=found.frame / ours.frame,
+                unit="times",
+                note=f"at most {MEAN_LIMIT:g} % mean strain and {TAIL_LIMIT:g} % at the 99.9th percentile",
+            )
+        )
+    return rows

@@ -1,0 +1,191 @@
+"""A shirt panel hung by two corners: how far cloth stretches that cannot."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from dgl_bench.physics.experiment import Bench, Result
+from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.sheets import make_panel
+from dgl_bench.rows import Row
+from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
+from dgl_physics.scene import Scene
+
+__all__ = ["Panel", "hang_panel", "measure_panel", "summarise_strain"]
+
+WIDTH, LENGTH, EDGE = 0.6, 0.7, 0.013
+"""Size [m] and the edge length of the catalogue's garments [m]."""
+SWING_FRAMES, REST_FRAMES = 240, 360
+REST_DRAG = 2.0
+
+
+class Panel:
+    """The mesh: two layers sewn along their sides, upright in x and z, and the corners that hold it."""
+
+    def __init__(self, material: ClothMaterial | None = None) -> None:
+        """Make the mesh; its layers are apart by the material's thickness."""
+        self.material = material or ClothMaterial()
+        flat, self.faces, self.rest = make_panel(
+            WIDTH, LENGTH, EDGE, gap=1.05 * self.material.thickness
+        )
+        self.vertices = flat[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+        # a slight wave, so that it can buckle, as real cloth does
+        self.vertices[:, 1] += 1e-3 * np.sin(20 * self.vertices[:, 0])
+        top = np.flatnonzero(self.vertices[:, 2] > self.vertices[:, 2].max() - 1e-6)
+        ends = self.vertices[top, 0]
+        self.pinned = (int(top[ends.argmin()]), int(top[ends.argmax()]))
+
+
+def hang_panel(panel: Panel, *, drag: float, config: SolverConfig | None = None) -> Scene:
+    """Hang the panel by its two upper corners."""
+    builder = ModelBuilder()
+    builder.add_garment(
+        panel.vertices,
+        panel.faces,
+        rest=panel.rest,
+        pinned=panel.pinned,
+        material=replace(panel.material, drag=drag),
+    )
+    return Scene(builder, config)
+
+
+def summarise_strain(strain: np.ndarray) -> tuple[float, float]:
+    """Mean and 99.9th percentile of the edges' absolute strain [%]."""
+    absolute = 100 * np.abs(strain)
+    return float(absolute.mean()), float(np.percentile(absolute, 99.9))
+
+
+def measure_panel(bench: Bench) -> Result:
+    """Let the panel fall into its corners and swing; and let it come to rest."""
+    del bench
+    panel = Panel()
+    swinging = hang_panel(panel, drag=panel.material.drag)
+    seconds, path = [], []
+    for _ in range(SWING_FRAMES):
+        started = time.process_time()
+        swinging.step()
+        seconds.append(time.process_time() - started)
+        path.append(summarise_strain(swinging.strain()))
+    means, tails = np.array(path).T
+    resting = hang_panel(panel, drag=REST_DRAG)
+    settle = []
+    for _ in range(REST_FRAMES):
+        resting.step()
+        settle.append(summarise_strain(resting.strain()))
+    strain = resting.strain()
+    mean, tail = summarise_strain(strain)
+    frame = 1e3 * float(np.mean(seconds[2:]))
+    rows = (
+        Row(
+            name="hung panel at rest, mean strain",
+            value=mean,
+            unit="%",
+            bar="<= 1",
+            note=f"{len(panel.vertices)} particles, {WIDTH} m x {LENGTH} m in two layers, 6 s with drag {REST_DRAG:g}/s",
+        ),
+        Row(
+            name="hung panel at rest, 99.9th percentile of strain", value=tail, unit="%", bar="<= 4"
+        ),
+        Row(
+            name="hung panel while swinging, mean strain",
+            value=float(means.mean()),
+            unit="%",
+            bar="<= 1",
+            note="average over 4 s at the default drag, from the fall into the corners on",
+        ),
+        Row(
+            name="hung panel while swinging, 99.9th percentile of strain",
+            value=float(tails.mean()),
+            unit="%",
+            bar="<= 4",
+            note=f"average of the frames' percentiles; the largest is {tails.max():.1f} %",
+        ),
+        Row(
+            name="hung panel, frame",
+            value=frame,
+            unit="ms",
+            bar=f"<= {1e3 / 60 / 1.5:.1f}",
+            note="mean processor time while swinging; the bar is 1.5 times real time",
+        ),
+    )
+    return Result(rows=rows, figures=tuple(_draw(panel, resting, strain, (means, tails), settle)))
+
+
+def _draw(
+    panel: Panel,
+    resting: Scene,
+    strain: np.ndarray,
+    swing: tuple[np.ndarray, np.ndarray],
+    settle: list[tuple[float, float]],
+) -> Iterator[Figure]:
+    mean, tail = summarise_strain(strain)
+    absolute = 100 * np.abs(strain)
+    x = resting.x
+    by_vertex = np.zeros(len(x))
+    np.maximum.at(by_vertex, resting.model.garments[0].edges.ravel(), np.repeat(absolute, 2))
+    t, rest = np.arange(1, len(swing[0]) + 1) / 60, np.array(settle)
+    yield Figure(
+        name="panel",
+        caption="Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: at rest, each face "
+        "coloured by the largest strain at its corners. Middle: how many edges are strained by how much. Right: the "
+        "strain while it falls into its corners and swings, and while it comes to rest with more drag.",
+        panels=(
+            Picture(
+                title="at rest",
+                vertices=x,
+                faces=panel.faces,
+                azimuth=-70,
+                elevation=10,
+                values=by_vertex[panel.faces].max(axis=1),
+                value_label="strain [%]",
+                value_limit=max(4.0, min(tail, 20.0)),
+                marks=x[list(panel.pinned)],
+            ),
+            Chart(
+                title=f"at rest: mean {mean:.2g} %, 99.9 % below {tail:.3g} %",
+                x_label="strain [%]",
+                y_label="share of edges strained more",
+                curves=(
+                    Curve(
+                        x=np.maximum(np.sort(absolute), 1e-4),
+                        y=1 - np.arange(len(absolute)) / len(absolute),
+                    ),
+                ),
+                limits=(
+                    Limit(value=4.0, label="bar at 1/1000", is_vertical=True),
+                    Limit(value=1e-3, label="99.9th percentile", is_quiet=True),
+                ),
+                is_log_x=True,
+                is_log_y=True,
+                x_range=(1e-3, max(100.0, 1.5 * float(absolute.max()))),
+            ),
+            Chart(
+                title="while it swings and settles",
+                x_label="time [s]",
+                y_label="strain [%]",
+                curves=(
+                    Curve(x=t, y=swing[0], label="swinging, mean"),
+                    Curve(x=t, y=swing[1], label="swinging, 99.9 %", tone=1),
+                    Curve(
+                        x=np.arange(1, len(rest) + 1) / 60,
+                        y=rest[:, 0],
+                        label="settling, mean",
+                        tone=2,
+                    ),
+                    Curve(
+                        x=np.arange(1, len(rest) + 1) / 60,
+                        y=rest[:, 1],
+                        label="settling, 99.9 %",
+                        tone=3,
+                    ),
+                ),
+                limits=(
+                    Limit(value=1.0, label="bar, mean"),
+                    Limit(value=4.0, label="bar, 99.9 %"),
+                ),
+                is_log_y=True,
+            ),
+        ),
+    )

@@ -1,0 +1,81 @@
+"""What a soak amounts to."""
+
+from collections.abc import Sequence
+
+from dgl_bench.rows import Row
+from dgl_bench.soak.spell import Spell
+
+__all__ = ["find_growth", "make_rows"]
+
+EARLY = 0.1
+"""Share of a worker's episodes in which memory may still grow: caches fill."""
+
+
+def make_rows(spells: Sequence[Spell]) -> list[Row]:
+    """Count what went wrong, and measure how memory has grown.
+
+    Args:
+        spells: Episodes in the order in which they ended.
+    """
+    steps = sum(spell.steps for spell in spells)
+    errors = [spell for spell in spells if spell.error and not spell.overflows]
+    first = (
+        f"{errors[0].request.task}, seed {errors[0].request.seed}: {errors[0].error}"
+        if errors
+        else ""
+    )
+    touching = sum(spell.touching for spell in spells)
+    growth = find_growth(spells)
+    return [
+        Row(name="random actions", value=float(steps), unit="", note="five control steps each"),
+        Row(name="with a hand on the garment", value=100 * touching / max(steps, 1), unit="%"),
+        Row(
+            name="numbers that are not finite",
+            value=float(sum(spell.not_finite for spell in spells)),
+            unit="actions",
+            bar="<= 0",
+        ),
+        Row(
+            name="contact lists that could not grow",
+            value=float(sum(spell.overflows for spell in spells)),
+            unit="",
+            bar="<= 0",
+        ),
+        Row(name="exceptions", value=float(len(errors)), unit="", bar="<= 0", note=first),
+        Row(
+            name="growth of a process's memory after the first tenth, at most",
+            value=growth,
+            unit="%",
+            bar="<= 5",
+            note="" if growth is not None else "a process needs ten episodes, and two of each task",
+            is_skipped=growth is None,
+        ),
+        Row(
+            name="memory of a process, at most",
+            value=max((spell.memory for spell in spells), default=0) / 2**30,
+            unit="GiB",
+        ),
+    ]
+
+
+def find_growth(spells: Sequence[Spell]) -> float | None:
+    """Find how much the memory of a process has grown after the first tenth of its episodes, at most [%].
+
+    Compared are the largest values of the first tenth, or of the first episode of each task where that is longer, and
+    of the last tenth.
+
+    Args:
+        spells: In the order in which they ended.
+
+    Returns:
+        The growth; None where no process has run ten episodes.
+    """
+    tasks = len({spell.request.task for spell in spells})
+    growths = []
+    for process in {spell.process for spell in spells if spell.process}:
+        memory = [spell.memory for spell in spells if spell.process == process]
+        early = max(round(EARLY * len(memory)), tasks)
+        late = max(round(EARLY * len(memory)), 1)
+        if len(memory) >= max(10, early + late):
+            growths.append(100 * (max(memory[-late:]) / max(memory[:early]) - 1))
+    return max(growths, default=None)

@@ -1,7 +1,0 @@
-"""How long attempts take as `dgl collect` makes them, and what their time is spent on."""
-
-from dexgarmentlab.bench_collect.measure import Plan as Plan
-from dexgarmentlab.bench_collect.measure import make_attempts as make_attempts
-from dexgarmentlab.bench_collect.measure import measure_collection as measure_collection
-
-__all__ = ["Plan", "make_attempts", "measure_collection"]

@@ -1,1 +1,0 @@
-"""The policies of `dgl_sadp` as the laboratory uses them."""
