@@ -3,6 +3,9 @@
 import ast
 import importlib.util
 import json
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,6 +34,20 @@ def failing(monkeypatch):
     monkeypatch.setattr(cli, "VERBS", (Verb("fail", "fails"),))
     monkeypatch.setattr(Verb, "load", lambda self: module)
     return module
+
+
+PROGRAM = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"
+
+
+def run_dgl(*words, environment, timeout=120):
+    """Run the command line in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, *words],
+        env=os.environ | environment,
+        capture_output=True,
+        timeout=timeout,
+        check=False,
+    )
 
 
 def raises(error):
@@ -176,3 +193,42 @@ def test_every_module_that_is_a_verb_is_registered():
     assert verbs == {verb.name for verb in VERBS}
     for verb in VERBS:
         assert hasattr(verb.load(), f"{verb.name.capitalize()}Options")
+
+
+def test_a_cache_that_cannot_be_written_names_its_variable(failing, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", "/sys/none/.cache")
+    failing.run = raises(PermissionError(13, "Permission denied", "/sys/none"))
+    assert main(["fail"]) == 1
+    error = capsys.readouterr().err
+    assert "/sys/none/.cache: set XDG_CACHE_HOME to a folder that can be written to" in error
+    failing.run = raises(PermissionError(13, "Permission denied", "/data/mine"))
+    assert main(["fail"]) == 1
+    assert "XDG_CACHE_HOME" not in capsys.readouterr().err
+
+
+def test_help_in_a_terminal_of_one_column_is_laid_out_at_once():
+    done = run_dgl("collect", "--help", environment={"COLUMNS": "1"}, timeout=60)
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()[0]) < 60
+
+
+def test_a_closed_pipe_ends_quietly():
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    process.stdout.close()
+    assert process.wait(timeout=60) == 141
+    assert process.stderr.read() == ""
+    process.stderr.close()
+
+
+def test_names_that_the_locale_cannot_write_are_told():
+    ascii_locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ("gam", "match", b"/none/\xc3\xa9\xff.npy", "b.npy", "--out", "m.png")
+    for environment in (ascii_locale, {}):
+        done = run_dgl(*words, environment=environment)
+        assert done.returncode == 1
+        assert b"/none/\xc3\xa9\xff.npy does not exist" in done.stderr

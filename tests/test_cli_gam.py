@@ -262,6 +262,7 @@ def test_clouds_in_which_nothing_can_be_found_are_refused_before_the_model_is_lo
         ("one.npy", np.ones((1, 3)), "must have at least 16 points; got 1"),
         ("nan.npy", points, "must have finite coordinates; got 1 point(s) that have not, first 3"),
         ("declared.npy", None, "declared.npy"),
+        ("many.npy", np.zeros((1_000_001, 3), np.int8), "at most 1,000,000 points; got 1,000,001"),
     ):
         path = tmp_path / name
         if array is not None:
@@ -271,7 +272,8 @@ def test_clouds_in_which_nothing_can_be_found_are_refused_before_the_model_is_lo
             assert main([*command, "--category", CATEGORY]) == 1
             error = capsys.readouterr().err.strip().splitlines()[-1]
             assert message in error
-            assert array is None or error.startswith(f"dgl: {which}, {path}, ")
+            is_read = name not in ("declared.npy", "many.npy")
+            assert not is_read or error.startswith(f"dgl: {which}, {path}, ")
 
 
 def test_weights_that_are_missing_are_said(tmp_path, capsys):

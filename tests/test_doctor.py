@@ -9,7 +9,7 @@ import pytest
 
 from dexgarmentlab import _probes, doctor
 from dexgarmentlab.cli import main
-from dexgarmentlab.doctor import Check, check_disk, check_python, run_checks, run_probe
+from dexgarmentlab.doctor import Check, check_cache, check_disk, check_python, run_checks, run_probe
 
 
 def test_python_versions_on_both_sides():
@@ -27,6 +27,17 @@ def test_disk_space_on_both_sides(tmp_path):
     check = check_disk(tmp_path, needed_bytes=10**18)
     assert check.state == "fail"
     assert "free" in check.fix
+
+
+def test_a_cache_that_cannot_be_written_is_told_with_the_variable(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "new"))
+    assert check_cache().state == "ok"
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "in"))
+    check = check_cache()
+    assert check.state == "fail"
+    assert str(tmp_path / "file" / "in") in check.detail
+    assert "XDG_CACHE_HOME" in check.fix
 
 
 @pytest.mark.parametrize("name", ["physics", "video"])

@@ -12,7 +12,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-__all__ = ["CHECKS", "Check", "check_disk", "check_python", "run_checks", "run_probe"]
+__all__ = [
+    "CHECKS",
+    "Check",
+    "check_cache",
+    "check_disk",
+    "check_python",
+    "get_cache_folder",
+    "run_checks",
+    "run_probe",
+]
 
 PROBE_TIMEOUT_S = 240.0  # Warp compiles on its first run; a software renderer starts slowly.
 MIN_FREE_BYTES = 1_000_000_000  # Compiled kernels, a few episodes and their videos.
@@ -111,6 +120,28 @@ def check_disk(folder: Path | None = None, *, needed_bytes: int = MIN_FREE_BYTES
     )
 
 
+def get_cache_folder() -> Path:
+    """Return the folder of all caches: `$XDG_CACHE_HOME`, or `~/.cache`."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def check_cache() -> Check:
+    """Check that the folder of all caches can be written."""
+    folder = get_cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as err:
+        return Check(
+            name="cache",
+            state="fail",
+            detail=f"{folder} cannot be written: {err.strerror}",
+            fix="set XDG_CACHE_HOME to a folder that can be written to",
+        )
+    return Check(name="cache", state="ok", detail=f"{folder} can be written")
+
+
 def check_packages() -> Check:
     """Check that the libraries that the tasks need can be imported."""
     result = run_probe("packages")
@@ -135,7 +166,7 @@ def check_physics() -> Check:
 def check_warp() -> Check:
     """Check that Warp can compile and run a kernel on the CPU."""
     result = run_probe("warp")
-    fix = f"{_FIX_INSTALL}; the folder of Warp's kernel cache must be writable"
+    fix = f"{_FIX_INSTALL}; XDG_CACHE_HOME must name a folder that can be written to"
     return _needed("warp", result, _describe_warp, fix)
 
 
@@ -170,6 +201,7 @@ def check_cuda() -> Check:
 CHECKS: dict[str, Callable[[], Check]] = {
     "python": check_python,
     "disk": check_disk,
+    "cache": check_cache,
     "packages": check_packages,
     "rendering": check_rendering,
     "physics": check_physics,

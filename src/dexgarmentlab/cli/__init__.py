@@ -13,11 +13,14 @@ Verb modules import the packages that they need inside `run`, so that `dgl --hel
 import difflib
 import importlib
 import logging
+import os
+import shutil
 import sys
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
 from types import ModuleType
 
 from dexgarmentlab.cli import console
@@ -29,10 +32,14 @@ EXIT_FAILURE = 1  # The job could not be done: the message says why.
 EXIT_USAGE = 2  # The command line was wrong, as argparse and tyro have it.
 EXIT_INTERNAL = 70  # A defect of this program (EX_SOFTWARE).
 EXIT_INTERRUPTED = 130  # Ctrl-C, as shells have it.
+EXIT_PIPE = 141  # Nobody reads the output any more (SIGPIPE), as shells have it.
+
+_LEAST_COLUMNS = 40  # tyro takes minutes to lay out help in a terminal of one column.
 
 _OWN_PACKAGES = frozenset(
     {
         "dexgarmentlab",
+        "dgl_files",
         "dgl_physics",
         "dgl_assets",
         "dgl_gam",
@@ -91,18 +98,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         level=logging.DEBUG if is_debug else logging.WARNING,
         format="%(levelname)s %(name)s: %(message)s",
     )
+    console.write_utf8()
+    if shutil.get_terminal_size().columns < _LEAST_COLUMNS:
+        os.environ["COLUMNS"] = str(_LEAST_COLUMNS)
     try:
-        return _dispatch(arguments)
+        status = _dispatch(arguments)
+        console.flush()
+        return status
     except SystemExit as stop:  # tyro ends so, after --help (0) and after a usage error (2).
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
     except KeyboardInterrupt:
         console.error("interrupted")
         return EXIT_INTERRUPTED
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and console.drop_closed_pipes():
+            return EXIT_PIPE
         if is_debug:
             console.error(traceback.format_exc().rstrip())
         if is_domain_error(error):
-            console.error(_one_line(error))
+            console.error(_one_line(error) + _tell_cache(error))
             return EXIT_FAILURE
         console.error(
             f"internal error, {type(error).__name__}: {_one_line(error)}"
@@ -170,3 +184,15 @@ def _unknown(name: str) -> str:
 def _one_line(error: BaseException) -> str:
     text = " ".join(str(error).split())
     return text or type(error).__name__
+
+
+def _tell_cache(error: BaseException) -> str:
+    """Name the variable that moves the cache, where the error is that it cannot be written."""
+    from dexgarmentlab.doctor import get_cache_folder
+
+    if not isinstance(error, OSError) or error.filename is None or "CACHE" in str(error):
+        return ""
+    cache, path = get_cache_folder(), Path(os.fsdecode(error.filename))
+    if path != cache and path not in cache.parents and cache not in path.parents:
+        return ""
+    return f"; the cache is {cache}: set XDG_CACHE_HOME to a folder that can be written to"

@@ -3,7 +3,11 @@
 Results go to standard output, so that they can be piped; messages and progress go to standard error.
 """
 
+import contextlib
+import io
 import json
+import os
+import select
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +18,9 @@ from typing import Any, Protocol, TextIO, TypeVar
 
 __all__ = [
     "ProgressBar",
+    "drop_closed_pipes",
     "error",
+    "flush",
     "info",
     "keep_results_alone",
     "out",
@@ -23,6 +29,7 @@ __all__ = [
     "progress",
     "quieten_warp",
     "track",
+    "write_utf8",
 ]
 
 T = TypeVar("T")
@@ -61,6 +68,32 @@ def quieten_warp() -> None:
     import warp
 
     warp.config.log_level = logging.WARNING
+
+
+def write_utf8() -> None:
+    """Write UTF-8 in every locale; a file name's bytes that are not UTF-8 go out as they came."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="surrogateescape")
+
+
+def flush() -> None:
+    """Write out what is left of the results."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def drop_closed_pipes() -> bool:
+    """Discard what is left for an output that nobody reads, and tell whether there was one."""
+    found = False
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError):  # closed, or none of the system's
+            poll = select.poll()
+            poll.register(stream.fileno(), select.POLLOUT)
+            if any(event & select.POLLERR for _, event in poll.poll(0)):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+                found = True
+    return found
 
 
 def out(text: str) -> None:

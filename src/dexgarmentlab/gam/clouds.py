@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Cloud", "load_cloud"]
 
+MAX_POINTS = 1_000_000
+"""Most points of a cloud; the networks see 2,048 of them."""
 _POINT_FILES = (".npy", ".ply", ".safetensors")
 _MESH_FILES = (".obj", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 _UP = np.array([0.0, 0.0, 1.0])
@@ -173,4 +175,6 @@ def _check(path: Path, array: np.ndarray | None) -> np.ndarray:
     if array is None or array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
         shape = None if array is None else (array.shape, str(array.dtype))
         raise ValueError(f"{path} must hold points of shape (N, 3) or more columns; got {shape}")
+    if len(array) > MAX_POINTS:
+        raise ValueError(f"{path} must hold at most {MAX_POINTS:,} points; got {len(array):,}")
     return np.asarray(array[:, :3], dtype=np.float64)
