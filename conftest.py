@@ -1,21 +1,93 @@
-"""What the tests of all packages share."""
+"""Fixtures and hooks shared by the tests of all packages."""
 
 import gc
+import os
 import signal
 from collections.abc import Iterator
 
 import pytest
 
+_SHOWN = 20
+_costs: list[tuple[float, str]] = []
+"""Processor time [s] of each test of this process, its fixtures and child processes included."""
+_total = 0.0
+"""Processor time of xdist's workers that have ended [s]."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--processor-limit`."""
+    parser.addoption(
+        "--processor-limit",
+        type=float,
+        metavar="MINUTES",
+        help="print the processor time of all tests and the longest ones; fail above so many minutes",
+    )
+
 
 def pytest_collection_finish() -> None:
-    """Keep what has been imported out of all collections of garbage; ManiSkill makes one in each reset."""
+    """Exclude imported objects from garbage collection; ManiSkill collects in each reset."""
     gc.collect()
     gc.freeze()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Note the processor time of each test."""
+    began = _measure_seconds()
+    found = yield
+    _costs.append((_measure_seconds() - began, item.nodeid))
+    return found
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: object) -> None:
+    """Take over the processor time of a worker that ends."""
+    global _total  # noqa: PLW0603
+    output = getattr(node, "workeroutput", {})
+    _total += output.get("seconds", 0.0)
+    _costs.extend(map(tuple, output.get("costs", ())))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Tell the controller the processor time; fail where it is above the limit."""
+    if hasattr(session.config, "workeroutput"):
+        longest = sorted(_costs, reverse=True)[:_SHOWN]
+        session.config.workeroutput |= {"seconds": _measure_seconds(), "costs": longest}
+        return
+    limit = session.config.getoption("--processor-limit")
+    if limit is not None and session.exitstatus == 0 and _measure_all() > 60 * limit:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the processor time of all tests, and of the longest."""
+    limit = terminalreporter.config.getoption("--processor-limit")
+    if limit is None:
+        return
+    terminalreporter.section(f"the {_SHOWN} longest tests, by processor time")
+    for seconds, name in sorted(_costs, reverse=True)[:_SHOWN]:
+        terminalreporter.line(f"{seconds:6.2f} s  {name}")
+    minutes = _measure_all() / 60
+    terminalreporter.line(f"processor time of all tests: {minutes:.1f} min; limit {limit:g} min")
+
+
+def _measure_all() -> float:
+    """Processor time of the controller and of the workers that have ended [s]."""
+    if not _total:
+        return _measure_seconds()
+    times = os.times()  # without children: they are the workers
+    return _total + times.user + times.system
+
+
+def _measure_seconds() -> float:
+    """Processor time of this process and of its children that have ended [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 @pytest.fixture
 def heeds_interrupts() -> Iterator[None]:
-    """Let this process, and those that it starts, heed SIGINT; a shell has its background jobs ignore it."""
+    """Let this process and its children heed SIGINT, which shells have background jobs ignore."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

@@ -1,0 +1,70 @@
+"""Fail where a docstring opens with a question word, or a line of Markdown is too long.
+
+Checks the docstrings of modules, classes, functions and attributes. Markdown tables, code blocks, links alone on a line and
+headings are exempt from the length.
+
+Example: python scripts/check_text.py
+"""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+WIDTH = 100
+_QUESTION = re.compile(r"(What|How|Whether|Who|Which|Where|When)\b")
+_SOURCES = ("src", "packages", "benchmarks", "scripts", "tests", "conftest.py")
+# Paths whose docstrings still open with question words, and pages whose lines are still too long.
+QUESTIONS: tuple[str, ...] = ()
+LONG: tuple[str, ...] = ()
+
+
+def find_questions(source: str) -> Iterator[int]:
+    """Yield the lines of docstrings that open with a question word."""
+    for node in ast.walk(ast.parse(source)):
+        for statement in getattr(node, "body", None) or ():
+            if not isinstance(statement, ast.Expr) or not isinstance(statement.value, ast.Constant):
+                continue
+            text = statement.value.value
+            if isinstance(text, str) and _QUESTION.match(text.strip()):
+                yield statement.lineno
+
+
+def find_long_lines(text: str) -> Iterator[int]:
+    """Yield the lines of prose in Markdown that are too long."""
+    is_code = False
+    for number, line in enumerate(text.splitlines(), start=1):
+        is_code ^= line.lstrip().startswith("```")
+        is_exempt = is_code or line.lstrip().startswith(("|", "#", "![")) or "](" in line
+        if len(line) > WIDTH and not is_exempt:
+            yield number
+
+
+def find_faults() -> Iterator[str]:
+    """Yield each fault of the tree as `path:line: message`."""
+    for name in _SOURCES:
+        for path in sorted((ROOT / name).rglob("*.py")) or [ROOT / name]:
+            relative = path.relative_to(ROOT).as_posix()
+            if path.is_file() and not relative.startswith(QUESTIONS):
+                for line in find_questions(path.read_text(encoding="utf-8")):
+                    yield f"{relative}:{line}: docstring opens with a question word"
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")]
+    for path in sorted({*pages, *ROOT.glob("packages/*/README.md")}):
+        relative = path.relative_to(ROOT).as_posix()
+        if not relative.startswith(LONG):
+            for line in find_long_lines(path.read_text(encoding="utf-8")):
+                yield f"{relative}:{line}: line of more than {WIDTH} characters"
+
+
+def main() -> int:
+    """Print the faults; return 1 if there are some."""
+    faults = list(find_faults())
+    print("\n".join(faults[:50]))
+    print(f"{len(faults)} faults of text")
+    return int(bool(faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
