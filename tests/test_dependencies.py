@@ -13,7 +13,7 @@ else:
     import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
-PROJECTS = [*sorted(path.parent for path in ROOT.glob("*/**/pyproject.toml")), ROOT]
+PROJECTS = [ROOT, ROOT / "benchmarks", *sorted((ROOT / "packages").glob("dgl-*"))]
 
 # Distributions whose files do not say at their top which modules they bring, or that need not be installed here.
 KNOWN = {
