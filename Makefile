@@ -40,6 +40,7 @@ format: setup ## Format the code
 lint:
 	$(RUN) ruff check $(SOURCES)
 	$(RUN) ruff format --check $(SOURCES)
+	$(RUN) python scripts/check_text.py
 
 type:
 	$(RUN) pyright

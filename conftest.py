@@ -20,7 +20,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--processor-limit",
         type=float,
         metavar="MINUTES",
-        help="print the processor time of all tests and the longest ones; fail above so many minutes",
+        help="print the processor time of all tests and the longest ones; fail above so many "
+        "minutes",
     )
 
 

@@ -1,7 +1,7 @@
 """Fail where a docstring opens with a question word, or a line of Markdown is too long.
 
-Checks the docstrings of modules, classes, functions and attributes. Markdown tables, code blocks, links alone on a line and
-headings are exempt from the length.
+Checks the docstrings of modules, classes, functions and attributes. Markdown tables, code blocks,
+headings and lines with links may be longer.
 
 Example: python scripts/check_text.py
 """
@@ -16,20 +16,31 @@ ROOT = Path(__file__).resolve().parent.parent
 WIDTH = 100
 _QUESTION = re.compile(r"(What|How|Whether|Who|Which|Where|When)\b")
 _SOURCES = ("src", "packages", "benchmarks", "scripts", "tests", "conftest.py")
-# Paths whose docstrings still open with question words, and pages whose lines are still too long.
-QUESTIONS: tuple[str, ...] = ()
-LONG: tuple[str, ...] = ()
+# Paths whose docstrings still open with question words, and pages whose lines are still too long;
+# these lists only shrink.
+QUESTIONS: tuple[str, ...] = (
+    "packages/dgl-assets",
+    "packages/dgl-collect",
+    "packages/dgl-gam",
+    "packages/dgl-physics",
+    "packages/dgl-sadp",
+    "packages/dgl-tasks",
+    "src/dexgarmentlab/evaluation",
+    "src/dexgarmentlab/cli/collect.py",
+    "src/dexgarmentlab/cli/eval.py",
+    "src/dexgarmentlab/cli/replay.py",
+)
+LONG: tuple[str, ...] = ("CHANGELOG.md", "docs/", "packages/")
 
 
 def find_questions(source: str) -> Iterator[int]:
     """Yield the lines of docstrings that open with a question word."""
     for node in ast.walk(ast.parse(source)):
-        for statement in getattr(node, "body", None) or ():
-            if not isinstance(statement, ast.Expr) or not isinstance(statement.value, ast.Constant):
-                continue
-            text = statement.value.value
-            if isinstance(text, str) and _QUESTION.match(text.strip()):
-                yield statement.lineno
+        body = getattr(node, "body", None)
+        for statement in body if isinstance(body, list) else ():
+            match statement:
+                case ast.Expr(value=ast.Constant(value=str(text))) if _QUESTION.match(text.strip()):
+                    yield statement.lineno
 
 
 def find_long_lines(text: str) -> Iterator[int]:

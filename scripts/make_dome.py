@@ -1,6 +1,7 @@
-"""Draw the dome of `dgl_tasks.scene` with SAPIEN's blurred copies for rough materials, and write its file.
+"""Draw the dome of `dgl_tasks.scene` with SAPIEN's blurred copies, and write its file.
 
-Needed after a change of the dome's colours. The blur takes SAPIEN 11 s on a processor, so the result is kept.
+Needed after a change of the dome's colours. The blur takes SAPIEN 11 s on a processor, so the
+result is kept.
 
 Example: uv run --no-sync python scripts/make_dome.py
 """

@@ -1,7 +1,7 @@
 """Write the exact versions of all dependencies into `[tool.uv] constraint-dependencies`.
 
-The resolution covers every supported Python version and platform, so a package may appear more than once, each time
-with the marker under which that version applies.
+The resolution covers every supported Python version and platform, so a package may appear more than
+once, each time with the marker under which that version applies.
 
 Example: uv run --no-sync python scripts/pin.py
 """

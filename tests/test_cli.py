@@ -24,7 +24,7 @@ class FailOptions:
     """
 
     times: int = 1
-    """How often."""
+    """Number of times."""
 
 
 @pytest.fixture

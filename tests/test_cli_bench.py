@@ -90,7 +90,7 @@ def test_what_does_not_exist_is_refused(arguments, message, capsys):
 
 
 def test_an_experiment_is_measured_and_reported(tmp_path):
-    """For real, in a new process, as Warp greets in a new process only; nothing but JSON comes out."""
+    """Warp greets in a new process only; nothing but JSON comes out."""
     program = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"
     options = ["--only", "free_fall", "--report", str(tmp_path), "--json"]
     done = subprocess.run(

@@ -11,7 +11,7 @@ from dgl_sadp.synthetic import write_synthetic_episodes
 
 
 class StubRelabeller:
-    """Finds matched points 0.1 m away in the first episode that it gets, and farther in the next."""
+    """Matcher whose points lie 0.1 m away in the first episode, and farther in the next."""
 
     distance = 0.0
 

@@ -1,4 +1,4 @@
-"""What a package imports, it asks for: every third-party module is of a distribution that its pyproject names."""
+"""Every third-party module that a package imports is declared in its pyproject."""
 
 import ast
 import functools
@@ -15,7 +15,8 @@ else:
 ROOT = Path(__file__).resolve().parent.parent
 PROJECTS = [ROOT, ROOT / "benchmarks", *sorted((ROOT / "packages").glob("dgl-*"))]
 
-# Distributions whose files do not say at their top which modules they bring, or that need not be installed here.
+# Distributions whose files do not say at their top which modules they bring, or that need not be
+# installed here.
 KNOWN = {
     "newton": "newton",
     "placo": "placo",
@@ -44,7 +45,7 @@ def find_declared(project):
 
 
 def find_imported(source):
-    """Top-level modules that a file's text imports, wherever in it, with the line of the first import."""
+    """Top-level modules imported anywhere in a source, with the line of the first import."""
     found = {}
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -72,7 +73,7 @@ def find_distributions(module):
 
 
 def find_undeclared(project, declared):
-    """Imports of a project's source that no distribution of `declared` brings, as `module: file:line`."""
+    """Imports of a project that no distribution of `declared` brings, as `module: file:line`."""
     undeclared = []
     for path in sorted((project / "src").rglob("*.py")):
         if path == PROBES:
@@ -100,7 +101,10 @@ def test_a_module_that_is_not_asked_for_is_found():
 
 
 def test_imports_are_found_wherever_they_stand():
-    source = "import a.b\nfrom c import d as e\nfrom . import f\nif TYPE_CHECKING:\n    import g\ndef h():\n    from i.j import k\n"
+    source = (
+        "import a.b\nfrom c import d as e\nfrom . import f\n"
+        "if TYPE_CHECKING:\n    import g\ndef h():\n    from i.j import k\n"
+    )
     assert find_imported(source) == {"a": 1, "c": 2, "g": 5, "i": 7}
 
 

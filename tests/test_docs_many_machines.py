@@ -1,4 +1,4 @@
-"""The page on many machines: its cluster file has the form that Ray asks for, and its flags are those of the command line."""
+"""The page on many machines: its cluster file is of Ray's form, and its flags exist."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The worked example of `docs/tasks.md`: what it shows is checked, refused where it is wrong, and carried out."""
+"""The worked example of `docs/tasks.md` is checked, refused where it is wrong, and carried out."""
 
 import copy
 import dataclasses
@@ -134,7 +134,8 @@ def test_a_place_that_the_object_has_not_is_refused_by_its_stage_and_name(conten
     wrong = rename(content, "bar.target.z + 0.1", "bar.middle.z + 0.1")
     with pytest.raises(
         DemonstrationError,
-        match=r"HangVest\.json: stage 'hang': formula 'bar\.middle\.z \+ 0\.1' .*'middle'.*known: .*target",
+        match=r"HangVest\.json: stage 'hang': formula 'bar\.middle\.z \+ 0\.1' .*'middle'.*"
+        r"known: .*target",
     ):
         check(wrong)
 
@@ -199,7 +200,8 @@ def test_an_object_out_of_reach_is_refused():
     far = SceneObject(name="bar", prop="hanger", position=(0.0, 2.2, 0.0))
     with pytest.raises(
         ValueError,
-        match=rf"target of object 'bar' must be within {REACH} m of a robot's base; it may be 2\.36 m",
+        match=rf"target of object 'bar' must be within {REACH} m of a robot's base; "
+        r"it may be 2\.36 m",
     ):
         make(dataclasses.replace(TASK, objects=(far,)))
 
@@ -216,7 +218,8 @@ def test_the_script_hangs_a_top_over_the_bar(capsys):
     assert result.success, result.detail
     assert result.first_try.success or result.measurements["further_tries"] >= 1
     record = recorder.records["hang"]
-    # the recorded steps: a hand pose, four moves and a release, all but the approach and the retreat
+    # the recorded steps: a hand pose, four moves and a release, all but the approach and the
+    # retreat
     assert set(recorder.records) == {stage.name for stage in runner.demonstration.stages}
     assert 20 < record.frame_count < len(result.commands) // 5
     assert record.object_point_cloud.shape == (2048, 3)

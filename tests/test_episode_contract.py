@@ -1,4 +1,4 @@
-"""What `dgl_collect` writes is what `dgl_sadp` reads; neither imports the other."""
+"""Episodes written by `dgl_collect` are read by `dgl_sadp`; neither imports the other."""
 
 import dataclasses
 import importlib

@@ -1,4 +1,4 @@
-"""Learned methods in the laboratory: which policies they take, how they begin, and that a policy runs in a course."""
+"""Learned methods: the policies they take, their start, and a policy that runs in a stage."""
 
 import dataclasses
 import functools
@@ -251,7 +251,7 @@ def test_a_policy_runs_in_a_course_and_repeats_itself(make_world, method):
 @pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
-    """A policy that has learnt nothing: what is scripted still runs, and the garment is not folded."""
+    """With a policy that has learnt nothing, scripted motions run and the garment is not folded."""
     (tmp_path / "out").mkdir()
     options = {
         "policy": "halo",
@@ -264,7 +264,8 @@ def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
     finally:
         runner.close()
     assert not result.success
-    # What it does to the garment is chance: where it drags it away from where a later stage looks for it, it ends there.
+    # What it does to the garment is chance: where it drags it away from where a later stage looks
+    # for it, it ends there.
     assert result.reason is not None
     if result.value is not None:
         assert result.measurements["steps"] > 500

@@ -12,8 +12,9 @@ FOLDED = {
 }  # fmt: skip
 MEAN_ERROR, PCK05, PCK10, SWAPPED, AUROC = 3, 4, 5, 8, 10  # columns of the card
 COLUMNS = (
-    ("flat_30", MEAN_ERROR), ("flat_30", PCK05), ("flat_any", PCK05), ("flat_any", SWAPPED), ("noise_half", PCK05),
-    ("noise_any", PCK05), ("dropped", PCK10), ("crumpled", PCK10), ("folded", PCK10), ("hung_two", PCK10),
+    ("flat_30", MEAN_ERROR), ("flat_30", PCK05), ("flat_any", PCK05), ("flat_any", SWAPPED),
+    ("noise_half", PCK05), ("noise_any", PCK05), ("dropped", PCK10), ("crumpled", PCK10),
+    ("folded", PCK10), ("hung_two", PCK10),
     ("hung_two_any", PCK10), ("all", AUROC),
 )  # fmt: skip
 

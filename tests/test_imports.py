@@ -1,4 +1,4 @@
-"""What importing a package brings along, seen in a fresh process, and that its public names exist."""
+"""Modules that importing a package loads, seen in a fresh process, and its public names."""
 
 import json
 import subprocess
@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
-# Libraries that are heavy or belong elsewhere. What is not allowed to a package must stay out of its process: import-linter
-# sees only the imports written in our own code, not what another library pulls in.
+# Libraries that are heavy or belong elsewhere. What is not allowed to a package must stay out of
+# its process: import-linter sees only the imports written in our own code, not what another library
+# pulls in.
 WATCHED = frozenset(
     {
         "cv2",
@@ -38,7 +39,8 @@ ALLOWED: dict[str, frozenset[str]] = {
     "dgl_assets": frozenset({"scipy"}),
     "dgl_gam": frozenset({"torch"}),
     "dgl_sadp": frozenset({"h5py", "torch"}),  # diffusers takes seconds: imported where it is used
-    # ManiSkill, torch and what they bring along take seconds: only who makes an environment imports them.
+    # ManiSkill, torch and what they bring along take seconds: only who makes an environment imports
+    # them.
     "dgl_tasks": frozenset({"gymnasium", "scipy", "warp"}),
     "dgl_bench.physics": frozenset({"warp"}),
     "dgl_collect": frozenset({"gymnasium", "h5py", "imageio", "scipy", "warp"}),

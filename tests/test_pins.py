@@ -1,4 +1,4 @@
-"""`scripts/pin.py` rewrites only its own list, whose pins are exact; and the shell scripts are valid."""
+"""`scripts/pin.py` rewrites only its list, whose pins are exact; shell scripts are valid."""
 
 import importlib.util
 import re

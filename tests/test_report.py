@@ -234,7 +234,7 @@ def test_a_degenerate_cloud_is_drawn():
 
 
 def name_points(cloud, affordance, points, *, discs=False):
-    """Give names and baselines [px] of what is written in the figure of a cloud, or of the discs, and how many these are."""
+    """Return names and positions [px] of the texts or discs of a cloud, and their number."""
     drawn = figures.cloud_figure(cloud, affordance, points, alt="a top")
     if discs:
         found = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*><title>(\w+)<', drawn)
@@ -244,7 +244,7 @@ def name_points(cloud, affordance, points, *, discs=False):
 
 
 def test_the_cloud_is_the_same_way_up_as_the_pictures():
-    """Whatever lies further right or lower in a picture of the environment camera does so in the figure."""
+    """Right and down in the figure are right and down in the environment camera's picture."""
     for task_id in task_ids():
         camera = get_task(task_id).cameras["environment_camera"]
         _, down, _ = np.array(camera.axes)

@@ -1,4 +1,4 @@
-"""What all tasks share names no task, no family of tasks, and no kind of garment or object."""
+"""Code that all tasks share names no task, no family of tasks, and no kind of garment or object."""
 
 import io
 import re

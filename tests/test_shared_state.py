@@ -1,4 +1,4 @@
-"""Nobody reaches into what belongs to another: a task is declared once, and what an episode has come to is its driver's."""
+"""No module changes another's state: tasks are constant, and an episode's state is its driver's."""
 
 import ast
 from pathlib import Path
@@ -13,13 +13,13 @@ SOURCES = [
 ]
 OWNED = {"task", "events", "measurements", "mishaps", "beliefs"}
 CHANGING = {
-    "add", "append", "clear", "discard", "extend", "insert", "pop", "popitem", "remove", "reverse", "setdefault", "sort",
-    "update",
+    "add", "append", "clear", "discard", "extend", "insert", "pop", "popitem", "remove", "reverse",
+    "setdefault", "sort", "update",
 }  # fmt: skip
 
 
 def _reaches_over(node):
-    """Whether a place in the program is such an attribute of something but `self`, or within one."""
+    """Say whether a node is such an attribute of something but `self`, or within one."""
     while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
         if isinstance(node, ast.Attribute) and node.attr in OWNED:
             return not (isinstance(node.value, ast.Name) and node.value.id == "self")

@@ -1,7 +1,8 @@
-"""Measure a Ray cluster of this machine: against local workers, and how much one driver keeps up with.
+"""Measure a Ray cluster of this machine: against local workers, and the load that one driver bears.
 
-`attempts`: real attempts by two local workers, then by two nodes of one processor each; the files must be equal.
-`driver`: many stand-in attempts that sleep and bring back 12 MB each; the rate, and the memory of the driver.
+`attempts`: real attempts by two local workers, then by two nodes of one processor each; the files
+must be equal. `driver`: many stand-in attempts that sleep and bring back 12 MB each; the rate, and
+the memory of the driver.
 
 Example: python cluster_throughput.py attempts --task FoldTops-v1 --attempts 8
 """
@@ -127,7 +128,8 @@ def compare_attempts(options: argparse.Namespace, folder: Path) -> int:
     )
     print(f"two nodes: {seconds[1]:.1f} s, {whole[1]:.1f} s")
     print(
-        f"throughput of the nodes: {seconds[0] / seconds[1]:.3f}, with starts {whole[0] / whole[1]:.3f}"
+        f"throughput of the nodes: {seconds[0] / seconds[1]:.3f}, with starts "
+        f"{whole[0] / whole[1]:.3f}"
     )
     print(f"files: {'equal' if same else 'NOT EQUAL'}")
     return 0 if same else 1
@@ -148,7 +150,8 @@ def load_driver(options: argparse.Namespace, folder: Path) -> int:
     seconds = watch.ended - (watch.ready or watch.began)
     size = sum(len(content) for content in read(folder / "driver").values())
     print(
-        f"{options.attempts} attempts of {size / options.attempts / 1e6:.1f} MB by {options.workers} workers"
+        f"{options.attempts} attempts of {size / options.attempts / 1e6:.1f} MB by "
+        f"{options.workers} workers"
     )
     print(f"{options.attempts / seconds:.1f} attempts a second for {seconds:.0f} s")
     half, last = watch.memory[len(watch.memory) // 2], watch.memory[-1]

@@ -1,10 +1,11 @@
-"""Compare our pictures with SAPIEN's on the same scenes: what is seen, what GAM finds, how garments are judged.
+"""Compare our pictures with SAPIEN's on the same scenes: pixels, matches of GAM, and verdicts.
 
     python benchmarks/scripts/compare_pictures.py --scenes 50 --json agreement.json
 
-Scenes are drawn from all tasks: garments as they fell, folded over a line, or spread out; every third one
-with arms that reach out at random. SAPIEN's pictures are the reference. GAM's matches depend on which points of a cloud are
-drawn, so the distance between its matches in both pictures stands beside that between two draws from one.
+Scenes are drawn from all tasks: garments as they fell, folded over a line, or spread out; every
+third one with arms that reach out at random. SAPIEN's pictures are the reference. GAM's matches
+depend on which points of a cloud are drawn, so the distance between its matches in both pictures
+stands beside that between two draws from one.
 """
 
 import argparse

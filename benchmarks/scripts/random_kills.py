@@ -1,7 +1,8 @@
-"""Kill workers, runs and nodes at random moments, and see that nothing is corrupt, lost or there twice.
+"""Kill workers, runs and nodes at random; check that nothing is corrupt, lost or there twice.
 
-A collection is run undisturbed, and again while processes of it are killed and the run is continued; then both must have the
-same files. Attempts are stand-ins that take a second and write a real episode; with `--task` they are real.
+A collection is run undisturbed, and again while processes of it are killed and the run is
+continued; then both must have the same files. Attempts are stand-ins that take a second and write a
+real episode; with `--task` they are real.
 
 Example: python random_kills.py --kills 100 --engine ray
 """

@@ -1,4 +1,4 @@
-"""`dgl bench collect`: the stopwatch, the rows, the comparison of workers, and one attempt for real."""
+"""`dgl bench collect`: the stopwatch, the rows, the comparison of workers, and a real attempt."""
 
 import itertools
 import json
@@ -23,7 +23,7 @@ from dgl_collect import AttemptResult
 
 
 class Hand:
-    """What is watched in tests."""
+    """Stand-in with methods to watch."""
 
     def hold(self, cloth=None):
         return cloth

@@ -1,4 +1,4 @@
-"""The physics bench's own logic: rows, registry, pictures, reports, and its quick experiments for real."""
+"""The physics bench: rows, registry, pictures, reports, and its quick experiments for real."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,8 @@ def test_nearer_triangles_cover_those_behind():
     vertices, both = join([(near, faces), (far, faces)])
     for elevation, expected in ((90.0, 1.0), (-90.0, 0.0)):
         picture = Picture(
-            title="", vertices=vertices, faces=both, elevation=elevation, values=values, value_limit=1.0
+            title="", vertices=vertices, faces=both, elevation=elevation, values=values,
+            value_limit=1.0,
         )  # fmt: skip
         low, high = measure_extent(picture)
         image = render(

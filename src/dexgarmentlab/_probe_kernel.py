@@ -1,4 +1,4 @@
-"""The kernel that `doctor` runs; in a module of its own, because it imports Warp and Warp reads its source."""
+"""Kernel of `dgl doctor`, in its own module, since Warp is imported and reads the source."""
 
 import warp as wp
 

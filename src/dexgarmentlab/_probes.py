@@ -1,4 +1,4 @@
-"""What `doctor` tries out, each in a process of its own, since a broken driver may end the process.
+"""Probes of `dgl doctor`, each run in its own process, which a broken driver may end.
 
 A probe does the real thing in small, returns facts about it, and raises when it does not work.
 """
@@ -170,7 +170,8 @@ def main(argv: list[str]) -> int:
     """Run one probe and store its facts, or its error, as JSON in a file.
 
     Args:
-        argv: Name of the probe and path of the file. A file, because libraries write to the standard output.
+        argv: Name of the probe and path of the file. A file, because libraries write to the
+            standard output.
 
     Returns:
         The exit status.

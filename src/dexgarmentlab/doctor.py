@@ -1,4 +1,4 @@
-"""What works on this machine: tries each part out and knows the fix for what does not work."""
+"""Checks of this machine: each part is tried, and a fix is named for each that fails."""
 
 import json
 import os
@@ -28,8 +28,10 @@ MIN_FREE_BYTES = 1_000_000_000  # Compiled kernels, a few episodes and their vid
 MIN_PYTHON, END_PYTHON = (3, 10), (3, 13)
 
 _FIX_RENDERING = (
-    "install a Vulkan driver: the graphics card's own, or Mesa's software driver (Debian 13, Ubuntu 24.04 and newer: "
-    "`apt-get install mesa-vulkan-drivers libvulkan1`; Debian 12: the same `-t bookworm-backports`, as its own Mesa "
+    "install a Vulkan driver: the graphics card's own, or Mesa's software driver (Debian 13, "
+    "Ubuntu 24.04 and newer: "
+    "`apt-get install mesa-vulkan-drivers libvulkan1`; Debian 12: the same `-t "
+    "bookworm-backports`, as its own Mesa "
     "22.3 is too old). In a checkout, `make setup` does it."
 )
 _FIX_INSTALL = (
@@ -45,13 +47,14 @@ class Check:
     """Outcome of one check."""
 
     name: str
-    """What was checked; a key of `CHECKS`."""
+    """Key of `CHECKS`."""
     state: Literal["ok", "fail", "optional"]
-    """`ok` works; `fail` does not work and `dgl demo` needs it; `optional` does not work and is not needed."""
+    """`ok` works; `fail` does not work and `dgl demo` needs it; `optional` does not work and is not
+    needed."""
     detail: str
-    """What was found, in one line."""
+    """Finding, in one line."""
     fix: str = ""
-    """What to do about it; empty when it works."""
+    """Remedy; empty when the part works."""
 
     def to_dict(self) -> dict[str, str]:
         """Return the fields as a dictionary of strings."""
@@ -60,7 +63,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeResult:
-    """What came back from a probe's process: facts when it worked, else an error."""
+    """Outcome of a probe's process: facts when it worked, else an error."""
 
     facts: dict[str, object]
     error: str = ""
@@ -189,7 +192,8 @@ def check_cuda() -> Check:
             name="cuda",
             state="optional",
             detail="no NVIDIA driver; everything runs on the CPU",
-            fix="none needed; with an NVIDIA card, install its driver for many environments at once",
+            fix="none needed; with an NVIDIA card, install its driver for many environments at "
+            "once",
         )
     result = run_probe("cuda")
     if result.error:

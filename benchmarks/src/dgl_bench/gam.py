@@ -1,4 +1,4 @@
-"""How fast the affordance model is: the time of a pair, and how many clouds a second."""
+"""Speed of the affordance model: the time of a pair, and clouds a second in batches."""
 
 import copy
 import dataclasses
@@ -25,11 +25,12 @@ _CERTAIN = 1e4  # factor on the scores of the yaw that leaves one angle
 
 
 def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: int) -> list[Row]:
-    """Measure the weights that come along, and networks of random weights, on the CPU, and on CUDA where there is a device.
+    """Measure shipped and random weights on the CPU, and on CUDA where there is a device.
 
-    Random weights change one thing only: whether the yaw is in doubt, so that a second one is tried. It is made certain,
-    as it nearly always is on garments, and measured in doubt as a row of its own. The weights that come along, whose
-    network of the yaw is larger than the presets', see garments that come along.
+    Random weights change one thing only: whether the yaw is in doubt, so that a second one is
+        tried. It is made certain,
+    as it nearly always is on garments, and measured in doubt as a row of its own. The weights that
+    come along, whose network of the yaw is larger than the presets', see garments that come along.
 
     Args:
         networks: Presets of the network; the weights that come along are measured in any case.
@@ -97,7 +98,7 @@ def _measure_shipped(repeats: int, note: str) -> list[Row]:
 
 
 def _skip_cuda(name: str) -> Row:
-    """The row of what cannot be measured."""
+    """Return the row of a missing device."""
     return Row(
         name=f"{name}, pair, cuda", value=None, unit="ms", note="no CUDA device", is_skipped=True
     )
@@ -154,7 +155,7 @@ def _measure(
 
 
 def _move(checkpoint: Checkpoint, device: str) -> Checkpoint:
-    """The checkpoint on a device, so that moving it is not timed."""
+    """Copy the checkpoint to a device, so that the copy is not timed."""
     return dataclasses.replace(checkpoint, network=copy.deepcopy(checkpoint.network).to(device))
 
 

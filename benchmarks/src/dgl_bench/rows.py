@@ -14,9 +14,9 @@ class Row:
     """None when it could not be measured; `note` says why."""
     unit: str
     bar: str = ""
-    """What the value should be, such as "<= 10"; empty when nothing is asked of it."""
+    """Threshold of the value, such as "<= 10"; empty if it has none."""
     note: str = ""
-    """How it was measured where that is not the usual way, or why it was not."""
+    """Remark on the method of measurement, or the reason why there is no value."""
     is_skipped: bool = False
     """Not measured because this machine cannot; what failed is not skipped."""
 
@@ -38,7 +38,7 @@ class Row:
 
     @property
     def ok(self) -> bool | None:
-        """Whether the value is as it should be; None when nothing is asked of it, or it was skipped."""
+        """True if the value meets its threshold; None without a threshold, or if it was skipped."""
         if not self.bar or self.is_skipped:
             return None
         if self.value is None:

@@ -1,4 +1,4 @@
-"""How fast the policies are: the time of a chunk of joint targets, and training steps a second."""
+"""Speed of the policies: the time of a chunk of joint targets, and training steps a second."""
 
 import dataclasses
 import statistics
@@ -141,7 +141,7 @@ class _EnoughError(Exception):
 def _measure_training(
     method: str, size: str, device: str, precision: Precision, repeats: int, note: str, seed: int
 ) -> list[Row]:
-    """Time the steps of a training of the preset, reading included, on made-up episodes that stay in memory."""
+    """Time training steps of the preset, reading included, on synthetic episodes in memory."""
     config = dataclasses.replace(
         get_train_config(method, size),
         precision=precision,

@@ -2,8 +2,8 @@
 
 A verb is one module in this package and one line in `VERBS`. The module defines
 
-* `<Verb>Options` (`CollectOptions` for `collect`): a frozen keyword-only dataclass, or a union of them.
-  Its docstring, with an example, is the verb's help; its fields are the arguments
+* `<Verb>Options` (`CollectOptions` for `collect`): a frozen keyword-only dataclass, or a union of
+  them. Its docstring, with an example, is the verb's help; its fields are the arguments
   (`tyro.conf.Positional[str]` for a positional one);
 * `run(options) -> int`: does the work and returns the exit status.
 
@@ -55,7 +55,7 @@ class Verb:
     """One verb of the command line."""
 
     name: str
-    """What is typed; also the name of its module in this package."""
+    """Word on the command line, and name of the module in this package."""
     summary: str
     """One line for `dgl --help`."""
 
@@ -88,7 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments without the program's name; `sys.argv[1:]` when None.
 
     Returns:
-        The exit status: 0 done, 1 failed with a message, 2 wrong usage, 70 a defect, 130 interrupted.
+        The exit status: 0 done, 1 failed with a message, 2 wrong usage, 70 a defect, 130
+            interrupted.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     is_debug = "--debug" in arguments
@@ -128,8 +129,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def is_domain_error(error: BaseException) -> bool:
     """Say whether an exception is a message to the user rather than a defect.
 
-    Such are `ValueError`, `OSError`, and every class defined in the `errors` module of one of our packages. The
-    packages are recognised by name, so that none of them has to be imported to handle the error of another.
+    Such are `ValueError`, `OSError`, and every class defined in the `errors` module of one of our
+    packages. The packages are recognised by name, so that none of them has to be imported to handle
+    the error of another.
     """
     if isinstance(error, (ValueError, OSError)):
         return True

@@ -39,7 +39,7 @@ AssetsOptions = Annotated[
     | Annotated[ListRobotsOptions, tyro.conf.subcommand("list-robots")],
     tyro.conf.arg(name=""),
 ]
-"""What each action takes."""
+"""Options of each action."""
 
 
 def run(

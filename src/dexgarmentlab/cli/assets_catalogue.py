@@ -67,8 +67,8 @@ class ShowOptions:
 class BuildOptions:
     """Build garments into a cache, in parallel.
 
-    Garments that are there are read and checked, so that an interrupted build goes on where it was. Every
-    file appears whole.
+    Garments that are there are read and checked, so that an interrupted build goes on where it was.
+    Every file appears whole.
 
     Example: dgl assets build --category Trousers --subset paper --workers 4 --cache garments
     """
@@ -195,7 +195,8 @@ def build(options: BuildOptions) -> int:
             ids += every if options.count is None else every[: options.count]
     done: list[BuiltGarment] = []
     is_interrupted = False
-    # An interruption inside of the block ends the workers, each after the garment that it has in hand.
+    # An interruption inside of the block ends the workers, each after the garment that it has in
+    # hand.
     with (
         closing(build_garments(ids, options.cache, workers=options.workers)) as running,
         console.progress("building garments", len(ids)) as bar,
@@ -243,7 +244,8 @@ def _summarise(
 def _lines(summary: dict[str, Any], cache: Path) -> list[str]:
     """Summarise a build in a few lines."""
     lines = [
-        f"{cache}: {summary['built']} of {summary['requested']} garments built, {summary['found']} were there, "
+        f"{cache}: {summary['built']} of {summary['requested']} garments built, {summary['found']} "
+        "were there, "
         f"{len(summary['failures'])} failed"
     ]
     if summary["built"]:

@@ -24,9 +24,10 @@ _FLAGS = {"object_name": "--object", "use_textures=False": "--no-textures"}
 class ImportGarmentOptions:
     """Bring your own garment: import a mesh file, a folder of them, or a zip archive.
 
-    OBJ, PLY, STL, GLB, glTF and USD; a folder of {mesh, keypoints.json, meta.json}; a ClothesNet folder. What is
-    found out or assumed (unit, up axis, category) is said, and each option fixes one of them. A mesh that cannot
-    be cloth is refused with the place of the fault, and leaves nothing behind.
+    OBJ, PLY, STL, GLB, glTF and USD; a folder of {mesh, keypoints.json, meta.json}; a ClothesNet
+    folder. What is found out or assumed (unit, up axis, category) is said, and each option fixes
+    one of them. A mesh that cannot be cloth is refused with the place of the fault, and leaves
+    nothing behind.
 
     Example: dgl assets import shirt.glb --out my-assets --licence CC-BY-4.0
     """
@@ -36,7 +37,7 @@ class ImportGarmentOptions:
     out: Path
     """Root of assets; each is written to OUT/CATEGORY/NAME."""
     category: str | None = None
-    """What it is, such as Tops_LongSleeve or Trousers; guessed from its openings otherwise."""
+    """Category, such as Tops_LongSleeve or Trousers; by default guessed from the openings."""
     units: Literal["m", "cm", "mm", "in"] | None = None
     """Unit of the file; found from the size otherwise."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
@@ -54,17 +55,19 @@ class ImportGarmentOptions:
     licence: str | None = None
     """Licence under which you have it; recorded in meta.json."""
     source: str | None = None
-    """Where it comes from; recorded in meta.json."""
+    """Origin of the file; recorded in meta.json."""
     textures: bool = True
-    """Whether to keep its picture; without, missing pictures do not matter."""
+    """Keep the texture; with --no-textures, missing pictures do not matter."""
     overwrite: bool = False
     """Replace an asset of the same name."""
     mesh: str | None = None
-    """Which mesh of a folder or an archive that holds several, such as source/shirt.obj."""
+    """Mesh to read from a folder or an archive of several, such as source/shirt.obj."""
     object: str | None = None
-    """Which object of a file that holds several, such as a body: a name of the file, or a connected part, such as part2."""
+    """Object to read from a file of several: a name in the file, or a connected part such as
+    part2."""
     weld: float | None = None
-    """Distance below which open edges are sewn together [mm], up to 10; found from the size otherwise."""
+    """Distance below which open edges are sewn together [mm], up to 10; found from the size
+    otherwise."""
     json: bool = False
     """Write the result as JSON."""
 
@@ -132,7 +135,7 @@ def _import(path: Path, options: ImportGarmentOptions) -> "ImportReport":
 
 
 def name_flags(text: str) -> str:
-    """Write the flags of the command line for the parameters that a message of the library names: `units` is --units."""
+    """Replace the parameters in a message of the library by flags: `units` by --units."""
 
     def to_flag(found: re.Match[str]) -> str:
         name = found.group(1)
@@ -161,7 +164,8 @@ def _lines(report: "ImportReport") -> list[str]:
     return [
         f"imported {report.folder}",
         f"  {report.category}, {x:.2f} x {y:.2f} x {z:.2f} m, {report.area:.2f} m^2 of cloth",
-        f"  {report.vertex_count:,} vertices, {report.even_edges:.1%} of edges and {report.even_angles:.1%} of "
+        f"  {report.vertex_count:,} vertices, {report.even_edges:.1%} of edges and "
+        f"{report.even_angles:.1%} of "
         "angles even",
         f"  key points: {', '.join(report.landmarks) or 'none; write them into keypoints.json'}",
         f"  licence: {report.licence}",

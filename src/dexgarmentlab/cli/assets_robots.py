@@ -19,8 +19,9 @@ __all__ = ["ImportRobotOptions", "ListRobotsOptions", "import_robot", "list_robo
 class ImportRobotOptions:
     """Bring your own robot: import an arm, a hand, or an arm with its hand from a URDF.
 
-    The other side is the same arm, and the hand's reflection. What is found out or assumed (where the arm ends,
-    which finger is the thumb, home, hand poses, drives) is said, and each option fixes one of them. It is then
+    The other side is the same arm, and the hand's reflection. What is found out or assumed (where
+    the arm ends, which finger is the thumb, home, hand poses, drives) is said, and each option
+    fixes one of them. It is then
     used by name: --robot ARM+HAND, or one of the two with the built-in other.
 
     Example: dgl assets import-robot allegro.urdf --name allegro --kind hand --robots my-robots
@@ -33,9 +34,10 @@ class ImportRobotOptions:
     robots: Path
     """Folder of robots; it is written to ROBOTS/NAME."""
     kind: Literal["arm", "hand", "pair"]
-    """What the file has: an arm, a hand, or a pair of arm and hand."""
+    """Content of the file: an arm, a hand, or a pair of arm and hand."""
     collision: Literal["capsules", "coacd", "keep"] = "capsules"
-    """Collision shapes of meshes: fitted capsules, convex pieces by CoACD, or one convex hull each."""
+    """Collision shapes of meshes: fitted capsules, convex pieces by CoACD, or one convex hull
+    each."""
     root: str | None = None
     """Import only what hangs on this link."""
     ee_link: str | None = None
@@ -53,7 +55,7 @@ class ImportRobotOptions:
     thumb: str | None = None
     """A link of the thumb."""
     side: Literal["left", "right"] | None = None
-    """Which hand the file describes."""
+    """Side of the hand in the file."""
     mount_offset: float | None = None
     """Distance from the flange to the hand's first link along the fingers [m]."""
     grasp_point: tuple[float, float, float] | None = None
@@ -67,7 +69,7 @@ class ImportRobotOptions:
     licence: str = ""
     """Licence under which you have it; recorded in robot.json."""
     source: str = ""
-    """Where it comes from; recorded in robot.json."""
+    """Origin of the file; recorded in robot.json."""
     overwrite: bool = False
     """Replace a robot of the same name."""
     json: bool = False
@@ -110,7 +112,8 @@ def import_robot(options: ImportRobotOptions) -> int:
         )
         return EXIT_OK
     console.out(
-        f"{report.folder}: {report.kind} of {report.joints} joints; collision shapes: {shapes or 'none'}"
+        f"{report.folder}: {report.kind} of {report.joints} joints; collision shapes: "
+        f"{shapes or 'none'}"
     )
     for assumption in report.assumptions:
         console.out(f"  {assumption}")

@@ -22,9 +22,10 @@ _COUNT, _FRAMES = 2500, 300
 
 @dataclass(frozen=True, kw_only=True)
 class BenchAssetsOptions:
-    """Measure garments of every category, drop each flat onto the ground, and see whether it stays whole.
+    """Measure garments of every category, drop each onto the ground, and check that it stays whole.
 
-    Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A bar that is not met is a
+    Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A bar that is not
+        met is a
     finding and no failure: the exit status is 0.
 
     Example: dgl bench assets --out out/drops --workers 4
@@ -43,7 +44,8 @@ class BenchAssetsOptions:
     report: bool = False
     """Write report.html, with pictures, and table.md into the folder, of what it holds by then."""
     drop: bool = True
-    """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it goes on."""
+    """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it
+    goes on."""
     workers: Flags = field(default_factory=WorkerFlags)
     json: bool = False
     """Print the rows as JSON."""

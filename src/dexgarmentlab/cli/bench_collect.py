@@ -14,11 +14,13 @@ __all__ = ["BenchCollectOptions", "measure_collect"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchCollectOptions:
-    """Time attempts with film and recording: by component, in all, the start of a worker, and several workers.
+    """Time attempts with film and recording: components, total, start of a worker, several workers.
 
-    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away. Times are processor time
-    where they can be, since other work on the machine changes that least. With more than 20 attempts the growth of a
-    process's memory after the 20th is told, too. A bar that is not met is a finding and no failure: the exit status is 0.
+    Attempts are made as `dgl collect` makes them, but end after one round, and are thrown away.
+    Times are processor time where they can be, since other work on the machine changes that least.
+    With more than 20 attempts the growth of a process's memory after the 20th is told, too. A bar
+    that is not met is
+    a finding and no failure: the exit status is 0.
 
     Example: dgl bench collect --task FoldTops-v1 --attempts 6
     """

@@ -11,7 +11,7 @@ __all__ = ["BenchGamOptions", "measure_gam"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchGamOptions:
-    """Time the affordance model: a pair of clouds of 2,048 points, and batches of 32, on CPU and CUDA.
+    """Time the affordance model on pairs of clouds and batches of 32, on CPU and CUDA.
 
     Example: dgl bench gam --json
     """

@@ -18,7 +18,8 @@ __all__ = ["BenchPhysicsOptions", "measure_physics", "print_rows"]
 class BenchPhysicsOptions:
     """Measure the simulation of cloth and elastic solids, theory beside measurement.
 
-    A row is a name, a value, its unit, the bar that the value should meet and whether it does. A bar that
+    A row is a name, a value, its unit, the bar that the value should meet and whether it does. A
+    bar that
     is not met is a finding and no failure: the exit status is 0.
 
     Example: dgl bench physics --report physics-report
@@ -67,7 +68,8 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
         judged = [row.ok for row in result.rows if row.ok is not None]
         following = experiments[number].name if number < len(experiments) else ""
         console.info(
-            f"[{number}/{len(experiments)}] {experiment.name}: {sum(judged)} of {len(judged)} bars met, "
+            f"[{number}/{len(experiments)}] {experiment.name}: {sum(judged)} of {len(judged)} bars "
+            "met, "
             f"{seconds:.1f} s" + (f"; measuring {following} ..." if following else "")
         )
     rows = [row for _, result, _ in results for row in result.rows]
@@ -111,7 +113,7 @@ _MARKS = {True: "yes", False: "no", None: ""}
 
 
 def _command(options: BenchPhysicsOptions) -> str:
-    """How to make the same again."""
+    """Return the command that measures the same again."""
     words = ["dgl", "bench", "physics"]
     if options.only:
         words += ["--only", *options.only]

@@ -11,7 +11,7 @@ __all__ = ["BenchSadpOptions", "measure_sadp"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSadpOptions:
-    """Time the policies: a chunk of joint targets with its encoders, the start of a stage, and steps of training.
+    """Time the policies: a chunk of joint targets, the start of a stage, and training steps.
 
     Example: dgl bench sadp --json
     """
@@ -21,7 +21,7 @@ class BenchSadpOptions:
     preset: Literal["small", "paper"] = "small"
     """Their sizes."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Where to compute."""
+    """Device to compute on."""
     precision: Literal["no", "bf16"] = "no"
     """Mixed precision of training."""
     repeats: int = 20

@@ -12,10 +12,10 @@ __all__ = ["BenchSoakOptions", "measure_soak"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSoakOptions:
-    """Make random actions in every task: count what is not finite, what overflows and what raises, and watch memory.
+    """Make random actions in every task; count exceptions, overflows, NaN; watch memory.
 
-    Hands are sent to the garment and anywhere, fingers move at random. Each episode has a seed of its own, which is told
-    where something goes wrong. The exit status is 1 then.
+    Hands are sent to the garment and anywhere, fingers move at random. Each episode has a seed of
+    its own, which is told where something goes wrong. The exit status is 1 then.
 
     Example: dgl bench soak --steps 20000 --workers 2
     """

@@ -1,6 +1,7 @@
 """The only module that writes to the terminal.
 
-Results go to standard output, so that they can be piped; messages and progress go to standard error.
+Results go to standard output, so that they can be piped; messages and progress go to standard
+error.
 """
 
 import contextlib
@@ -42,7 +43,7 @@ class ProgressBar(Protocol):
     """A running progress bar."""
 
     def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
-        """Move on by some steps, and replace the note beside the bar and the number of steps when they are given."""
+        """Advance by steps; replace the note and the total where given."""
         ...
 
 
@@ -130,10 +131,12 @@ def progress(description: str, total: int | None = None) -> Iterator[ProgressBar
 
     Args:
         description: What is being done.
-        total: Number of steps, or None when it is not known: then the bar only shows that work goes on.
+        total: Number of steps, or None when it is not known: then the bar only shows that work goes
+            on.
 
     Yields:
-        The bar. On something that is no terminal (a log file) it is a line every half minute, and one at the end.
+        The bar. On something that is no terminal (a log file) it is a line every half minute, and
+        one at the end.
     """
     from rich.console import Console
     from rich.progress import (

@@ -19,7 +19,7 @@ GamOptions = Annotated[
     | Annotated[SkeletonOptions, tyro.conf.subcommand("skeleton")],
     tyro.conf.arg(name=""),
 ]
-"""What each action takes."""
+"""Options of each action."""
 
 
 def run(

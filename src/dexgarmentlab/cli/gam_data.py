@@ -20,9 +20,10 @@ __all__ = ["DataOptions", "make_data"]
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:
-    """Make training data: garments of the catalogue, flat, dropped, crumpled, folded, hung and flung, as cameras see them.
+    """Make training data: views of garments flat, dropped, crumpled, folded, hung and flung.
 
-    Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A garment that cannot be simulated has
+    Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A garment that
+        cannot be simulated has
     a line with the reason in failures.jsonl, and no file.
 
     Example: dgl gam data --out gam-data --category Trousers --train 100 --test 20 --workers 4
@@ -37,7 +38,8 @@ class DataOptions:
     test: int = 40
     """Garments of each category to measure on."""
     flat: int = 600
-    """More garments of each category to train on, of which only the flat state is made: that needs no simulation."""
+    """More garments of each category to train on, of which only the flat state is made: that needs
+    no simulation."""
     flat_test: int = 60
     """More garments of each category to measure on, likewise."""
     resume: bool = False

@@ -23,15 +23,16 @@ class GamEvalOptions:
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
     split: Literal["train", "test"] = "test"
-    """Which garments to measure on."""
+    """Garments to measure on."""
     pairs: int = 40
     """Pairs of garments for each category and condition."""
     true_yaw: bool = False
-    """Tell the model how each garment is turned, instead of letting it find that: what the yaw costs."""
+    """Tell the model how each garment is turned, instead of letting it find that: what the yaw
+    costs."""
     seed: int = 0
     """Of everything drawn."""
     device: str = "cpu"
-    """Where to compute: cpu or cuda."""
+    """Device to compute on: cpu or cuda."""
     markdown: bool = False
     """Write the table in Markdown."""
     json: bool = False
@@ -40,9 +41,10 @@ class GamEvalOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class GamPackOptions:
-    """Make weights to ship of finished runs: 16-bit, their confidence calibrated, each with a model card.
+    """Pack finished runs into weights: 16-bit, with calibrated confidence and a model card.
 
-    The confidence is calibrated on garments of the training split; the card's figures are from the others.
+    The confidence is calibrated on garments of the training split; the card's figures are from the
+    others.
 
     Example: dgl gam pack --runs gam-runs --data gam-data --out weights
     """
@@ -54,7 +56,8 @@ class GamPackOptions:
     out: Path
     """Folder for the weights and cards, named by category."""
     samples: Path | None = None
-    """Folder for two garments of the test split of each category, with a part of their views: clouds to ship."""
+    """Folder for two garments of the test split of each category, with a part of their views:
+    clouds to ship."""
     pairs: int = 40
     """Pairs of garments for each category and condition, for the card's figures."""
     calibration_pairs: int = 10

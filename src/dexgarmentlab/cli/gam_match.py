@@ -26,9 +26,10 @@ _SPREAD = 8
 class MatchOptions:
     """Find points of one garment on another, and draw both with the matches and a heat map.
 
-    A garment is a cloud in a file .npy, .ply or .safetensors; a mesh in a file .obj, .ply, .stl, .glb, .gltf or .usd,
-    or the folder of an imported one; or an id of the catalogue. Meshes are seen from above. What is found out or
-    assumed about a file (its unit, which way is up, what it is) is said.
+    A garment is a cloud in a file .npy, .ply or .safetensors; a mesh in a file .obj, .ply, .stl,
+    .glb, .gltf or .usd, or the folder of an imported one; or an id of the catalogue. Meshes are
+    seen from above. What is found out or assumed about a file (its unit, which way is up, what it
+    is) is said.
 
     Example: dgl gam match Trousers/000001 Trousers/000002 --out match.png
     """
@@ -44,16 +45,17 @@ class MatchOptions:
     index: tuple[int, ...] = ()
     """Points of A to find, by their index in its cloud."""
     heat: int = 0
-    """Which of the points the heat map is of."""
+    """Number of the point whose heat map is drawn."""
     weights: Path | None = None
     """File of weights, or a folder of them; those that come along when not given."""
     category: str | None = None
-    """Category of the garments, where the files do not tell it, or another one whose network is to be used."""
+    """Category of the garments, where the files do not tell it, or another one whose network is to
+    be used."""
     up: tuple[Literal["x", "y", "z", "-x", "-y", "-z"], ...] = ()
-    """Up axis of the files, towards the camera, one for both or one for A and one for B. When not given, z of points; of a
-    mesh it is found from its openings."""
+    """Up axis of the files, towards the camera, one for both or one for A and one for B. When not
+    given, z of points; of a mesh it is found from its openings."""
     device: str = "cpu"
-    """Where to compute: cpu or cuda."""
+    """Device to compute on: cpu or cuda."""
     json: bool = False
     """Write the matches as JSON."""
 
@@ -137,14 +139,15 @@ def _load(which: str, what: str, *, seed: int, up: "Up | None", category: str | 
     bad = np.flatnonzero(~np.isfinite(cloud.points).all(axis=1))
     if len(bad):
         raise ValueError(
-            f"{which}, {what}, must have finite coordinates; got {len(bad)} point(s) that have not, "
+            f"{which}, {what}, must have finite coordinates; got {len(bad)} point(s) that have "
+            "not, "
             f"first {bad[0]}"
         )
     return cloud
 
 
 def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> str:
-    """The category of both, or the one that the user names."""
+    """Return the category of both, or the one that the user names."""
     known = {cloud.category for cloud in (source, target) if cloud.category is not None}
     if options.category is not None:
         return options.category
@@ -152,7 +155,8 @@ def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> s
         raise ValueError("the files do not tell the category: name it with --category")
     if len(known) > 1:
         raise ValueError(
-            f"A is of {source.category} and B of {target.category}, and places correspond within a category only; "
+            f"A is of {source.category} and B of {target.category}, and places correspond within a "
+            "category only; "
             "to try the network of one of them on both, name it with --category"
         )
     return known.pop()
@@ -169,7 +173,8 @@ def _choose(options: MatchOptions, source: "Cloud") -> tuple[list[str], "np.ndar
     unknown = [name for name in options.landmark if name not in known]
     if unknown:
         raise ValueError(
-            f"{source.name} has no landmark {', '.join(unknown)}; it has {', '.join(known) or 'none'}"
+            f"{source.name} has no landmark {', '.join(unknown)}; it has "
+            f"{', '.join(known) or 'none'}"
         )
     wrong = [i for i in options.index if not 0 <= i < len(source.points)]
     if wrong:

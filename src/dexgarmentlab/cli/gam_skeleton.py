@@ -14,10 +14,10 @@ __all__ = ["SkeletonOptions", "register_category"]
 
 @dataclass(frozen=True, kw_only=True)
 class SkeletonOptions:
-    """Learn key points of a category from clouds alone, and write its garments with the correspondence they give.
+    """Learn key points of a category from clouds; write its garments with their correspondence.
 
-    The canonical coordinates of the data are not looked at; where there are any, they measure the result. What is
-    written can be trained on like any other data.
+    The canonical coordinates of the data are not looked at; where there are any, they measure the
+    result. What is written can be trained on like any other data.
 
     Example: dgl gam skeleton Trousers --data gam-data --out gam-registered
     """

@@ -24,7 +24,7 @@ TrainOptions = Annotated[
     | Annotated[TrainDpOptions, tyro.conf.subcommand("dp")],
     tyro.conf.arg(name=""),
 ]
-"""What each subject takes."""
+"""Options of each subject."""
 
 
 def run(options: TrainGamOptions | TrainPolicyOptions) -> int:

@@ -21,8 +21,9 @@ MAX_THREADS = 1024
 class TrainGamOptions:
     """Train the affordance model: a network for each category of the data, or one for all of them.
 
-    Each run is a folder of --out: its log, the state to go on from, and network.safetensors at the end. Ctrl-C
-    loses the steps since the last state; --resume goes on from there, to the same weights.
+    Each run is a folder of --out: its log, the state to go on from, and network.safetensors at the
+    end. Ctrl-C loses the steps since the last state; --resume goes on from there, to the same
+    weights.
 
     Example: dgl train gam --data gam-data --out gam-runs --preset shipped
     """
@@ -36,9 +37,9 @@ class TrainGamOptions:
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
     preset: Literal["cpu", "tune", "yaw", "paper", "shipped"] = "cpu"
-    """cpu: small network, from the start; tune: refines the weights of --start; yaw: only how they find the way a garment
-    is turned; paper: the paper's batches; shipped: all stages by which the weights were made that
-    come along, one network for all categories."""
+    """cpu: small network, from the start; tune: refines the weights of --start; yaw: only how they
+    find the way a garment is turned; paper: the paper's batches; shipped: all stages by which the
+    weights were made that come along, one network for all categories."""
     steps: int | None = None
     """Steps, of all stages together; the preset's when not given."""
     start: Path | None = None
@@ -46,7 +47,7 @@ class TrainGamOptions:
     seed: int = 0
     """Of the weights and of everything drawn."""
     device: str = "cpu"
-    """Where to compute: cpu or cuda."""
+    """Device to compute on: cpu or cuda."""
     threads: int | None = None
     """Threads of the CPU; torch decides when not given. Resume with the same number."""
     resume: bool = False
@@ -80,7 +81,8 @@ def train_gam(options: TrainGamOptions) -> int:
     begun = [name for name in runs if (options.out / name / CONFIG_FILE).exists()]
     if begun and not options.resume:
         raise FileExistsError(
-            f"{options.out} holds the runs {', '.join(begun)} already; give --resume or another --out"
+            f"{options.out} holds the runs {', '.join(begun)} already; give --resume or another "
+            "--out"
         )
     if options.resume and not begun:
         raise ValueError(f"{options.out} holds no run to resume")
@@ -115,12 +117,12 @@ def _describe(result: dict[str, Any]) -> str:
 
 
 def _is_yaw_alone(loss: float) -> bool:
-    """Whether the yaw alone was trained: then there is no InfoNCE to speak of, and it is given as 0."""
+    """Say whether the yaw alone was trained: its InfoNCE loss is given as 0."""
     return loss == 0.0
 
 
 def _configure(options: TrainGamOptions) -> "TrainConfig | Schedule":
-    """The preset, of one stage or several, with the options' steps and seed."""
+    """Return the preset, of one stage or several, with the options' steps and seed."""
     from dgl_gam.schedule import SCHEDULES
     from dgl_gam.train import get_train_config
 

@@ -26,19 +26,21 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class TrainPolicyOptions:
-    """What training any of the policies takes."""
+    """Options of training that all policies share."""
 
     method: ClassVar[str]
 
     data: Path
-    """Folder of collected episodes (*.h5). Some are kept for validation, where there is more than one."""
+    """Folder of collected episodes (*.h5). Some are kept for validation, where there is more than
+    one."""
     out: Path
     """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
     stage: int = 1
     """Stage of the task, from 1; each has a policy of its own."""
     gam: bool = True
-    """Whether the hands are brought to matched grasp points before the policy acts. Without, it learns the way there, too,
-    from episodes collected with --record approaches, and sees no affordance."""
+    """Bring the hands to matched grasp points before the policy acts. With --no-gam the policy
+    learns the approach too, from episodes collected with --record approaches, and sees no
+    affordance."""
     preset: Literal["small", "paper"] = "small"
     """small: trains on a CPU; paper: the published sizes, for a large GPU."""
     epochs: int | None = None
@@ -50,12 +52,14 @@ class TrainPolicyOptions:
     seed: int = 42
     """Of the weights and of everything drawn."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Where to compute."""
+    """Device to compute on."""
     devices: int | Literal["auto"] = 1
-    """How many share each batch, which they must divide; each has a process of its own. auto: all CUDA devices. Example:
-    --device cuda --devices 4. On the CPU it is the number of processes."""
+    """Devices that share each batch, whose size they must divide; each has its own process. auto:
+    all
+    CUDA devices. On the CPU it is the number of processes. Example: --device cuda --devices 4."""
     threads: int | None = None
-    """Threads of the CPU, shared by the devices' processes; torch decides when not given. Resume with the same number."""
+    """Threads of the CPU, shared by the devices' processes; torch decides when not given. Resume
+    with the same number."""
     workers: int = 0
     """Processes that read episodes beside each one that trains."""
     memory: float = 1.0
@@ -70,8 +74,8 @@ class TrainPolicyOptions:
 class TrainSadpOptions(TrainPolicyOptions):
     """Train SADP: it sees garment with affordance, object, environment and joints.
 
-    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
-    named and left out.
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
+    that are damaged are named and left out.
 
     Example: dgl train sadp --data out/hang_trousers/episodes --out runs/hang_trousers --stage 1
     """
@@ -81,10 +85,10 @@ class TrainSadpOptions(TrainPolicyOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSadpGOptions(TrainPolicyOptions):
-    """Train SADP_G, for tasks without an object: it sees garment with affordance, environment and joints.
+    """Train SADP_G, for tasks without an object: it sees garment, affordance, environment, joints.
 
-    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
-    named and left out.
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
+    that are damaged are named and left out.
 
     Example: dgl train sadp-g --data out/fold_tops/episodes --out runs/fold_tops --stage 1
     """
@@ -96,8 +100,8 @@ class TrainSadpGOptions(TrainPolicyOptions):
 class TrainDp3Options(TrainPolicyOptions):
     """Train the baseline DP3: it sees environment and joints.
 
-    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
-    named and left out.
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
+    that are damaged are named and left out.
 
     Example: dgl train dp3 --data out/fold_tops/episodes --out runs/fold_tops_dp3 --stage 1
     """
@@ -109,8 +113,8 @@ class TrainDp3Options(TrainPolicyOptions):
 class TrainDpOptions(TrainPolicyOptions):
     """Train the baseline DP: it sees the environment camera's picture and joints.
 
-    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes that are damaged are
-    named and left out.
+    Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
+    that are damaged are named and left out.
 
     Example: dgl train dp --data out/fold_tops/episodes --out runs/fold_tops_dp --stage 1
     """

@@ -1,4 +1,4 @@
-"""The flags that say who does the work of a run, and how a run that has ended early goes on."""
+"""Flags of the workers of a run, and the command that continues a run."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,17 +15,18 @@ __all__ = ["Flags", "WorkerFlags", "told_how_to_continue"]
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerFlags:
-    """Who does the work. The results are the same with any number of workers, and with both engines."""
+    """Workers of a run. Results are the same with any number of workers, and with both engines."""
 
     workers: int = 1
     """Processes that work at the same time."""
     engine: Literal["local", "ray"] = "local"
     """Processes of this machine, or of a Ray cluster of many machines."""
     address: str | None = None
-    """Of the Ray cluster's head, such as auto or 10.0.0.1:6379; without it Ray starts on this machine alone."""
+    """Head of the Ray cluster, such as auto or 10.0.0.1:6379; by default Ray starts on this
+    machine."""
     shared_out: bool = False
-    """Every node of the Ray cluster sees the output folder under the same path: workers write there. Without it their
-    files travel through Ray."""
+    """Workers write to the output folder, which every node of the Ray cluster sees under the same
+    path. By default their files travel through Ray."""
 
     def make(self) -> "Workers":
         """Give what a run takes."""

@@ -1,1 +1,1 @@
-"""The affordance model on the command line: clouds from files and garments, pictures, runs, and their speed."""
+"""The affordance model on the command line: clouds from files and garments, pictures, runs."""

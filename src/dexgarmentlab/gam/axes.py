@@ -1,4 +1,4 @@
-"""Which way is up in a file of points: nothing in it says so."""
+"""Up axis of a file of points, which does not name it."""
 
 from typing import Literal
 
@@ -40,12 +40,14 @@ def describe_axes(points: np.ndarray, up: Up | None) -> tuple[str, ...]:
         up: What the user said about it.
 
     Returns:
-        One line, and one more where the points are thinner along another axis than along z, as what lies flat is not.
+        One line, and one more where the points are thinner along another axis than along z, as what
+        lies flat is not.
     """
     extent = np.ptp(points, axis=0) if len(points) else np.zeros(3)
     size = " x ".join(f"{length:.3g}" for length in extent)
     lines = [
-        f"{up or 'z'} is taken to be up; its size is {size}, in whatever unit: matches depend on no unit"
+        f"{up or 'z'} is taken to be up; its size is {size}, in whatever unit: matches depend on "
+        "no unit"
     ]
     thin = int(extent[:2].argmin())
     if extent[2] > _THINNER * extent[thin]:
@@ -53,7 +55,8 @@ def describe_axes(points: np.ndarray, up: Up | None) -> tuple[str, ...]:
         row = np.array(_TURNS[up or "z"])[thin]
         axis = "xyz"[int(np.abs(row).argmax())]
         lines.append(
-            f"it is thinnest along {axis}, not along the axis that is up: if it lies flat and is seen from above, "
+            f"it is thinnest along {axis}, not along the axis that is up: if it lies flat and is "
+            "seen from above, "
             f"say --up {axis} or --up -{axis}, towards the camera"
         )
     return tuple(lines)

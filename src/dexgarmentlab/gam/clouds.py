@@ -38,7 +38,7 @@ class Cloud:
     landmarks: dict[str, np.ndarray] | None = None
     """Positions of the landmarks [m], each of shape (3,), where they are known."""
     assumptions: tuple[str, ...] = ()
-    """What was found out or assumed about a file: its unit, which way is up, what it is."""
+    """Findings and assumptions about a file: its unit, its up axis, its category."""
 
 
 def load_cloud(
@@ -47,9 +47,10 @@ def load_cloud(
     """Load the cloud that a word on the command line means.
 
     Args:
-        what: A file .npy or .ply (points), or .safetensors (a garment's training data, lying flat, or a tensor named
-            "points"); a mesh file (.obj, .ply with faces, .stl, .glb, .gltf, .usd), or the folder of an imported asset,
-            or an id of the catalogue, such as Trousers/000003: these are seen from above.
+        what: A file .npy or .ply (points), or .safetensors (a garment's training data, lying flat,
+            or a tensor named "points"); a mesh file (.obj, .ply with faces, .stl, .glb, .gltf,
+            .usd), or the folder of an imported asset, or an id of the catalogue, such as
+            Trousers/000003: these are seen from above.
         seed: Of the points that are drawn from a garment.
         up: Up axis of a file. Without it, z of points; of a mesh it is found from its openings.
         category: Category of a mesh file; found from its openings when None.
@@ -80,7 +81,8 @@ def load_cloud(
         return _see(path.name, load_asset(path), seed)
     if "/" not in what:
         raise ValueError(
-            f"a cloud must be a file {', '.join((*_POINT_FILES, *_MESH_FILES))}, the folder of an imported asset, "
+            f"a cloud must be a file {', '.join((*_POINT_FILES, *_MESH_FILES))}, the folder of an "
+            "imported asset, "
             f"or an id such as Trousers/000003; got {what!r}"
         )
     from dgl_assets import load_garment
@@ -91,7 +93,7 @@ def load_cloud(
 def _see(
     name: str, garment: Garment | ImportedGarment, seed: int, assumptions: tuple[str, ...] = ()
 ) -> Cloud:
-    """A garment as a camera above it sees it."""
+    """Return a garment's cloud as a camera above sees it."""
     from dgl_collect.gam_data import see_surface
 
     vertices = garment.vertices.astype(np.float64)
@@ -106,7 +108,7 @@ def _see(
 
 
 def _import_mesh(path: Path, *, seed: int, up: Up | None, category: str | None) -> Cloud:
-    """A mesh file, brought into metres and the garment frame as `dgl assets import` does."""
+    """Load a mesh file, in metres and the garment frame, as `dgl assets import` does."""
     from dgl_assets.importing import import_garment, load_asset
 
     with tempfile.TemporaryDirectory(prefix="dgl-match-") as folder:

@@ -1,4 +1,4 @@
-"""A contact sheet of training data: garments in rows, their views beside each other, coloured by place."""
+"""Contact sheet of training data: a row a garment, its views side by side, coloured by position."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ _PAPER, _INK = (250, 249, 246), (70, 68, 64)
 def draw_data_sheet(folder: Path, path: Path, *, garments: int = 2) -> int:
     """Draw views of the first garments of each category.
 
-    The hue is the place across (u, from red at the left to blue at the right), the lightness that along (v); the back
-    is darker than the front.
+    The hue is the place across (u, from red at the left to blue at the right), the lightness that
+    along (v); the back is darker than the front.
 
     Args:
         folder: Of the data set.
@@ -73,7 +73,7 @@ def _draw_view(garment: GarmentData, view: int) -> np.ndarray:
 
 
 def _colour(garment: GarmentData) -> np.ndarray:
-    """Colour of each vertex by its canonical coordinates, or by its place while flat, shape (V, 3), uint8."""
+    """Colour vertices by canonical coordinates, or by flat position, shape (V, 3), uint8."""
     import matplotlib as mpl
 
     place = garment.canonical if garment.has_canonical else garment.states[0]

@@ -16,7 +16,7 @@ _HEIGHT = 4.2  # of the picture [inch]
 def draw_matches(
     path: Path, source: Cloud, points: np.ndarray, target: Cloud, matches: Matches, *, heat: int
 ) -> None:
-    """Draw three panels, seen from above: the source's points, their matches, and the affordance of one of them.
+    """Draw three panels from above: points of the source, their matches, the affordance of one.
 
     Args:
         path: Picture to write, PNG: beside its place, then renamed.

@@ -30,7 +30,8 @@ def load_models(
     """Load the model of each category.
 
     Args:
-        weights: A file; a folder of files named by category, or of runs; None for the weights that come along.
+        weights: A file; a folder of files named by category, or of runs; None for the weights that
+            come along.
         categories: Categories that are needed.
         device: Where to compute.
 

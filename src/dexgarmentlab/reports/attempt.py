@@ -35,7 +35,8 @@ def attempt_card(
         result: What became of it.
         media: Addresses of its "video" and "picture", HTML; None where there is none.
         name: Anchor on the page.
-        heading: Plain text; none where the page has no other attempt, and the film plays by itself then.
+        heading: Plain text; none where the page has no other attempt, and the film plays by itself
+            then.
         stages: What its episode file shows.
         fault: Why it shows nothing, if it should.
     """
@@ -67,7 +68,8 @@ def _film(media: Mapping[str, str | None], *, is_single: bool) -> str:
     play = " autoplay" if is_single else ' preload="none"'
     return (
         f'<figure><video src="{video}"{poster}{play} controls loop muted playsinline></video>'
-        f"<figcaption>The whole attempt, {FRAME_RATE} pictures a second, at its own speed; three times "
+        f"<figcaption>The whole attempt, {FRAME_RATE} pictures a second, at its own speed; three "
+        "times "
         "as fast while the arms come and go</figcaption></figure>"
     )
 

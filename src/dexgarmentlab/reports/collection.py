@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 REPORT_FILE = "index.html"
 SHOWN_EACH = 12
-"""How many successes, and how many failures, are shown with pictures; the table has them all."""
+"""Successes, and failures, shown with pictures at most; the table has all attempts."""
 
 
 @dataclass(frozen=True, kw_only=True)

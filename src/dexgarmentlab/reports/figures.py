@@ -33,11 +33,14 @@ LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB = (
 """Colours of what the left hand wants, the right hand, both and neither."""
 CLOUD_WIDTH, CLOUD_HEIGHT, CLOUD_MARGIN = 480, 360, 26
 NAMED_FROM = 0.5
-"""Affordance from which a point's name is written; those of others show on hovering, to keep it clear."""
+"""Affordance from which a point's name is written; those of others show on hovering, to keep it
+clear."""
 MOVES_FROM = 0.02
-"""Distance that a hand which works in a stage covers at least [m]; the other is parked and moves by less than 1 mm."""
+"""Distance that a hand which works in a stage covers at least [m]; the other is parked and moves by
+less than 1 mm."""
 OFF_GARMENT = 0.05
-"""Distance from the cloud of a garment from which a point is no longer on it [m]: cloth has been folded away from there."""
+"""Distance from the cloud of a garment from which a point is no longer on it [m]: cloth has been
+folded away from there."""
 SIDES = ("left", "right")
 _MEDIA_TYPES = {".mp4": "video/mp4", ".png": "image/png", ".webp": "image/webp"}
 
@@ -83,7 +86,8 @@ def find_wanted(
     Args:
         cloud: The garment when the stage begins [m], shape (N, 3), world frame.
         affordance: For the left and the right hand in [0, 1], shape (N, 2).
-        points: Named points; those with `xyz` [m] are looked for, where they lay when the episode began.
+        points: Named points; those with `xyz` [m] are looked for, where they lay when the episode
+            began.
         hands: Those that work in the stage.
 
     Returns:
@@ -140,13 +144,15 @@ def cloud_figure(
 ) -> str:
     """Draw a garment's cloud from above, or from the front where it hangs, coloured by affordance.
 
-    It is the same way up as the pictures of the environment camera, which looks towards the robots: their left is on the
+    It is the same way up as the pictures of the environment camera, which looks towards the robots:
+        their left is on the
     right, and what lies near them is above.
 
     Args:
         cloud: Positions [m], shape (N, 3), world frame.
         affordance: Affordance for the left and the right hand in [0, 1], shape (N, 2).
-        points: Named points; those on the garment are drawn, those that a hand wants with their names.
+        points: Named points; those on the garment are drawn, those that a hand wants with their
+            names.
         alt: What the figure shows.
         hands: Those that work in the stage; the affordance of others is not shown.
     """
@@ -181,7 +187,7 @@ def cloud_figure(
 
 
 def _colour_affordance(weight: np.ndarray) -> np.ndarray:
-    """Give RGB, shape (N, 3), for the weights of the left and the right hand in [0, 1], shape (N, 2)."""
+    """Return RGB, shape (N, 3), for weights of the left and right hand in [0, 1], shape (N, 2)."""
     both = weight.min(axis=1, keepdims=True)
     left, right = np.split(weight - both, 2, axis=1)
     neither = 1 - weight.max(axis=1, keepdims=True)
@@ -190,7 +196,7 @@ def _colour_affordance(weight: np.ndarray) -> np.ndarray:
 
 
 def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
-    """Chart the height of both hands over the recorded frames; a hand that does not work in a stage is drawn faintly.
+    """Chart the height of both hands over the recorded frames; a parked hand is drawn faintly.
 
     Args:
         stages: Name and end-effector poses, shape (T, 2, 7), of each stage.
@@ -290,14 +296,15 @@ def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> 
 
 
 def _marks(places: Mapping[str, Sequence[float]], wanted: Mapping[str, str], *, size: float) -> str:
-    """Draw discs at pixels (x, y) of the cloud's figure, and the names of those that a hand wants, where there is room."""
+    """Draw discs at pixels (x, y), and the names of grasped points where there is room."""
     line, gap = 17 * size, 12 * size
     taken = [(x - gap / 2, y - gap / 2, x + gap / 2, y + gap / 2) for x, y in places.values()]
     marks = ""
     for name in [name for name, hand in wanted.items() if hand != "other"]:
         (x, y), text = places[name], _words(name)
         length = 0.6 * line * len(text)
-        # Outwards if possible, away from the other hand's point, and beside the disc rather than below or above.
+        # Outwards if possible, away from the other hand's point, and beside the disc rather than
+        # below or above.
         sides = (x - gap - length, x + gap)[:: 1 if x < CLOUD_WIDTH / 2 else -1]
         corners = [
             (min(max(left, 0.0), CLOUD_WIDTH - length), y + (step - 0.5) * line)
@@ -319,7 +326,7 @@ def _marks(places: Mapping[str, Sequence[float]], wanted: Mapping[str, str], *, 
 def _has_room(
     box: tuple[float, float, float, float], taken: Sequence[tuple[float, float, float, float]]
 ) -> bool:
-    """Say whether a box (left, top, right, bottom) is not above or below the figure and on none of the others."""
+    """Say whether a box (left, top, right, bottom) is in the figure and on none of the others."""
     left, top, right, bottom = box
     return (
         top >= 0

@@ -1,4 +1,4 @@
-"""What all pages have: their frame, their style, and the pieces that they share."""
+"""Frame, style and shared parts of all pages."""
 
 import html
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,7 +52,8 @@ def table(columns: Mapping[str, str], rows: Iterable[Sequence[str]]) -> str:
     """Lay out a table.
 
     Args:
-        columns: Heading of each column, as plain text, and the class of its cells: "", "number" or "note".
+        columns: Heading of each column, as plain text, and the class of its cells: "", "number" or
+            "note".
         rows: Cells, HTML, one for each column.
     """
     kinds = [f' class="{kind}"' if kind else "" for kind in columns.values()]

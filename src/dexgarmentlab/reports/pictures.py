@@ -34,9 +34,9 @@ class Shot:
     path: Path
     """PNG of 4 : 3."""
     label: str
-    """What stands below it."""
+    """Text below the picture."""
     success: bool
-    """Whether the task was done."""
+    """True if the attempt succeeded."""
     link: str | None = None
     """Address of the film, relative to the page."""
 
@@ -75,7 +75,7 @@ def gallery(shots: Sequence[Shot]) -> str:
 
 
 def draw_sheet(shots: Sequence[Shot], path: Path) -> Path:
-    """Draw all pictures into one, the failed ones framed in red, for wherever a page cannot be shown.
+    """Draw all pictures into one, failed ones framed in red, for use where a page cannot be shown.
 
     Args:
         shots: At least one.
@@ -111,7 +111,7 @@ def draw_sheet(shots: Sequence[Shot], path: Path) -> Path:
 
 
 def _load(shots: Sequence[Shot]) -> list[np.ndarray]:
-    """Load small copies of what matters in the pictures, each of shape (HEIGHT, WIDTH, 3), uint8."""
+    """Load small copies of the differing part of pictures, each (HEIGHT, WIDTH, 3), uint8."""
     whole = [_read(shot.path) for shot in shots]
     box = _find_box(np.stack(whole))
     return [_read(shot.path, box) for shot in shots]
@@ -129,13 +129,14 @@ def _read(path: Path, box: Box = (0.0, 0.0, 1.0, 1.0)) -> np.ndarray:
 
 
 def _find_box(pictures: np.ndarray) -> Box:
-    """Find where pictures of one camera differ, with room around it; all of it for few pictures, or equal ones.
+    """Find the box in which pictures of one camera differ; the whole for few or equal pictures.
 
     Args:
         pictures: Shape (N, H, W, 3), uint8.
 
     Returns:
-        Left, upper, right and lower edge as shares of width and height; as wide as high, and inside the picture.
+        Left, upper, right and lower edge as shares of width and height; as wide as high, and inside
+        the picture.
     """
     if len(pictures) < LEAST_CROPPED:
         return (0.0, 0.0, 1.0, 1.0)

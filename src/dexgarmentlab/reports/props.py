@@ -93,7 +93,7 @@ def _make_mesh(part: PropPart) -> Mesh:
 
 
 def _draw_ground(prop: Prop, camera: PinholeCamera) -> np.ndarray:
-    """Draw the floor, which runs into the backdrop, with the shadow on it; linear, shape (H, W, 3)."""
+    """Draw the floor and backdrop with the shadow; linear colours, shape (H, W, 3)."""
     low, high = prop.extent
     middle = (low + high)[:2] / 2
     half = 1.2 * float(np.linalg.norm(high - low))
@@ -109,7 +109,7 @@ def _draw_ground(prop: Prop, camera: PinholeCamera) -> np.ndarray:
 
 
 def _cast(prop: Prop, middle: np.ndarray, half: float) -> np.ndarray:
-    """Find the share of light that the ground lacks around a place, seen from above, shape (`_SHADOW`, `_SHADOW`)."""
+    """Find the share of light that the ground lacks, from above, shape (`_SHADOW`, `_SHADOW`)."""
     vertices = np.concatenate([part.vertices for part in prop.parts]).astype(np.float64)
     starts = np.cumsum([0, *(len(part.vertices) for part in prop.parts)])
     faces = [part.faces + start for part, start in zip(prop.parts, starts, strict=False)]

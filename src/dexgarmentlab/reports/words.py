@@ -1,4 +1,4 @@
-"""What measurements and random draws are called on pages, and in which units they are shown."""
+"""Names and units of measurements and random draws on pages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ class Words:
     """Name and unit of a value that files have under a short name."""
 
     text: str
-    """What it is called."""
+    """Name on the page."""
     unit: str = ""
-    """What it is shown in."""
+    """Unit on the page."""
     factor: float = 1.0
     """Converts it from the unit that files have."""
 

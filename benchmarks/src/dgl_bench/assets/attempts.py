@@ -1,4 +1,4 @@
-"""What is known of one dropped garment: one line of JSON."""
+"""Record of one dropped garment: one line of JSON."""
 
 import json
 import time
@@ -30,8 +30,8 @@ __all__ = [
 STRAIN_LIMIT = 0.01
 """Mean strain of a whole garment, at most, in every frame."""
 EDGE_CHANGE_LIMIT = 0.5
-"""Change of length of each edge of a whole garment at the end, at most. Collars that fold and fronts that overlap start
-with up to 0.1, so this tells spikes, not strain."""
+"""Change of length of each edge of a whole garment at the end, at most. Collars that fold and
+fronts that overlap start with up to 0.1, so this tells spikes, not strain."""
 POSITIONS = "final"
 """Folder, in that of a run, with where each garment came to lie."""
 POSITIONS_FILE = "positions.npy"
@@ -41,7 +41,7 @@ _KEPT = 64  # garments that a worker remembers: a garment's partner is the one s
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One garment: built, measured and dropped. Lengths in [m], times in [s], shares and strains as fractions."""
+    """One dropped garment. Lengths [m], times [s], shares and strains as fractions."""
 
     id: str
     error: str = ""
@@ -67,9 +67,10 @@ class Attempt:
     partner: str = ""
     """The garment that its landmarks were mapped to."""
     landmark_miss: float | None = None
-    """Largest distance of a mapped landmark from the partner's, in mean edge lengths of the partner."""
+    """Largest distance of a mapped landmark from the partner's, in mean edge lengths of the
+    partner."""
     landmark: str = ""
-    """Which landmark that was."""
+    """Name of that landmark."""
     strain_start: float | None = None
     """Mean strain as let go."""
     strain_worst: float | None = None
@@ -83,7 +84,7 @@ class Attempt:
     speed: float | None = None
     """Root mean square speed at the end [m/s]."""
     still_seconds: float | None = None
-    """When it had come to rest for good; None if it moved on."""
+    """Time until it rested to the end; None if it kept moving."""
     crossings_start: int | None = None
     """Edges that pierce a triangle of another place."""
     crossings_end: int | None = None
@@ -110,7 +111,7 @@ class Attempt:
 
     @property
     def is_whole(self) -> bool:
-        """Whether no edge, no frame and no number is out of bounds."""
+        """True if no edge, no frame and no number is out of bounds."""
         return not self.faults
 
     def to_line(self) -> str:
@@ -135,13 +136,13 @@ class DropRequest:
     """A garment to drop."""
 
     id: str
-    """Which."""
+    """Id of the garment."""
     partner: str
     """The garment that its landmarks are mapped to."""
 
 
 class Drops:
-    """Builds, measures and drops garments as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
+    """Jobs that build, measure and drop garments; see `dgl_collect.workers.JobRunner`."""
 
     def __init__(self, *, frames: int, height: float) -> None:
         """Remember how garments are dropped.
@@ -186,7 +187,8 @@ def read_attempts(path: Path) -> list[Attempt]:
     """Read every attempt, in the order in which they were finished.
 
     Args:
-        path: One line each. A last line without a line end is what a power cut leaves: it is no attempt.
+        path: One line each. A last line without a line end is what a power cut leaves: it is no
+            attempt.
 
     Raises:
         ValueError: If a whole line is no attempt, or a garment is there twice.

@@ -20,15 +20,16 @@ HEIGHT = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Drop:
-    """What happened to a garment."""
+    """Record of one drop."""
 
     start: np.ndarray
-    """Where its vertices were let go [m], shape (V, 3)."""
+    """Vertices at the release [m], shape (V, 3)."""
     end: np.ndarray
-    """Where they came to lie [m], shape (V, 3), float32; of a shell the outer side. Not finite after some errors."""
+    """Vertices at the end [m], shape (V, 3), float32; of a shell the outer side. Not finite after
+    some errors."""
     strain: np.ndarray
-    """Mean over all edges of the change of length, regardless of its sign, as let go and after each frame that was
-    simulated, shape (T,). An elastic shell's edges are those of its tetrahedra."""
+    """Mean over all edges of the change of length, regardless of its sign, as let go and after each
+    frame that was simulated, shape (T,). An elastic shell's edges are those of its tetrahedra."""
     edge_change: float | None
     """Largest change of length of one edge at the end; None after an error."""
     speed: float | None
@@ -38,7 +39,7 @@ class Drop:
     crossings: tuple[int, int | None]
     """Edges that pierce a triangle of another place of the garment, at the start and at the end."""
     particles: int
-    """How many particles moved; a shell has an inner side too."""
+    """Number of particles; a shell has an inner side too."""
     error: str = ""
     """Why the simulation ended early; empty when it did not."""
 
@@ -47,7 +48,8 @@ def drop_garment(garment: Garment, *, frames: int = FRAMES, height: float = HEIG
     """Drop a garment flat onto the ground, at the default configuration of dgl-physics.
 
     Args:
-        garment: Of the catalogue. Cloth falls as it lies in two layers; an elastic shell as it stands or lies.
+        garment: Of the catalogue. Cloth falls as it lies in two layers; an elastic shell as it
+            stands or lies.
         frames: How long [1/60 s].
         height: Of its lowest point above the ground [m].
     """

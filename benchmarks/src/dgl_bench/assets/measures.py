@@ -1,4 +1,4 @@
-"""What is measured of a garment before it moves: edges, angles, and landmarks on another garment."""
+"""Measures of a garment at rest: edges, angles, and its landmarks mapped to another garment."""
 
 from dataclasses import dataclass
 
@@ -94,14 +94,15 @@ def compute_smallest_angles(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def measure_landmarks(source: Garment, target: Garment) -> tuple[float, str, int]:
-    """Map the landmarks that two garments share from one to the other, and measure how far they miss.
+    """Map the landmarks that two garments share from one to the other, and measure the errors.
 
     Args:
         source: Where the landmarks come from.
         target: Another garment of the category.
 
     Returns:
-        The largest distance, in the target's mean edge lengths; the landmark's name; and how many were mapped.
+        The largest distance, in the target's mean edge lengths; the landmark's name; and how many
+        were mapped.
     """
     names = tuple(sorted(set(source.landmarks) & set(target.landmarks)))
     if not names:

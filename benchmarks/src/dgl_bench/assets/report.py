@@ -115,7 +115,8 @@ def _section(
             "strained",
             [load_dropped(folder, a) for a in worst],
             [f"{a.id.partition('/')[2]}: {100 * (a.strain_worst or 0):.2f} %" for a in worst],
-            "Those that were strained most, as they came to lie, with their mean strain in the worst frame",
+            "Those that were strained most, as they came to lie, with their mean strain in the "
+            "worst frame",
         ),
     )
     figures = ""

@@ -1,4 +1,4 @@
-"""The rows of a run: what was found of all garments and of each category, beside what is asked for."""
+"""Rows of a run: measures of all garments and of each category, beside their thresholds."""
 
 import statistics
 from collections.abc import Callable, Iterable, Sequence
@@ -51,7 +51,8 @@ def summarise(name: str, attempts: Sequence[Attempt]) -> list[Row]:
             value=_share([a.is_whole for a in attempts]),
             unit="%",
             bar=">= 100",
-            note=f"mean strain <= {100 * STRAIN_LIMIT:g} % in every frame, no edge changed by more than 50 % at the end",
+            note=f"mean strain <= {100 * STRAIN_LIMIT:g} % in every frame, no edge changed by more "
+            "than 50 % at the end",
         ),
         Row(
             name=f"{name}.whole_at_end",

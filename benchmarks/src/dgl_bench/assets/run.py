@@ -35,7 +35,7 @@ _RUN_FORMAT = 1
 
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """Which garments are dropped, and how.
+    """Settings of a run of drops.
 
     Raises:
         ValueError: If a number is out of its range or a category does not exist.
@@ -60,7 +60,7 @@ class RunConfig:
 
     @property
     def identity(self) -> dict[str, object]:
-        """What must be equal for a run to be continued."""
+        """Settings that must be equal for a run to be continued."""
         return {
             "run_format": _RUN_FORMAT,
             "count": self.count,
@@ -92,8 +92,8 @@ def drop_garments(
         stop: Ends the run when it is set; see `dgl_collect.workers.stop_signals`.
 
     Yields:
-        Garments as they are finished; first those that an earlier run has left. Closing the generator ends the
-        workers.
+        Garments as they are finished; first those that an earlier run has left. Closing the
+        generator ends the workers.
 
     Raises:
         ValueError: If the folder is not empty, busy, or of another run.
@@ -173,7 +173,8 @@ def _open_run(config: RunConfig, folder: Path, *, resume: bool, command: str) ->
     is_empty = not any(folder.iterdir())
     if not is_empty and not resume:
         raise ValueError(
-            f"{folder} is not empty; add --resume to continue the run in it, or choose another --out"
+            f"{folder} is not empty; add --resume to continue the run in it, or choose another "
+            "--out"
         )
     commands: list[str] = []
     versions = package_versions()

@@ -1,4 +1,4 @@
-"""Which garments are dropped: as many of each category, of training and testing, within reach and of all sizes."""
+"""Selection of garments: equal shares of each category, each split, and sizes in reach and all."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -18,8 +18,9 @@ _POOLS: tuple[tuple[Literal["train", "test"], Literal["reach", "all"]], ...] = (
 def select_ids(count: int, categories: Sequence[str] = ()) -> tuple[str, ...]:
     """Select garments of the catalogue, always the same.
 
-    Each category has an equal share, and within it each of training and testing, reach and all sizes, spread evenly over
-    their ids. Categories take turns, so that the first part of a run has some of each.
+    Each category has an equal share, and within it each of training and testing, reach and all
+    sizes, spread evenly over their ids. Categories take turns, so that the first part of a run has
+    some of each.
 
     Args:
         count: How many; at least one of each category.
@@ -29,7 +30,8 @@ def select_ids(count: int, categories: Sequence[str] = ()) -> tuple[str, ...]:
         Ids such as "Tops_LongSleeve/000123".
 
     Raises:
-        ValueError: If a category does not exist, or `count` is below the categories' number or above that of the ids.
+        ValueError: If a category does not exist, or `count` is below the categories' number or
+            above that of the ids.
     """
     chosen = choose_categories(categories)
     if count < len(chosen):
@@ -43,7 +45,7 @@ def select_ids(count: int, categories: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def find_partners(ids: Sequence[str]) -> dict[str, str]:
-    """Give each garment another of its category, the one selected before it; the first has the last.
+    """Pair each garment with the one of its category selected before it; the first with the last.
 
     Returns:
         Id to id; a garment that is alone in its category has itself.
@@ -62,7 +64,8 @@ def _spread(category: str, count: int) -> list[str]:
         share = count // len(_POOLS) + (index < count % len(_POOLS))
         if share > len(pool):
             raise ValueError(
-                f"count must leave at most {len(_POOLS) * len(pool)} garments to a category; got {count} of {category}"
+                f"count must leave at most {len(_POOLS) * len(pool)} garments to a category; got "
+                f"{count} of {category}"
             )
         picked.append([pool[(2 * k + 1) * len(pool) // (2 * share)] for k in range(share)])
     return [pool[row] for row in range(max(map(len, picked))) for pool in picked if row < len(pool)]

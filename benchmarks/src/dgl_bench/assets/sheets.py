@@ -1,4 +1,4 @@
-"""Contact sheets of dropped garments: as made, as they came to lie, and those that were strained most."""
+"""Contact sheets of garments: as made, after the drop, and those strained most."""
 
 import zlib
 from collections.abc import Sequence
@@ -33,7 +33,8 @@ def load_dropped(folder: Path, attempt: Attempt) -> Garment:
     garment = load_garment(attempt.id)
     if positions.shape != garment.vertices.shape:
         raise ValueError(
-            f"{path} must hold {garment.vertices.shape} numbers, as the generator makes {attempt.id}; "
+            f"{path} must hold {garment.vertices.shape} numbers, as the generator makes "
+            f"{attempt.id}; "
             f"got {positions.shape}"
         )
     return replace(garment, vertices=positions)
@@ -42,7 +43,8 @@ def load_dropped(folder: Path, attempt: Attempt) -> Garment:
 def draw_sheet(garments: Sequence[Garment], labels: Sequence[str] = ()) -> np.ndarray:
     """Draw garments of a category beside each other, with a label below each where there are some.
 
-    The fabrics are those of the category and the place, so that the same garments are alike on two sheets.
+    The fabrics are those of the category and the place, so that the same garments are alike on two
+    sheets.
 
     Returns:
         Picture, shape (H, W, 3), uint8, sRGB: rows of `SIZE` pixels, and `STRIP` more with labels.

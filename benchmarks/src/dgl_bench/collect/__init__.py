@@ -1,4 +1,4 @@
-"""How long attempts take as `dgl collect` makes them, and what their time is spent on."""
+"""Time of attempts made as `dgl collect` makes them, by component."""
 
 from dgl_bench.collect.measure import Plan as Plan
 from dgl_bench.collect.measure import make_attempts as make_attempts

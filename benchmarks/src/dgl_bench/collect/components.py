@@ -1,4 +1,4 @@
-"""What an attempt is made of: the functions through which each component is called."""
+"""Components of an attempt: the functions through which each is called."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -8,7 +8,7 @@ __all__ = ["COMPONENTS", "REST", "STEP"]
 STEP = "controllers"
 """The component whose first call is the first control step."""
 REST = "rest"
-"""What belongs to no other component."""
+"""Time outside all other components."""
 
 COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType(
     {
@@ -45,4 +45,5 @@ COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType(
         "episode file": ("dgl_collect.attempt:write_episode",),
     }
 )
-"""Functions by component. The innermost one counts: a picture that is taken in a reset is a picture."""
+"""Functions by component. The innermost one counts: a picture that is taken in a reset is a
+picture."""

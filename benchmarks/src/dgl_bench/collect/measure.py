@@ -23,7 +23,7 @@ from dgl_tasks.tasks import task_ids
 __all__ = ["Plan", "make_attempts", "measure_collection"]
 
 TASKS = ("FoldTops-v1", "FlingTops-v1")
-"""What is measured when nothing is asked for."""
+"""Tasks measured by default."""
 ATTEMPTS = {"FlingTops-v1": 1}
 """Attempts at a task, where these are not `MANY`."""
 MANY = 6
@@ -31,7 +31,7 @@ MANY = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What to measure.
+    """Plan of a measurement.
 
     Raises:
         ValueError: If a number is out of its range.
@@ -72,7 +72,7 @@ class Plan:
 
     @property
     def has_side_by_side(self) -> bool:
-        """Whether attempts are made by several workers, too."""
+        """True if attempts are also made by several workers."""
         count = self.count_attempts(self.tasks[0])
         return self.workers > 1 and find_worker_obstacle(self.workers, count) is None
 
@@ -125,7 +125,8 @@ def make_attempts(
     Raises:
         KeyboardInterrupt: If the run was interrupted.
         WorkerError: If workers cannot work.
-        ValueError: If an attempt ended early. After an error the run's folder is kept, with the workers' logs.
+        ValueError: If an attempt ended early. After an error the run's folder is kept, with the
+            workers' logs.
     """
     results: list[AttemptResult] = []
 

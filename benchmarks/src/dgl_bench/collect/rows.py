@@ -44,7 +44,8 @@ def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
             value=seconds,
             unit="s",
             bar=bar,
-            note=f"processor time; median of {len(attempts)}, {least:.1f} to {most:.1f}; {succeeded} succeeded "
+            note=f"processor time; median of {len(attempts)}, {least:.1f} to {most:.1f}; "
+            f"{succeeded} succeeded "
             "in their first round, where they end",
         ),
         Row(
@@ -75,7 +76,7 @@ def select_median(attempts: Sequence[AttemptTimes]) -> list[AttemptTimes]:
 
 
 def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
-    """Sum up how workers start: from a new process to the first control step of its first attempt."""
+    """Sum up the start of workers: from a new process to the first control step."""
     starts = [(t.start, t.start_elapsed) for t in attempts if t.start is not None]
     name = "start of a worker to its first control step"
     if not starts:
@@ -95,7 +96,7 @@ def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
 
 
 def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
-    """Tell the memory of the process that made the attempts at a task one after the other, and how it has grown.
+    """Report the memory, and its growth, of the process that made the attempts at a task.
 
     Args:
         task: Environment id.
@@ -118,7 +119,7 @@ def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
 
 
 def find_worker_obstacle(workers: int, attempts: int) -> str | None:
-    """Say why several workers cannot be compared with one by so many attempts; None where they can."""
+    """Return the reason why workers cannot be compared by so many attempts, or None."""
     cores = len(os.sched_getaffinity(0))
     if cores < workers:
         return f"this machine has {cores} cores; compare fewer with --workers"
@@ -130,7 +131,7 @@ def find_worker_obstacle(workers: int, attempts: int) -> str | None:
 def make_worker_rows(
     task: str, alone: Sequence[AttemptTimes], together: Sequence[AttemptTimes], *, workers: int
 ) -> list[Row]:
-    """Compare several workers with one, see `compare_throughput`; one row says so where they cannot be compared."""
+    """Compare several workers with one, see `compare_throughput`; or give a skipped row."""
     name = f"{task}, {workers} workers against 1"
     if obstacle := find_worker_obstacle(workers, len(alone)):
         note = f"skipped: {obstacle}"
@@ -145,7 +146,8 @@ def make_worker_rows(
             value=found.ratio,
             unit="times",
             bar=f">= {EFFICIENCY_BAR * workers:g}",
-            note=f"elapsed time; the workers had {found.cores:.2f} cores, less than {workers} where the machine has "
+            note=f"elapsed time; the workers had {found.cores:.2f} cores, less than {workers} "
+            "where the machine has "
             "other work to do",
         ),
         Row(

@@ -14,7 +14,8 @@ __all__ = ["Stopwatch", "find_owner", "watch_functions"]
 class Stopwatch:
     """Charges every moment to the innermost part that runs.
 
-    So the parts of a block add up to the block: what is inside of none belongs to the part around all of them.
+    So the parts of a block add up to the block: what is inside of none belongs to the part around
+        all of them.
     """
 
     def __init__(self, clock: Callable[[], float] = time.process_time) -> None:
@@ -26,7 +27,7 @@ class Stopwatch:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         """Time of each part so far [s]."""
         self.first: dict[str, tuple[float, float]] = {}
-        """When each part was first entered: by the clock [s], and in seconds since 1970."""
+        """Time of each part's first call: by the clock [s], and in seconds since 1970."""
         self._clock = clock
         self._running: list[str] = []
         self._since = 0.0
@@ -67,8 +68,8 @@ def watch_functions(watch: Stopwatch, parts: Mapping[str, Sequence[str]]) -> Ite
 
     Args:
         watch: Takes the times.
-        parts: Functions of each part, "module:name" or "module:Class.name". A function of a module is timed where it
-            is looked up in this module by its name.
+        parts: Functions of each part, "module:name" or "module:Class.name". A function of a module
+            is timed where it is looked up in this module by its name.
 
     Raises:
         AttributeError: If there is no such function.

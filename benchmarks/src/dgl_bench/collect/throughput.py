@@ -1,4 +1,4 @@
-"""What several workers do side by side, against one that is alone."""
+"""Throughput of several workers side by side, relative to one alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ class Throughput:
     """The attempts of a run with several workers, while all of them were busy."""
 
     ratio: float
-    """How much more was done in the same time than by one worker."""
+    """Throughput relative to that of one worker."""
     cores: float
-    """How many cores the workers had, by their processor time; fewer where the machine has other work to do."""
+    """Cores that the workers had, by their processor time; fewer where other programs run."""
     processor_ratio: float
-    """How much more would be done if each worker had a core: their number, times the processor time of the same attempts
-    alone over that side by side. What is missing is what they take from each other in caches and memory."""
+    """Throughput if each worker had a core: their number, times the processor time of the same
+    attempts alone over that side by side. The loss is due to shared caches and memory."""
 
 
 def compare_throughput(
@@ -26,9 +26,9 @@ def compare_throughput(
 ) -> Throughput:
     """Compare a run of several workers with the same attempts by one worker.
 
-    Attempts take different times, and at the end workers have nothing left to do. So what counts is from when the last
-    worker has begun until the first one has ended, and an attempt counts by its time alone, in part where it began
-    before or ended after.
+    Attempts take different times, and at the end workers have nothing left to do. So what counts is
+    from when the last worker has begun until the first one has ended, and an attempt counts by its
+    time alone, in part where it began before or ended after.
 
     Args:
         alone: The attempts of one worker.
@@ -36,7 +36,8 @@ def compare_throughput(
         workers: How many.
 
     Raises:
-        ValueError: If the attempts are not the same, or the workers were never busy at the same time.
+        ValueError: If the attempts are not the same, or the workers were never busy at the same
+            time.
     """
     by_index: Mapping[int, AttemptTimes] = {times.index: times for times in alone}
     if sorted(by_index) != sorted(times.index for times in together):

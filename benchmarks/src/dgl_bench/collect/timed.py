@@ -16,7 +16,7 @@ from dgl_collect.results import AttemptResult
 __all__ = ["FACTORY", "AttemptTimes", "TimedAttempts", "make_timed_attempts"]
 
 FACTORY = f"{__name__}:make_timed_attempts"
-"""What a collection's workers build."""
+"""Factory of the collection's workers."""
 _COMPONENT = "component: "
 _PROCESS, _BEGAN, _ENDED, _MEMORY = "process", "began", "ended", "memory"
 _START, _START_ELAPSED = "start", "start elapsed"
@@ -24,7 +24,7 @@ _START, _START_ELAPSED = "start", "start elapsed"
 
 @dataclass(frozen=True, kw_only=True)
 class AttemptTimes:
-    """Where the time of one attempt went."""
+    """Time of one attempt, by component."""
 
     index: int
     """Its number in the run."""
@@ -34,13 +34,14 @@ class AttemptTimes:
     components: Mapping[str, float]
     """Processor time of all threads by component [s]."""
     began: float
-    """When it began [s since 1970]."""
+    """Begin [s since 1970]."""
     ended: float
-    """When it ended [s since 1970]."""
+    """End [s since 1970]."""
     memory: int
     """Resident memory of its worker's process at its end [bytes]."""
     start: float | None = None
-    """Processor time of its process until the first control step [s]; None in all attempts of a worker but the first."""
+    """Processor time of its process until the first control step [s]; None in all attempts of a
+    worker but the first."""
     start_elapsed: float | None = None
     """Time from the start of the collection until then [s]."""
 
@@ -86,11 +87,13 @@ class AttemptTimes:
 def make_timed_attempts(task: str, options: Mapping[str, object]) -> "TimedAttempts":
     """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`.
 
-    They end after one round, done or not: how many a garment needs is a matter of success and not of speed.
+    They end after one round, done or not: how many a garment needs is a matter of success and not
+        of speed.
 
     Args:
         task: Environment id.
-        options: "launched": when the collection was started [s since 1970]; all else is `make_attempt_runner`'s.
+        options: "launched": when the collection was started [s since 1970]; all else is
+            `make_attempt_runner`'s.
     """
     others = {name: value for name, value in options.items() if name != "launched"}
     launched = options["launched"]
@@ -102,7 +105,7 @@ class TimedAttempts:
     """Makes another runner's attempts, and adds their times to what they measure."""
 
     def __init__(self, runner: AttemptRunner, launched: float) -> None:
-        """Time a runner's attempts; `launched` is when the collection was started [s since 1970]."""
+        """Time a runner's attempts; `launched` is the start of the collection [s since 1970]."""
         self._runner, self._launched = runner, launched
         self._has_started = False
 

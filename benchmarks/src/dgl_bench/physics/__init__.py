@@ -1,4 +1,4 @@
-"""The validation of dgl-physics: experiments with theory beside measurement, their rows and figures."""
+"""Validation of dgl-physics: experiments with theory beside measurement, as rows and figures."""
 
 from dgl_bench.physics.experiment import Bench as Bench
 from dgl_bench.physics.experiment import Experiment as Experiment

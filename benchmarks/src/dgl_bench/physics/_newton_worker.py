@@ -1,7 +1,7 @@
 """Hangs a panel in Newton; run by the interpreter that has it.
 
-Needs Newton, Warp and NumPy and nothing else. Arguments: the panel (npz), the number of frames, the solver ("xpbd" or
-"vbd"), and the numbers of its substeps and iterations. Writes one line of JSON.
+Needs Newton, Warp and NumPy and nothing else. Arguments: the panel (npz), the number of frames, the
+solver ("xpbd" or "vbd"), and the numbers of its substeps and iterations. Writes one line of JSON.
 """
 
 # Newton is an optional extra.
@@ -15,12 +15,14 @@ import numpy as np
 import warp as wp
 
 XPBD_STIFFNESS = 0.02
-"""Of a spring [N/m], times the square of the substeps: 2 N/m at ten. Newton's XPBD adds up the corrections that a
-particle gets from its springs, so stiff ones blow up: on this mesh twice as stiff ones do, with any damping."""
+"""Of a spring [N/m], times the square of the substeps: 2 N/m at ten. Newton's XPBD adds up the
+corrections that a
+particle gets from its springs, so stiff ones blow up: on this mesh twice as stiff ones do, with any
+damping."""
 
 VBD_MARGIN = 0.003
-"""Distance at which triangles touch [m]. Theirs need not be as thick as our spheres, and a margin near the
-length of the edges costs ten times as much."""
+"""Distance at which triangles touch [m]. Theirs need not be as thick as our spheres, and a margin
+near the length of the edges costs ten times as much."""
 
 
 def main() -> None:

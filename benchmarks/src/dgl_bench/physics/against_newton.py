@@ -19,11 +19,12 @@ from dgl_physics import SolverConfig
 __all__ = ["NewtonError", "Setting", "hang_here", "hang_in_newton", "measure_newton"]
 
 FRAMES = 20
-"""A third of a second, in which the panel falls into its corners: Newton's VBD takes seconds for a frame."""
+"""A third of a second, in which the panel falls into its corners: Newton's VBD takes seconds for a
+frame."""
 
 
 class Setting(NamedTuple):
-    """How much work a solver does for a frame."""
+    """Work of a solver for a frame: substeps and iterations."""
 
     substeps: int
     iterations: int
@@ -80,8 +81,9 @@ def hang_here(panel: Panel, frames: int, config: SolverConfig | None = None) -> 
     """Hang the panel in this solver.
 
     Returns:
-        "seconds": processor time of each frame [s]; "means" and "tails": mean and 99.9th percentile of the edges'
-        absolute strain after each frame [%], None where it is not finite; "is_finite": whether all is.
+        "seconds": processor time of each frame [s]; "means" and "tails": mean and 99.9th percentile
+        of the edges' absolute strain after each frame [%], None where it is not finite;
+        "is_finite": whether all is.
     """
     warm = hang_panel(panel, drag=0.0, config=config)
     warm.step(2)
@@ -97,7 +99,7 @@ def hang_here(panel: Panel, frames: int, config: SolverConfig | None = None) -> 
 
 
 def hang_in_newton(bench: Bench, panel: Panel, frames: int, kind: str, setting: Setting) -> dict:
-    """Hang the panel in one of Newton's solvers, "xpbd" or "vbd"; returns what `hang_here` does, and its "version".
+    """Hang the panel in a solver of Newton, "xpbd" or "vbd"; return as `hang_here`.
 
     Raises:
         NewtonError: If Newton is not there, or does not do it.
@@ -183,8 +185,10 @@ def _draw(runs: dict[str, dict]) -> Figure:
         curves.append(Curve(x=t, y=tails, label=name, tone=tone))
     return Figure(
         name="newton",
-        caption="The same panel of two layers hung by two corners in this solver and in Newton's, on the same core: "
-        "time of a frame, and the strain that 1 in 1,000 edges exceeds while it falls into its corners.",
+        caption="The same panel of two layers hung by two corners in this solver and in Newton's, "
+        "on the same core: "
+        "time of a frame, and the strain that 1 in 1,000 edges exceeds while it falls into its "
+        "corners.",
         panels=(
             Bars(
                 title="time of a frame",

@@ -38,7 +38,8 @@ def measure_batch(bench: Bench) -> Result:
                     name=f"batch of {count} on {device}, particle-substeps",
                     value=particles / seconds,
                     unit="1/s",
-                    note=f"{count / seconds:.0f} env-frames/s of {model.particles_per_env} particles",
+                    note=f"{count / seconds:.0f} env-frames/s of {model.particles_per_env} "
+                    "particles",
                 )
             )
         rows.append(
@@ -66,8 +67,10 @@ def measure_batch(bench: Bench) -> Result:
         )
     figure = Figure(
         name="batch",
-        caption="B environments in one model, two layers of 2,205 particles at rest in each. Warp runs a kernel on "
-        "one thread of a CPU, so there throughput does not grow with B: use a process for each core.",
+        caption="B environments in one model, two layers of 2,205 particles at rest in each. Warp "
+        "runs a kernel on "
+        "one thread of a CPU, so there throughput does not grow with B: use a process for each "
+        "core.",
         panels=(
             Chart(
                 title="throughput",

@@ -1,4 +1,4 @@
-"""The hung panel at equal strain: what a frame costs in each solver whose cloth stretches no more than this."""
+"""Cost of a frame of the hung panel in each solver, at equal strain."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,11 @@ from dgl_physics import SolverConfig
 __all__ = ["Trial", "find_cheapest", "make_rows", "measure_equal_strain"]
 
 FRAMES = 10
-"""A sixth of a second, in which the panel falls into its corners; strain counts in its second half."""
+"""A sixth of a second, in which the panel falls into its corners; strain counts in its second
+half."""
 MEAN_LIMIT, TAIL_LIMIT = 0.5, 8.0
-"""Largest mean and 99.9th percentile of the edges' strain [%]: about what this solver leaves at its default."""
+"""Largest mean and 99.9th percentile of the edges' strain [%]: about what this solver leaves at its
+default."""
 OURS = "dgl-physics"
 SETTINGS: Mapping[str, Sequence[Setting]] = MappingProxyType(
     {
@@ -31,7 +33,8 @@ SETTINGS: Mapping[str, Sequence[Setting]] = MappingProxyType(
         "vbd": [Setting(20, 2), Setting(40, 1), Setting(30, 2), Setting(40, 2), Setting(80, 1)],
     }
 )
-"""What is tried, from cheap to dear. With more iterations instead of substeps XPBD's springs have to be softer."""
+"""Settings from cheap to expensive. With more iterations instead of substeps, XPBD needs softer
+springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +51,7 @@ class Trial:
 
     @property
     def is_enough(self) -> bool:
-        """Whether it stretches as little as asked for."""
+        """True if the strain is within the limits."""
         return self.mean <= MEAN_LIMIT and self.tail <= TAIL_LIMIT
 
     def __str__(self) -> str:
@@ -92,7 +95,7 @@ def measure_equal_strain(bench: Bench) -> Result:
 
 
 def find_cheapest(settings: Sequence[Setting], hang: Callable[[Setting], Mapping]) -> list[Trial]:
-    """Try settings, from cheap to dear, until one is enough; the last trial is this, or the dearest."""
+    """Try settings, from cheap to expensive, up to the first that is enough."""
     trials: list[Trial] = []
     for setting in settings:
         trials.append(Trial.from_run(setting, hang(setting)))
@@ -114,7 +117,8 @@ def make_rows(name: str, trials: Sequence[Trial], ours: Trial | None) -> list[Ro
                 name=f"{label}, relative to {OURS}",
                 value=found.frame / ours.frame,
                 unit="times",
-                note=f"at most {MEAN_LIMIT:g} % mean strain and {TAIL_LIMIT:g} % at the 99.9th percentile",
+                note=f"at most {MEAN_LIMIT:g} % mean strain and {TAIL_LIMIT:g} % at the 99.9th "
+                "percentile",
             )
         )
     return rows

@@ -1,4 +1,4 @@
-"""What an experiment is: a function of a bench, which gives rows and figures."""
+"""Experiments: functions of a bench that return rows and figures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ __all__ = ["Bench", "Experiment", "Result"]
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What an experiment found."""
+    """Result of an experiment."""
 
     rows: Sequence[Row]
     figures: Sequence[Figure] = field(default_factory=tuple)
@@ -29,10 +29,10 @@ class Experiment:
     """One experiment."""
 
     name: str
-    """How it is asked for: `--only NAME`."""
+    """Name for `--only`."""
     title: str
     about: str
-    """What is done and what theory says, in a sentence or two."""
+    """Procedure and theory, in a sentence or two."""
     measure: Callable[["Bench"], Result]
 
 

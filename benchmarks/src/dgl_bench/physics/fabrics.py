@@ -11,7 +11,8 @@ from dgl_physics.peirce import PeirceResult, measure_bending_length
 __all__ = ["compute_elastica", "measure_fabrics"]
 
 ROWS = 4
-"""Of triangles that hang over: edges of 8 to 10 mm, somewhat finer than the catalogue's garments."""
+"""Of triangles that hang over: edges of 8 to 10 mm, somewhat finer than the catalogue's
+garments."""
 
 
 def measure_fabrics(bench: Bench) -> Result:
@@ -24,7 +25,8 @@ def measure_fabrics(bench: Bench) -> Result:
             value=100 * abs(strip.error),
             unit="%",
             bar="<= 20",
-            note=f"{1e3 * strip.bending_length:.2f} mm for {1e3 * strip.expected:.2f} mm; the chord is "
+            note=f"{1e3 * strip.bending_length:.2f} mm for {1e3 * strip.expected:.2f} mm; the "
+            "chord is "
             f"{np.degrees(strip.angle):.1f}° below the level",
         )
         for name, strip in strips.items()
@@ -77,9 +79,12 @@ def _draw(strips: dict[str, PeirceResult]) -> Figure:
     errors = [100 * abs(strip.error) for strip in strips.values()]
     return Figure(
         name="fabrics",
-        caption="Strips clamped level at 0 hang over by twice the bending length of their fabric. Left: rows of "
-        "particles against the heavy elastica of that fabric, an inextensible strip that bends under its weight. "
-        "Right: the bending length that the chord from the clamp to the tip stands for; theory is the cube "
+        caption="Strips clamped level at 0 hang over by twice the bending length of their fabric. "
+        "Left: rows of "
+        "particles against the heavy elastica of that fabric, an inextensible strip that bends "
+        "under its weight. "
+        "Right: the bending length that the chord from the clamp to the tip stands for; theory is "
+        "the cube "
         "root of rigidity over weight. Silk and polyester bend alike.",
         panels=(
             Chart(

@@ -1,4 +1,4 @@
-"""What a figure shows, as data: experiments make these, `drawing` draws them."""
+"""Content of figures, as data: experiments make it, `drawing` draws it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,8 +19,8 @@ class Curve:
     y: Sequence[float] | np.ndarray
     label: str = ""
     kind: CurveKind = "line"
-    """"theory" is dashed and quiet, "measured" are points, "line" is a measurement over time and "faint" one of
-    many of which none matters by itself."""
+    """"theory" is dashed and quiet, "measured" are points, "line" is a measurement over time and
+    "faint" one of many of which none matters by itself."""
     tone: int = 0
     """Colour, counted from 0; what has the same colour belongs together."""
 
@@ -62,7 +62,7 @@ class Bars:
     limits: Sequence[Limit] = ()
     is_log: bool = False
     expected: Sequence[float] = ()
-    """What theory says of each, marked across its bar; nothing when empty."""
+    """Theoretical value of each bar, marked across it; none when empty."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The fold of the Fold Tops scene: does it stay, does it depend on the substeps, does it repeat, is it fast."""
+"""The fold of the Fold Tops scene: its rest, convergence in substeps, determinism, and speed."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ FRAME_BUDGET = 1e3 / 60 / 1.5
 
 
 def measure_fold_rest(bench: Bench) -> Result:
-    """What the robots folded lies for 10 s."""
+    """Measure the folded garment for 10 s after the robots have left."""
     record, replay = bench.fold, bench.fold_again
     solver, state = record.build()
     last = max(replay.positions)
@@ -68,7 +68,8 @@ def measure_fold_rest(bench: Bench) -> Result:
     shapes = [*(replay.positions[f] for f in ends), state.get_positions()[0]]
     pictures = Figure(
         name="fold",
-        caption="A top of the catalogue, folded by the two robots after the demonstration, gripped by nothing but "
+        caption="A top of the catalogue, folded by the two robots after the demonstration, gripped "
+        "by nothing but "
         "friction: before, after each stage, and after it has lain for 10 s.",
         panels=[
             Picture(title=name, vertices=shape, faces=record.faces, azimuth=-90, elevation=60)
@@ -77,7 +78,8 @@ def measure_fold_rest(bench: Bench) -> Result:
     )
     charts = Figure(
         name="fold_rest",
-        caption="The folded top at rest. Left: the area that it covers. Right: the particles' RMS speed.",
+        caption="The folded top at rest. Left: the area that it covers. Right: the particles' RMS "
+        "speed.",
         panels=(
             Chart(
                 title=f"covered area drifts {drift.max():.2f} %",
@@ -100,7 +102,7 @@ def measure_fold_rest(bench: Bench) -> Result:
 
 
 def measure_convergence(bench: Bench) -> Result:
-    """The same motion of the robots with twice the substeps."""
+    """Simulate the same motion of the robots with twice the substeps."""
     record, coarse = bench.fold, bench.fold_again
     count = record.config.substeps
     fine = replay_cloth(record, replace(record.config, substeps=2 * count))
@@ -151,7 +153,8 @@ def measure_convergence(bench: Bench) -> Result:
     )
     figure = Figure(
         name="convergence",
-        caption="The fold with the default and with twice the substeps, against the same motion of the robots: where "
+        caption="The fold with the default and with twice the substeps, against the same motion of "
+        "the robots: where "
         "the final shapes differ, and how many particles by how much after each stage.",
         panels=(*panels, chart),
     )
@@ -159,7 +162,7 @@ def measure_convergence(bench: Bench) -> Result:
 
 
 def measure_determinism(bench: Bench) -> Result:
-    """The fold again on the CPU, and 2 s of it on CUDA."""
+    """Repeat the fold on the CPU, and 2 s of it on CUDA."""
     record, again = bench.fold, bench.fold_again
     # Not against the environment, whose record begins without its state's memory.
     third = replay_cloth(record)
@@ -212,7 +215,7 @@ def _play_part(bench: Bench, again: ClothReplay, device: str) -> np.ndarray:
 
 
 def measure_fold_speed(bench: Bench) -> Result:
-    """The time of the cloth, and of the environment with both robots."""
+    """Time the cloth, and the environment with both robots."""
     record, replay = bench.fold, bench.fold_again
     cloth, step = 1e3 * replay.frame_seconds[2:], 1e3 * record.step_seconds[2:]
     bodies, shapes = replay.solver.model.body_count - 1, replay.solver.model.shape_count
@@ -247,11 +250,14 @@ def measure_fold_speed(bench: Bench) -> Result:
     t = np.arange(len(cloth)) / 60
     figure = Figure(
         name="fold_speed",
-        caption="Time of each frame while the robots fold the top, on one core: the cloth alone, and the step of the "
-        "environment, which contains it (another run). Vertical lines: the hands of a stage begin to close.",
+        caption="Time of each frame while the robots fold the top, on one core: the cloth alone, "
+        "and the step of the "
+        "environment, which contains it (another run). Vertical lines: the hands of a stage begin "
+        "to close.",
         panels=(
             Chart(
-                title=f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} x real time",
+                title=f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} x real "
+                "time",
                 x_label="simulated time [s]",
                 y_label="time of a frame [ms]",
                 curves=(

@@ -1,8 +1,8 @@
 """The Fold Tops scene as it is collected: both robots fold a top after the demonstration.
 
 The robots' motion is planned and played once in the task's environment. What every rigid body
-did in each frame is kept, so that the cloth can be simulated again by itself against the same motion: with
-other substeps, on another device, or just to be timed.
+did in each frame is kept, so that the cloth can be simulated again by itself against the same
+motion: with other substeps, on another device, or just to be timed.
 """
 
 import time
@@ -36,9 +36,10 @@ class FoldRecord:
     velocities: np.ndarray
     """The same [m/s]."""
     is_stuck: np.ndarray
-    """Which of them stick to a surface, shape (V,), bool."""
+    """True for particles that stick to a surface, shape (V,), bool."""
     poses: np.ndarray
-    """Poses of the bodies, the world first, after each frame and before the first, xyz + wxyz, shape (T + 1, N, 7)."""
+    """Poses of the bodies, the world first, after each frame and before the first, xyz + wxyz,
+    shape (T + 1, N, 7)."""
     actions: np.ndarray
     """Joint targets [rad], shape (T, 60)."""
     final: np.ndarray
@@ -100,7 +101,7 @@ def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
     stages: dict[str, tuple[int, int]] = {}
 
     class Recorder:
-        """Keeps where the hands of each stage begin to close, and where they have left the cloth."""
+        """Recorder of the frames in which the hands of each stage close and have retreated."""
 
         def before_step(self, command: Command, sensed: Sensed) -> None:
             if command.recorded == "stage":
@@ -166,7 +167,8 @@ class ClothReplay:
     frame_seconds: np.ndarray
     """Processor time of each frame [s], shape (T,); it does not count what CUDA does."""
     positions: Mapping[int, np.ndarray]
-    """Particles [m], shape (V, 3), before the first frame and at the end of each stage and of all, by frame."""
+    """Particles [m], shape (V, 3), before the first frame and at the end of each stage and of all,
+    by frame."""
     velocities: Mapping[int, np.ndarray]
     """The same [m/s]."""
 

@@ -39,7 +39,7 @@ BAR = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """How the hat was at one moment."""
+    """State of the hat at one moment."""
 
     name: str
     frame: int
@@ -53,7 +53,7 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class HatRecord:
-    """What happened to the hat."""
+    """Record of the hat."""
 
     faces: np.ndarray
     """Shape (F, 3)."""
@@ -150,7 +150,8 @@ def measure_hat(bench: Bench) -> Result:
             unit="mm",
             bar=f"<= {BAR:g}",
             note="distance to the rest shape after the best rigid motion, still on the head; "
-            f"{worn.change.max():.2f} mm before the plate came, {off.change.max():.2f} mm without the head",
+            f"{worn.change.max():.2f} mm before the plate came, {off.change.max():.2f} mm without "
+            "the head",
         ),
         Row(
             name="bowl hat 1 s after release, mean change of shape",
@@ -180,7 +181,8 @@ def _draw_moments(record: HatRecord) -> Figure:
     head = Solid(vertices=sphere, faces=sphere_faces)
     return Figure(
         name="hat",
-        caption="A bowl hat of felt is put on a head that is 3 mm too wide, pressed by a plate, and let go. Colour: "
+        caption="A bowl hat of felt is put on a head that is 3 mm too wide, pressed by a plate, "
+        "and let go. Colour: "
         "how far each place is from the rest shape after the best rigid motion.",
         panels=tuple(
             Picture(
@@ -213,7 +215,8 @@ def _draw_path(record: HatRecord) -> Figure:
     released = record.moments[2]
     return Figure(
         name="hat_path",
-        caption="The same hat over time. Left: its change of shape; friction on the head keeps a part of it until "
+        caption="The same hat over time. Left: its change of shape; friction on the head keeps a "
+        "part of it until "
         "the head is taken away. Right: the force on the head.",
         panels=(
             Chart(

@@ -1,4 +1,4 @@
-"""What mechanics says about cloth alone, on a slope, and against a free body."""
+"""Mechanics of cloth in free fall, on a slope, and against a free body."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ SMOOTH = ClothMaterial(drag=0.0, adhesion=0.0)
 
 
 def measure_free_fall(bench: Bench) -> Result:
-    """A sheet falls for a second without drag."""
+    """Drop a sheet for a second without drag."""
     del bench
     builder = ModelBuilder()
     builder.add_garment(*make_sheet(0.2, 0.2, EDGE), material=SMOOTH)
@@ -37,11 +37,13 @@ def measure_free_fall(bench: Bench) -> Result:
         value=float(error[-1]),
         unit="%",
         bar="<= 0.5",
-        note=f"{fallen[-1]:.4f} m for {theory[-1]:.4f} m; symplectic Euler is off by h/t = {euler[-1]:.3f} %",
+        note=f"{fallen[-1]:.4f} m for {theory[-1]:.4f} m; symplectic Euler is off by h/t = "
+        f"{euler[-1]:.3f} %",
     )
     figure = Figure(
         name="free_fall",
-        caption="A sheet falls without drag. Left: the distance against ½gt². Right: the relative error; "
+        caption="A sheet falls without drag. Left: the distance against ½gt². Right: the relative "
+        "error; "
         "what is left is that of the integrator, h/t for substeps of length h.",
         panels=(
             Chart(
@@ -74,7 +76,7 @@ SLOPES = (0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0)
 
 
 def measure_incline(bench: Bench) -> Result:
-    """A patch on slopes on both sides of the friction angle."""
+    """Put a patch on slopes on both sides of the friction angle."""
     del bench
     mu = 0.5
     slides = {ratio: _slide(ratio * mu, mu) for ratio in SLOPES}
@@ -96,7 +98,8 @@ def measure_incline(bench: Bench) -> Result:
     t = np.arange(121) / 60
     figure = Figure(
         name="incline",
-        caption="A patch of 10 cm on slopes. Left: its acceleration against g (sin θ - μ cos θ), which is zero "
+        caption="A patch of 10 cm on slopes. Left: its acceleration against g (sin θ - μ cos θ), "
+        "which is zero "
         "where friction holds. Right: how far it has slid; below μ it does not creep.",
         panels=(
             Chart(
@@ -206,8 +209,10 @@ def measure_momentum(bench: Bench) -> Result:
     ]
     figure = Figure(
         name="momentum",
-        caption="Left: linear and angular momentum of a sheet that flaps in free space, relative change. Right: a "
-        "sheet hits a free box of SAPIEN without gravity; what one loses, the other has a frame later.",
+        caption="Left: linear and angular momentum of a sheet that flaps in free space, relative "
+        "change. Right: a "
+        "sheet hits a free box of SAPIEN without gravity; what one loses, the other has a frame "
+        "later.",
         panels=(
             Chart(
                 title=f"free cloth: {drift.max():.1e}",
@@ -263,7 +268,8 @@ def _meet_box() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Throw a sheet at 0.5 m/s down on a free box without gravity.
 
     Returns:
-        Times [s]; momentum of the cloth, of the box, and what the box is yet to receive [N s], shape (T, 3).
+        Times [s]; momentum of the cloth, of the box, and what the box is yet to receive [N s],
+        shape (T, 3).
     """
     import sapien
 

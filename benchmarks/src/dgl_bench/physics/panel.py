@@ -22,7 +22,7 @@ REST_DRAG = 2.0
 
 
 class Panel:
-    """The mesh: two layers sewn along their sides, upright in x and z, and the corners that hold it."""
+    """Mesh of two layers sewn at their sides, upright in x and z, with its fixed corners."""
 
     def __init__(self, material: ClothMaterial | None = None) -> None:
         """Make the mesh; its layers are apart by the material's thickness."""
@@ -83,7 +83,8 @@ def measure_panel(bench: Bench) -> Result:
             value=mean,
             unit="%",
             bar="<= 1",
-            note=f"{len(panel.vertices)} particles, {WIDTH} m x {LENGTH} m in two layers, 6 s with drag {REST_DRAG:g}/s",
+            note=f"{len(panel.vertices)} particles, {WIDTH} m x {LENGTH} m in two layers, 6 s with "
+            f"drag {REST_DRAG:g}/s",
         ),
         Row(
             name="hung panel at rest, 99.9th percentile of strain", value=tail, unit="%", bar="<= 4"
@@ -128,9 +129,12 @@ def _draw(
     t, rest = np.arange(1, len(swing[0]) + 1) / 60, np.array(settle)
     yield Figure(
         name="panel",
-        caption="Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: at rest, each face "
-        "coloured by the largest strain at its corners. Middle: how many edges are strained by how much. Right: the "
-        "strain while it falls into its corners and swings, and while it comes to rest with more drag.",
+        caption="Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: "
+        "at rest, each face "
+        "coloured by the largest strain at its corners. Middle: how many edges are strained by how "
+        "much. Right: the "
+        "strain while it falls into its corners and swings, and while it comes to rest with more "
+        "drag.",
         panels=(
             Picture(
                 title="at rest",

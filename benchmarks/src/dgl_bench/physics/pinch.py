@@ -19,7 +19,7 @@ RADIUS, HALF_LENGTH = 0.01, 0.015
 LYING = np.array([0, 0, 0, np.sqrt(0.5), 0, np.sqrt(0.5), 0])  # axis along x
 FINGER = Shape(kind="capsule", size=(RADIUS, HALF_LENGTH, 0.0), pose=LYING)
 SQUEEZE = 0.002
-"""How far the fingers close beyond touching [m]."""
+"""Distance that the fingers close beyond touching [m]."""
 LIFT, LIFT_SPEED = 0.5, 0.6
 HOLD_FRAMES = 600
 FALLEN = 0.1
@@ -32,10 +32,11 @@ SHAKE, SHAKE_RATE = 0.01, 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Pinch:
-    """How a pinch went."""
+    """Outcome of a pinch."""
 
     slip: np.ndarray
-    """Displacement of each pinched particle relative to the fingers since the end of the lift [m], shape (T, N)."""
+    """Displacement of each pinched particle relative to the fingers since the end of the lift [m],
+    shape (T, N)."""
     lifted_slip: float
     """Largest slip during the lift [m]."""
     top: float
@@ -110,7 +111,7 @@ def _ease(distance: float, speed: float) -> np.ndarray:
 
 
 def press(material: ClothMaterial) -> float:
-    """Press one finger on cloth that lies on the ground, and raise it: largest rise of a particle [m]."""
+    """Press one finger on flat cloth and raise it; return the largest rise of a particle [m]."""
     vertices, faces = make_sheet(0.2, 0.2, EDGE)
     vertices[:, 2] = material.rest_offset
     builder = ModelBuilder()
@@ -211,7 +212,8 @@ def measure_pinch(bench: Bench) -> Result:
     )
     figure = Figure(
         name="pinch",
-        caption=f"Two capsules of {2e3 * RADIUS:g} mm pinch {held.grams:.0f} g of two-layer cloth, lift it by 0.5 m "
+        caption=f"Two capsules of {2e3 * RADIUS:g} mm pinch {held.grams:.0f} g of two-layer cloth, "
+        "lift it by 0.5 m "
         "and shake it: how far particles between the fingers have moved relative to them.",
         panels=panels,
     )

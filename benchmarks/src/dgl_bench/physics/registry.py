@@ -17,7 +17,7 @@ __all__ = ["EXPERIMENTS", "run", "select"]
 
 
 def _lazily(module: str, function: str) -> Callable[[Bench], Result]:
-    """Import an experiment's module when it is measured: some need the tasks and their simulator."""
+    """Import an experiment's module when it is measured: some need the simulator of the tasks."""
 
     def measure(bench: Bench) -> Result:
         found = importlib.import_module(f"dgl_bench.physics.{module}")
@@ -38,7 +38,8 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment(
             "incline",
             "Friction on a slope",
-            "A patch stays where tan θ < μ, and slides with g (sin θ - μ cos θ) where it is steeper.",
+            "A patch stays where tan θ < μ, and slides with g (sin θ - μ cos θ) where it is "
+            "steeper.",
             _lazily("mechanics", "measure_incline"),
         ),
         Experiment(
@@ -50,25 +51,29 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment(
             "fabrics",
             "Peirce's test of the fabrics",
-            "A strip that hangs over an edge by twice its fabric's bending length has the chord of the heavy elastica.",
+            "A strip that hangs over an edge by twice its fabric's bending length has the chord of "
+            "the heavy elastica.",
             _lazily("fabrics", "measure_fabrics"),
         ),
         Experiment(
             "solids",
             "Elastic solids",
-            "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a head finds back.",
+            "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a "
+            "head finds back.",
             _lazily("solids", "measure_solids"),
         ),
         Experiment(
             "pinch",
             "A pinch between two fingers",
-            "Friction alone lifts and holds; without friction and adhesion it falls, and one finger lifts nothing.",
+            "Friction alone lifts and holds; without friction and adhesion it falls, and one "
+            "finger lifts nothing.",
             _lazily("pinch", "measure_pinch"),
         ),
         Experiment(
             "panel",
             "Stretch of a hung panel",
-            "Cloth of this stiffness would stretch by less than a thousandth; what is seen is what the solver leaves.",
+            "Cloth of this stiffness would stretch by less than a thousandth; what is seen is what "
+            "the solver leaves.",
             _lazily("panel", "measure_panel"),
         ),
         Experiment(
@@ -86,7 +91,8 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment(
             "cpu_code",
             "Two codes for a CPU",
-            "Vector code takes eight constraints at a time and gives what Warp's own gives, to the bit.",
+            "Vector code takes eight constraints at a time and gives what Warp's own gives, to the "
+            "bit.",
             _lazily("cpu_code", "measure_cpu_code"),
         ),
         Experiment(
@@ -98,13 +104,15 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment(
             "determinism",
             "Determinism",
-            "The same motion gives the same particles to the bit on the CPU, and nearly so on CUDA.",
+            "The same motion gives the same particles to the bit on the CPU, and nearly so on "
+            "CUDA.",
             _lazily("fold", "measure_determinism"),
         ),
         Experiment(
             "convergence",
             "Convergence of the fold",
-            "A result that changes with the number of substeps is the solver's and not the cloth's.",
+            "A result that changes with the number of substeps is the solver's and not the "
+            "cloth's.",
             _lazily("fold", "measure_convergence"),
         ),
         Experiment(
@@ -122,7 +130,8 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment(
             "equal_strain",
             "Beside Newton at equal strain",
-            "The same panel: how long each solver takes for a frame of the same quality, by its cheapest setting.",
+            "The same panel: how long each solver takes for a frame of the same quality, by its "
+            "cheapest setting.",
             _lazily("equal_strain", "measure_equal_strain"),
         ),
         Experiment(
@@ -156,7 +165,8 @@ def run(
 ) -> Iterator[tuple[Experiment, Result, float]]:
     """Measure one after the other; yields each with its result and the time that it took [s].
 
-    A simulation that fails is a finding: the experiment's only row then says how, and the next follows.
+    A simulation that fails is a finding: the experiment's only row then says how, and the next
+        follows.
     """
     for experiment in experiments:
         started = time.perf_counter()
@@ -170,6 +180,6 @@ def run(
 
 
 def _get_findings() -> tuple[type[Exception], ...]:
-    """Errors of the simulation and, where they are in use, of the tasks; asked when one was raised."""
+    """Return the errors that are findings: of the simulation and, if imported, of the tasks."""
     tasks = sys.modules.get("dgl_tasks.errors")
     return (PhysicsError,) if tasks is None else (PhysicsError, tasks.TaskError)

@@ -17,7 +17,7 @@ OUTSIDE, INSIDE = np.array([0.36, 0.55, 0.76]), np.array([0.90, 0.71, 0.47])
 """Colours of cloth seen from outside and from inside, sRGB."""
 SOLID = np.array([0.66, 0.66, 0.68])
 LIGHT = np.array([-0.42, 0.50, 0.76])
-"""Where light comes from: left, above, behind the viewer."""
+"""Direction to the light: left, above, behind the viewer."""
 LIFT = 0.002
 """Cloth is drawn this far outwards [m], so that of two layers that touch the outer one is seen."""
 
@@ -80,7 +80,8 @@ def render(
         centre: Middle of the image, right and up [m], shape (2,).
         half: Half of its width and height [m].
         width: Its width in pixels.
-        colour_map: Turns values in [0, 1], shape (N,), into colours, shape (N, 4); for pictures with values.
+        colour_map: Turns values in [0, 1], shape (N,), into colours, shape (N, 4); for pictures
+            with values.
 
     Returns:
         sRGB and opacity in [0, 1], shape (H, W, 4).

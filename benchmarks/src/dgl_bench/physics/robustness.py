@@ -17,7 +17,8 @@ HOLD = 12
 NOISE = 0.25
 """Standard deviation of the joints' deviation from a pose of the fold [rad]."""
 IDLE = 30
-"""Actions without a touch after which all starts anew: what has been thrown out of reach proves nothing."""
+"""Actions without a touch after which all starts anew: what has been thrown out of reach proves
+nothing."""
 TORN = 10.0
 """An edge this many times its length counts as exploded."""
 
@@ -99,8 +100,10 @@ def measure_robustness(bench: Bench) -> Result:
     t = np.arange(len(strains)) / 60
     figure = Figure(
         name="robustness",
-        caption=f"Both robots go to random poses near the garment, all 60 joints off by {NOISE} rad (standard "
-        f"deviation), a new goal every 0.2 s, and a new start after {IDLE / 60:g} s without a touch. Left: the garment at the end. "
+        caption=f"Both robots go to random poses near the garment, all 60 joints off by {NOISE} "
+        "rad (standard "
+        f"deviation), a new goal every 0.2 s, and a new start after {IDLE / 60:g} s without a "
+        "touch. Left: the garment at the end. "
         "Right: its largest strain and speed.",
         panels=(
             Picture(

@@ -1,4 +1,4 @@
-"""Random drops and folds of tops: layers that pass through each other are counted, not looked for by eye."""
+"""Random drops and folds of tops: layers that pass through each other are counted."""
 
 from dataclasses import dataclass
 
@@ -17,23 +17,24 @@ __all__ = ["measure_self_contact"]
 RUNS = 50
 DROP_FRAMES, LOWER_FRAMES, REST_FRAMES = 100, 80, 45
 RELEASE_HEIGHT = 0.15
-"""Where the pads let go [m]: above the layers that they have laid down, which they would crush otherwise."""
+"""Height at which the pads let go [m]: above the layers that they have laid down."""
 PAD = Shape(kind="box", size=(0.03, 0.01, 0.03))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How the garment lies at the end of one run."""
+    """State of the garment at the end of one run."""
 
     kind: str
     crossings: int
     """Edges that pierce a triangle."""
     closest: float
-    """Distance of the closest two particles that share no edge [m]; the thickness where none is nearer."""
+    """Distance of the closest two particles that share no edge [m]; the thickness where none is
+    nearer."""
     vertices: np.ndarray
     faces: np.ndarray
     places: np.ndarray
-    """Where edges pierce triangles [m], shape (N, 3)."""
+    """Points at which edges pierce triangles [m], shape (N, 3)."""
     error: str = ""
 
 
@@ -60,7 +61,8 @@ def measure_self_contact(bench: Bench) -> Result:
             value=float(caught),
             unit=f"of {count}",
             bar="<= 0",
-            note="runs in whose last frame an edge pierces a triangle that it shares no vertex with, by exact "
+            note="runs in whose last frame an edge pierces a triangle that it shares no vertex "
+            "with, by exact "
             f"arithmetic; {before} at the start",
         ),
         Row(
@@ -133,8 +135,10 @@ def _draw(outcomes: list[Outcome], crossings: np.ndarray, closest: np.ndarray) -
     ]
     return Figure(
         name="self_contact",
-        caption="Tops of the catalogue, dropped as they happen to be turned and laid down in folds. Rings: where an "
-        "edge pierces a triangle of another place of the cloth. Right: how many do in each run, and how near the "
+        caption="Tops of the catalogue, dropped as they happen to be turned and laid down in "
+        "folds. Rings: where an "
+        "edge pierces a triangle of another place of the cloth. Right: how many do in each run, "
+        "and how near the "
         "closest two particles are that share no edge.",
         panels=panels,
     )

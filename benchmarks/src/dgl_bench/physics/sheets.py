@@ -43,8 +43,8 @@ def make_panel(
         gap: Distance of the layers in the middle [m].
 
     Returns:
-        Vertices [m], shape (V, 3), flat in x and y; faces, shape (F, 3), normals outwards; and flat rest
-        coordinates [m], shape (V, 2). The four corners are vertices that both layers share.
+        Vertices [m], shape (V, 3), flat in x and y; faces, shape (F, 3), normals outwards; and flat
+        rest coordinates [m], shape (V, 2). The four corners are vertices that both layers share.
     """
     sheet, faces = make_sheet(width, length, edge)
     columns = round(width / edge) + 1
@@ -91,9 +91,11 @@ def make_bowl(radius: float, rings: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def make_box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Make the surface of a box of a size [m], centred at the origin: vertices (8, 3), faces (12, 3)."""
+    """Make the surface of a box of a size [m] about the origin: vertices (8, 3), faces (12, 3)."""
     corner = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)]) - 0.5
-    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])  # fmt: skip
+    quads = np.array(
+        [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    )
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return corner * np.asarray(size), faces.astype(np.int32)
 

@@ -28,7 +28,7 @@ CASES = ((1e5, 0.0), (1e6, 0.0), (1e8, 0.0), (1e6, 0.3))
 
 @dataclass(frozen=True, kw_only=True)
 class Tension:
-    """What a bar that hangs by one end has shown, at its cuts from the lowest to the highest."""
+    """Measures of a bar that hangs by one end, at its cuts from the lowest to the highest."""
 
     material: SolidMaterial
     stress: np.ndarray
@@ -128,8 +128,10 @@ def _draw(bars: list[Tension]) -> Figure:
         ]
     return Figure(
         name="tension",
-        caption="A bar hangs by its upper end, so that each cut carries the weight below it. Left: the bar, coloured "
-        "by the strain of its layers. Middle: force over cross-section against strain, at every cut. Right: the "
+        caption="A bar hangs by its upper end, so that each cut carries the weight below it. Left: "
+        "the bar, coloured "
+        "by the strain of its layers. Middle: force over cross-section against strain, at every "
+        "cut. Right: the "
         "error of the slope, away from the ends by a width.",
         panels=(
             Picture(

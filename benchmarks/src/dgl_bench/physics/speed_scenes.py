@@ -1,4 +1,4 @@
-"""Three scenes on which the solver is timed: a fold by robots, a heap, and a dress that hangs from hands over a bar."""
+"""Scenes on which the solver is timed: a fold, a crumpled dress, and a dress hung over a bar."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +15,8 @@ __all__ = ["SpeedScene", "make_drop", "make_fold", "make_hanging"]
 DRESS = "Dress_LongSleeve/000030"
 """7,744 particles."""
 DROP_HEIGHT, DROP_TILT = 0.1, np.radians(80)
-"""Of the lowest point above the ground [m], and of the dress from lying flat [rad]: it falls into a heap."""
+"""Of the lowest point above the ground [m], and of the dress from lying flat [rad]: it falls into a
+heap."""
 FALL_FRAMES, HEAP_FRAMES = 60, 120
 PAD = Shape(kind="box", size=(0.03, 0.01, 0.03), friction=3.0)
 """Half of a hand, with the friction of the robots' hands."""
@@ -29,7 +30,7 @@ RISE = 0.3
 """From there up to the shoulders [m]."""
 CLOSE_FRAMES, CARRY_FRAMES, HANG_FRAMES = 10, 80, 120
 CARRY = np.array([0.0, -0.35, -0.35])
-"""How far the hands carry the shoulders, over the bar and down [m]."""
+"""Way of the hands that carry the shoulders, over the bar and down [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +39,13 @@ class SpeedScene:
 
     name: str
     note: str
-    """What is timed."""
+    """Timed motion."""
     build: Callable[[SolverConfig], tuple[SolverXPBD, State]]
     """Build it with the solver's settings."""
     play: Callable[[SolverXPBD, State, int], None]
     """Advance it by the frame of a number."""
     frames: int
-    """How many there are."""
+    """Number of frames."""
     first_timed: int = 0
     """Number of the first frame that counts."""
     config: SolverConfig = field(default_factory=SolverConfig)
@@ -79,7 +80,8 @@ def make_drop() -> SpeedScene:
 
     return SpeedScene(
         name="crumpled drop, frame",
-        note=f"{len(start)} particles, {HEAP_FRAMES} frames after {FALL_FRAMES} of the fall, kept awake",
+        note=f"{len(start)} particles, {HEAP_FRAMES} frames after {FALL_FRAMES} of the fall, kept "
+        "awake",
         build=build,
         play=lambda solver, state, frame: solver.step(state),
         frames=FALL_FRAMES + HEAP_FRAMES,
@@ -89,7 +91,7 @@ def make_drop() -> SpeedScene:
 
 
 def make_hanging() -> SpeedScene:
-    """Carry a dress by its shoulders over a bar, and time it as it hangs from both hands and the bar."""
+    """Carry a dress by its shoulders over a bar; time it as it hangs from the hands and the bar."""
     garment, material = load_garment(DRESS), ClothMaterial()
     start = garment.vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0]  # upright, its front to -y
     grips = {s: start[garment.landmarks[f"{s}_shoulder"]] * [1, 0, 1] for s in ("left", "right")}

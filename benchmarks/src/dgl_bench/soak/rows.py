@@ -1,4 +1,4 @@
-"""What a soak amounts to."""
+"""Rows of a soak."""
 
 from collections.abc import Sequence
 
@@ -59,10 +59,10 @@ def make_rows(spells: Sequence[Spell]) -> list[Row]:
 
 
 def find_growth(spells: Sequence[Spell]) -> float | None:
-    """Find how much the memory of a process has grown after the first tenth of its episodes, at most [%].
+    """Find the largest growth of a process's memory after the first tenth of its episodes [%].
 
-    Compared are the largest values of the first tenth, or of the first episode of each task where that is longer, and
-    of the last tenth.
+    Compared are the largest values of the first tenth, or of the first episode of each task where
+    that is longer, and of the last tenth.
 
     Args:
         spells: In the order in which they ended.

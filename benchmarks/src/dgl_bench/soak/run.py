@@ -19,7 +19,7 @@ __all__ = ["SoakConfig", "list_requests", "soak"]
 
 @dataclass(frozen=True, kw_only=True)
 class SoakConfig:
-    """How long, and at what.
+    """Length and tasks of a soak.
 
     Raises:
         ValueError: If a number is out of its range.

@@ -17,7 +17,7 @@ __all__ = ["Spell", "SpellRequest", "Spells"]
 HOLD = 6
 """Actions for which a goal of the joints holds: hands get somewhere."""
 ABOVE = 0.25
-"""How high above the garment hands may be sent [m]."""
+"""Largest height above the garment of a hand's target [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class SpellRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class Spell:
-    """What came of one."""
+    """Outcome of one episode of random actions."""
 
     request: SpellRequest
     steps: int
@@ -48,7 +48,7 @@ class Spell:
     overflows: int
     """Contact lists that could not grow any more."""
     error: str
-    """What ended it early; empty when nothing did."""
+    """Error that ended it early; empty if none did."""
     process: int
     """Id of its worker's process."""
     memory: int
@@ -117,7 +117,7 @@ class Spells:
 
 
 class Wanderer:
-    """Draws actions: every second goal sends the hands to the garment, the others move the arms' joints anywhere.
+    """Source of random actions: hands are sent to the garment, or joints anywhere, by turns.
 
     Goals of the arms hold for `HOLD` actions; fingers are drawn anew at every one.
     """
