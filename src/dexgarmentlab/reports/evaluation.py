@@ -26,8 +26,7 @@ __all__ = ["PICTURES_FILE", "REPORT_FILE", "write_report"]
 
 REPORT_FILE, PICTURES_FILE = "index.html", "pictures.jpg"
 SHOWN_FAILURES = 24
-"""How many failures are shown with film and figures; the pictures and the table have all
-episodes."""
+"""Failures shown with film and figures at most; the pictures and the table have all episodes."""
 
 
 def write_report(
