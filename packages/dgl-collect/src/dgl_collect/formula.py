@@ -1,4 +1,4 @@
-"""Formulas of demonstrations: arithmetic and conditions over named places and numbers, without `eval`."""
+"""Formulas of demonstrations: arithmetic and conditions over points and numbers, without `eval`."""
 
 import ast
 import operator
@@ -8,15 +8,15 @@ from typing import TypeAlias
 import numpy as np
 
 Value: TypeAlias = "float | np.ndarray | Mapping[str, Value]"
-"""A number, a place [m] of shape (3,), or values by name."""
+"""A number, a point [m] of shape (3,), or values by name."""
 
-_BINARY: dict[type, Callable[[float, float], float]] = {
+MAX_CHARACTERS = 1000
+"""Longest formula."""
+_OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-}
-_COMPARE: dict[type, Callable[[float, float], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
@@ -32,30 +32,31 @@ def _distance_xy(a: Value, b: Value) -> float:
     return float(np.linalg.norm(a[:2] - b[:2]))
 
 
-_FUNCTIONS: dict[str, Callable[..., float]] = {
+FUNCTIONS: dict[str, Callable[..., float]] = {
     "min": min,
     "max": max,
     "abs": abs,
     "distance_xy": _distance_xy,
 }
+"""Functions that formulas may call, by name."""
 
 
 def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
     """Evaluate a formula of a demonstration.
 
-    Formulas have numbers, `+ - * /`, names, names of names (`hanger.target`), coordinates of points (`left_cuff.x`), the
-    functions `min`, `max`, `abs` and `distance_xy(point, point)`, the horizontal distance, and, for conditions, comparisons,
-    `and`, `or` and `not`; what is true is 1.
+    A formula consists of numbers, `+ - * /`, names, names of a group (`hanger.target`), coordinates
+    of points (`left_cuff.x`) and the functions `min`, `max`, `abs` and `distance_xy(point, point)`,
+    the horizontal distance. Conditions add comparisons, `and`, `or` and `not`; true is 1.
 
     Args:
         text: The formula, or a number.
-        names: Numbers, points [m] of shape (3,), and either by name, by name.
+        names: Numbers, points [m] of shape (3,), and groups of either, by name.
 
     Returns:
-        Its value, in metres where its parts are.
+        The value, in metres where its parts are.
 
     Raises:
-        ValueError: If it is not such a formula, or names something unknown.
+        ValueError: If the text is no such formula, or uses an unknown name.
     """
     value = _compute(text, names)
     if not np.isfinite(value):
@@ -64,25 +65,25 @@ def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
 
 
 def check_formula(text: str | float, names: Mapping[str, Value]) -> None:
-    """Check that a formula can be evaluated with such names, whatever their values.
+    """Check that a formula can be evaluated with such names, for any of their values.
 
     Raises:
-        ValueError: As of `evaluate_formula`.
+        ValueError: As `evaluate_formula`.
     """
     _compute(text, _forget(names))
 
 
 def find_names(text: str | float) -> set[str]:
-    """List the names that a formula uses, of names of names the first.
+    """List the names in a formula; of `hanger.target` the first, `hanger`.
 
     Raises:
-        ValueError: If it is no expression.
+        ValueError: If the text is no expression.
     """
     return {node.id for node in ast.walk(_parse(text)) if isinstance(node, ast.Name)}
 
 
 def _forget(names: Mapping[str, Value]) -> dict[str, Value]:
-    """Give names of the same kinds whose numbers are not known."""
+    """Replace every number by NaN, which no division or comparison refuses."""
     forgotten: dict[str, Value] = {}
     for name, value in names.items():
         if isinstance(value, Mapping):
@@ -93,9 +94,12 @@ def _forget(names: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def _parse(text: str | float) -> ast.expr:
+    text = str(text)
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"formula must have at most {MAX_CHARACTERS} characters; got {len(text)}")
     try:
-        return ast.parse(str(text), mode="eval").body
-    except (SyntaxError, RecursionError) as err:
+        return ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as err:
         raise ValueError(f"formula must be an arithmetic expression; got {text!r}") from err
 
 
@@ -103,7 +107,7 @@ def _compute(text: str | float, names: Mapping[str, Value]) -> float:
     tree = _parse(text)
     try:
         value = _evaluate(tree, names)
-    except (ValueError, ZeroDivisionError, TypeError, RecursionError) as err:
+    except (ValueError, ArithmeticError, TypeError, RecursionError) as err:
         raise ValueError(f"formula {text!r} cannot be evaluated: {err}") from err
     if not isinstance(value, float):
         kind = "a point" if isinstance(value, np.ndarray) else "several things"
@@ -128,19 +132,20 @@ def _evaluate(node: ast.expr, names: Mapping[str, Value]) -> Value:
             return -_number(inner, names)
         case ast.UnaryOp(op=ast.Not(), operand=inner):
             return float(not _number(inner, names))
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            return float(_BINARY[type(op)](_number(left, names), _number(right, names)))
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARE:
-            return float(_COMPARE[type(op)](_number(left, names), _number(right, names)))
+        case (
+            ast.BinOp(left=left, op=op, right=right)
+            | ast.Compare(left=left, ops=[op], comparators=[right])
+        ) if type(op) in _OPERATORS:
+            return float(_OPERATORS[type(op)](_number(left, names), _number(right, names)))
         case ast.BoolOp(op=op, values=parts):
             truths = [bool(_number(part, names)) for part in parts]
             return float(all(truths) if isinstance(op, ast.And) else any(truths))
         case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]):
-            if name not in _FUNCTIONS:
-                known = ", ".join(sorted(_FUNCTIONS))
+            if name not in FUNCTIONS:
+                known = ", ".join(sorted(FUNCTIONS))
                 raise ValueError(f"unknown function {name!r}; known: {known}")
             take = _evaluate if name == "distance_xy" else _number
-            return float(_FUNCTIONS[name](*(take(part, names) for part in parts)))
+            return float(FUNCTIONS[name](*(take(part, names) for part in parts)))
     raise ValueError(f"{ast.unparse(node)!r} is not allowed")
 
 

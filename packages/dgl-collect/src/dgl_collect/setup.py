@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_assets import load_garment
 from dgl_assets.robots import DEFAULT_ROBOT, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Actor
-from dgl_collect.demonstration import check_demonstration, load_demonstration
+from dgl_collect.demonstration import (
+    check_demonstration,
+    load_demonstrated_garment,
+    load_demonstration,
+)
 from dgl_collect.matching import FindMatcher, make_find_matcher
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
@@ -97,7 +100,7 @@ def make_setup(
         demonstration = load_demonstration(declared.id)
     else:
         check_demonstration(demonstration, declared, source="demonstration")
-    demo_garment = load_garment(demonstration.garment)
+    demo_garment = load_demonstrated_garment(demonstration.garment)
     find_matcher = make_find_matcher(matcher, demo_garment)
     surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
     model = load_robot(robot, robots)

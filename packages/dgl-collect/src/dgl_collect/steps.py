@@ -1,153 +1,210 @@
-"""What a demonstration is made of: stages, each a sequence of typed steps."""
+"""Parts of a demonstration: stages, each a sequence of typed steps."""
 
+from __future__ import annotations
+
+import keyword
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
+from annotated_types import Ge, Le, Len
+from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from dgl_assets.robots import HAND_POSES, SIDES, Side
+from dgl_collect.formula import FUNCTIONS
+from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName
 from dgl_tasks.handling import APPROACH_FROM, WayOut
 
-Formulas = tuple[str, str, str]
-"""x, y and z of a place [m], world frame, as formulas; see `dgl_collect.formula`."""
-OnLoss = Literal["again", "lay down"]
-"""What becomes of a stage in which a hand is seen to hold nothing: the hands let go and begin it again, three times at
-most; or they go on, and lay down what one of them still holds."""
+GARMENT_NAMES = ("min", "max", "centre")
+"""Corners and centre of what is seen of the garment: `garment.min.x` and so on in formulas."""
+CONDITION_NAMES = ("round", "held", "skipped", "value")
+"""Further names that the condition of a stage may use."""
+SEEN_NAMES = ("half_span", "hanging")
+"""Measurements of a stretch, by their names in formulas."""
+_TAKEN = {"garment", "now", *CONDITION_NAMES, *SEEN_NAMES, *FUNCTIONS}
+
+
+def _check_name(name: str) -> str:
+    plain = name.isidentifier() and not keyword.iskeyword(name) and len(name) <= 64
+    if not plain or unicodedata.normalize("NFKC", name) != name:
+        raise ValueError(
+            f"a name must be at most 64 letters, digits and '_', and start with a letter; "
+            f"got {show(name)}"
+        )
+    if name in _TAKEN - set(SEEN_NAMES):  # a stage may define what it expects a stretch to see
+        raise ValueError(f"a name must not be one that formulas have already; got {name!r}")
+    return name
+
+
+def _check_pose(name: str) -> str:
+    if name not in HAND_POSES:
+        raise ValueError(f"a hand pose is one of {sorted(HAND_POSES)}; got {show(name)}")
+    return name
+
+
+def _to_formula(value: object) -> object:
+    """Write a number as a formula."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return str(value) if is_number else value
+
+
+def _to_point(value: Any) -> np.ndarray:
+    is_list = isinstance(value, list | tuple | np.ndarray) and len(value) == 3
+    if not is_list or any(isinstance(v, bool | str) or v is None for v in value):
+        raise ValueError(f"a point must be three numbers [m]; got {show(value)}")
+    point = np.array(value, dtype=np.float64)
+    if point.shape != (3,) or not (np.abs(point) <= 3).all():
+        raise ValueError(f"a point must be three numbers within 3 m; got {show(value)}")
+    return point
+
+
+Formula: TypeAlias = Annotated[str, BeforeValidator(_to_formula)]
+Formulas: TypeAlias = tuple[Formula, Formula, Formula]
+"""Position x, y, z [m], world frame, as formulas; see `dgl_collect.formula`."""
+Name: TypeAlias = Annotated[str, AfterValidator(_check_name)]
+"""Name of a point or a definition, as formulas use it."""
+PoseName: TypeAlias = Annotated[str, AfterValidator(_check_pose)]
+"""One of `HAND_POSES`."""
+Distance: TypeAlias = Annotated[float, Ge(1e-3), Le(3.0)]
+Offset: TypeAlias = Annotated[float, Ge(-1.0), Le(1.0)]
+Spacing: TypeAlias = Annotated[float, Ge(1e-4), Le(0.1)]
+"""Distance between samples of a line [m], one a control step; 0.01 is 0.6 m/s."""
+Frames: TypeAlias = Annotated[int, Ge(1), Le(3600)]
+"""Control steps of 1/60 s; one minute at most."""
+OnLoss: TypeAlias = Literal["again", "lay down"]
+"""Reaction to a hand that is seen to hold nothing. `again`: both hands let go and the stage begins
+again, up to three times. `lay down`: the stage goes on and lays down what the other hand holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One thing that the hands do."""
+    """One motion of the hands.
+
+    Raises:
+        ValueError: If a field is of another type, or out of its range.
+    """
+
+    __pydantic_config__: ClassVar = STRICT
 
     recorded: bool = True
-    """Whether it is part of what is recorded, and what a policy learns and then does in its own way."""
+    """Record the step; a policy learns recorded steps and carries them out in its own way."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Approach(Step):
-    """The open hands come to where the stage grasps: to a place beside it, and straight there."""
+    """Bring the open hands beside the grasp points, and straight to them."""
 
     recorded: bool = False
     orientation: GraspName = "standard"
-    """Of the hands; they are turned about the vertical as little as what follows allows."""
-    height: float | None = 0.03
-    """Height of the grasp points over the ground [m]: a hand closes around what lies there. None takes that of the places."""
-    short_by: float = 0.0
-    """How far before the grasp point a hand stops, along its fingers [m]: it takes less of what lies beyond."""
-    come_from: tuple[float, float, float] = APPROACH_FROM
-    """Offset of the place beside it [m]; its x is outward for both hands."""
-    spacing: float = 0.01
-    """Distance between samples of the line from there [m], one a control step; 0.01 is 0.6 m/s."""
-
-    def __post_init__(self) -> None:
-        _check_name("orientation", self.orientation, GRASP_ORIENTATIONS)
-        _check_positive("spacing", self.spacing)
-        if len(self.come_from) != 3:
-            raise ValueError(f"come_from must be three numbers; got {self.come_from!r}")
+    """Of the hands; they turn about the vertical only where the steps after it need that."""
+    height: Annotated[float, Ge(-0.5), Le(3.0)] | None = 0.03
+    """Height of the grasp points above the ground [m]; None keeps the height that was found."""
+    short_by: Offset = 0.0
+    """Distance by which a hand stops short of the grasp point, along its fingers [m]: it then
+    takes less of what lies beyond."""
+    come_from: tuple[Offset, Offset, Offset] = APPROACH_FROM
+    """Offset of the start of the straight line [m]; x points outward for both hands."""
+    spacing: Spacing = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandPose(Step):
-    """The working hands take a pose."""
+    """Give the working hands a pose."""
 
-    pose: str
-    """One of `HAND_POSES`."""
-
-    def __post_init__(self) -> None:
-        _check_name("pose", self.pose, HAND_POSES)
+    pose: PoseName
 
 
 @dataclass(frozen=True, kw_only=True)
 class Release(HandPose):
-    """The working hands open, and carry nothing from now on."""
+    """Open the working hands; from now on they hold nothing."""
 
-    pose: str = "open"
+    pose: PoseName = "open"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Move(Step):
-    """Grasp points of hands go somewhere on straight lines, leaving and arriving together."""
+    """Move grasp points of hands along straight lines that begin and end together."""
 
     targets: Mapping[Side, Formulas]
-    """Where those of the moving hands go."""
+    """Target of each moving hand."""
     orientation: GraspName | None = None
     """Of the hands at the end; None keeps it."""
-    spacing: float = 0.01
-    """Distance between samples of the longer line [m], one a control step; 0.01 is 0.6 m/s."""
+    spacing: Spacing = 0.01
+    """On the longer line."""
     checked: bool = False
-    """Whether it is looked, at the end, whether the hands hold the garment."""
+    """Look, at the end, whether the hands hold the garment."""
 
     def __post_init__(self) -> None:
-        if not self.targets or set(self.targets) - set(SIDES):
-            raise ValueError(f"a move has targets for some of {SIDES}; got {sorted(self.targets)}")
-        for side, formulas in self.targets.items():
-            if len(formulas) != 3:
-                raise ValueError(f"{side} must have formulas for x, y, z; got {formulas!r}")
-        if self.orientation is not None:
-            _check_name("orientation", self.orientation, GRASP_ORIENTATIONS)
-        _check_positive("spacing", self.spacing)
+        super().__post_init__()
+        if not self.targets:
+            raise ValueError(f"a move has targets for some of {SIDES}; got none")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch(Step):
-    """Both hands move apart until what hangs between them is seen to be taut.
+    """Move both hands apart until the garment between them is seen to be taut.
 
-    Then `half_span`, half the distance of the hands [m], and `hanging`, how far the garment hangs below them [m], are what is
-    seen, whatever the stage's definitions have expected.
+    Afterwards, `half_span`, half the distance of the hands [m], and `hanging`, the length of the
+    garment below them [m], are as seen, whatever the definitions of the stage expected.
     """
 
-    sag: float
-    """How far the upper edge may hang below the hands midway between them [m]."""
-    by: float
-    """How much farther each hand moves at a time [m]."""
-    at_most: float
-    """How much farther each hand moves in all [m]."""
-    spacing: float
-    """As in `Move`."""
+    sag: Distance
+    """Largest distance of the taut upper edge below the hands, midway between them [m]."""
+    by: Distance
+    """Distance that each hand moves between two looks [m]."""
+    at_most: Distance
+    """Distance that each hand moves in all, at most [m]."""
+    spacing: Spacing
     checked: bool = False
     """As in `Move`."""
-
-    def __post_init__(self) -> None:
-        for name in ("sag", "by", "at_most", "spacing"):
-            _check_positive(name, getattr(self, name))
-
-
-SEEN_NAMES = ("half_span", "hanging")
-"""What a stretch sees, by its name in formulas."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look(Step):
-    """The garment is looked at from above, as the hands hold it.
+    """Look from above at the garment in the hands.
 
-    Formulas and definitions of a stage with a look may name `now.min`, `now.max` and `now.centre`, corners and centre of
-    what was seen of it last, and `now.left_hand` and `now.right_hand`, where the hands' grasp points were [m]; before the
-    first look, where the hands have taken hold of it. Where that leads out of reach, the hands are turned about the
-    vertical, as at the beginning.
+    In a stage with a look, formulas and definitions may use `now.min`, `now.max` and `now.centre`,
+    corners and centre of the garment as last seen, and `now.left_hand` and `now.right_hand`, the
+    grasp points then [m]; before the first look, as the hands took hold. Where a target is then out
+    of reach, the hands turn about the vertical, as at the beginning.
     """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wait(Step):
-    """Nothing moves but the garment."""
+    """Keep the hands still."""
 
-    frames: int
-    """Control steps of 1/60 s."""
-
-    def __post_init__(self) -> None:
-        _check_positive("frames", self.frames)
+    frames: Frames
 
 
 @dataclass(frozen=True, kw_only=True)
 class Retreat(Step, WayOut):
-    """The open hands leave the garment in this way, and the arms park."""
+    """Draw the open hands out of the garment in this way, and park the arms."""
 
     recorded: bool = False
+    pose: PoseName = "flat"
 
     def __post_init__(self) -> None:
-        _check_name("pose", self.pose, HAND_POSES)
+        super().__post_init__()
+        for name, hint in _WAY_OUT.items():
+            check_value(name, getattr(self, name), hint)
+
+
+_Short: TypeAlias = Annotated[float, Ge(0.0), Le(1.0)]
+_WAY_OUT: Mapping[str, Any] = {
+    "roll": Annotated[float, Ge(-np.pi), Le(np.pi)],
+    "rise": _Short,
+    "wait": Annotated[int, Ge(0), Le(3600)],
+    "back": Annotated[tuple[_Short, ...], Len(1)],
+    "up": _Short,
+    "spacing": Spacing,
+}
 
 
 STEPS: Mapping[str, type[Step]] = {
@@ -163,59 +220,86 @@ STEPS: Mapping[str, type[Step]] = {
 """Name of a step in files to its class."""
 
 
+def _to_step(content: Any) -> Step:
+    """Make a step of its JSON object."""
+    if isinstance(content, Step):
+        return content
+    if not isinstance(content, dict) or content.get("step") not in list(STEPS):
+        kind = content.get("step") if isinstance(content, dict) else content
+        raise ValueError(f"a step is one of {sorted(STEPS)}; got {show(kind)}")
+    kind = STEPS[content["step"]]
+    fields = {key: value for key, value in content.items() if key != "step"}
+    if kind is Move:
+        fields["targets"] = {side: fields.pop(side) for side in SIDES if side in fields}
+    return from_plain(kind, fields)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Grasp:
-    """Where a hand takes hold: at a point of the garment, midway between several, or at a place."""
+    """Grasp point of a hand: a point of the garment, the middle of several, or a position."""
+
+    __pydantic_config__: ClassVar = STRICT
 
     points: tuple[str, ...] = ()
-    """Names of points of the demonstration. Midway between several a hand takes hold of layers that do not lie quite on
-    each other."""
+    """Names of points of the demonstration. The middle of several takes hold of layers whose edges
+    do not lie exactly on each other."""
     at: Formulas | None = None
-    """A place instead, for garments whose shape alone says where."""
+    """A position instead, for garments whose shape alone tells where to grasp."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if (self.at is None) == (not self.points):
-            raise ValueError(f"a grasp must have points or a place; got {self}")
-        if self.at is not None and len(self.at) != 3:
-            raise ValueError(f"a place must have formulas for x, y, z; got {self.at!r}")
+            raise ValueError(f"a grasp must have either points or a position; got {self}")
+
+
+def _to_grasp(content: Any) -> Grasp:
+    """Make a grasp of a point's name, a list of them, or a JSON object."""
+    if isinstance(content, Grasp):
+        return content
+    if isinstance(content, str | list):
+        content = {"points": [content] if isinstance(content, str) else content}
+    return from_plain(Grasp, content)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
     """One part of a task, from parked arms to parked arms."""
 
-    name: str
-    grasp: Mapping[Side, Grasp]
-    """Where each working hand takes hold."""
-    steps: tuple[Step, ...]
-    definitions: Mapping[str, str] = field(default_factory=dict)
-    """Numbers by name, as formulas over all that is known and the numbers before them."""
+    __pydantic_config__: ClassVar = STRICT
+
+    name: Annotated[str, Len(1, 64)]
+    grasp: Mapping[Side, Annotated[Grasp, PlainValidator(_to_grasp)]]
+    """Grasp point of each working hand."""
+    steps: tuple[Annotated[Step, PlainValidator(_to_step)], ...]
+    definitions: Mapping[Name, Formula] = field(default_factory=dict)
+    """Numbers by name, as formulas; each may use the ones before it."""
     looks_again: bool = False
-    """The points are found anew when the stage begins, instead of those on the initial
-    garment: for a garment that the stages before have laid out differently."""
-    moved_at_most: float | None = 0.15
-    """How far the grasp points may have moved since the garment was first seen [m]: they are looked for this near
-    to where they lay then, as what is folded no longer tells left from right. None where an earlier stage has
-    moved them on purpose."""
+    """Find the points again when the stage begins: for a garment that earlier stages have laid out
+    differently."""
+    moved_at_most: Annotated[float, Ge(1e-3), Le(10.0)] | None = 0.15
+    """Largest distance of a grasp point from where it first lay [m]: left and right are not told
+    apart by the shape of a folded garment. None where an earlier stage moved it on purpose."""
     on_loss: OnLoss = "again"
     again: bool = True
-    """Whether further rounds go through it too; what has been done by one that they leave out stays done."""
+    """Repeat this stage in later rounds."""
     when: str | None = None
-    """A condition for it to be begun: a formula over points, objects, what is seen of the garment once it is at rest, and
-    `round`, its number from 1; `held`, whether the stage before has kept hold of the garment; `skipped`, whether the last
-    round left this stage out; and `value`, what the task's rule measures on what is believed of the scene."""
+    """Condition for the stage to begin: a formula over points, objects and what is seen of the
+    garment at rest. It may also use `round`, counted from 1; `held`, true if the stage before kept
+    hold of the garment; `skipped`, true if the last round left this stage out; and `value`, the
+    measure of the task's rule on what is believed of the scene."""
 
     def __post_init__(self) -> None:
-        if not self.grasp or set(self.grasp) - set(SIDES):
-            raise ValueError(f"grasp must be of some of {SIDES}; got {sorted(self.grasp)}")
+        check_fields(self)
+        if not self.name.isprintable():
+            raise ValueError(f"name must be printable; got {show(self.name)}")
+        if not self.grasp:
+            raise ValueError(f"grasp must be of some of {SIDES}; got none")
         marks = "".join("r" if step.recorded else "-" for step in self.steps).strip("-")
         if "-" in marks:
             raise ValueError(f"recorded steps must follow each other; got {marks}")
         approaches = sum(isinstance(step, Approach) for step in self.steps)
         if approaches != 1:
             raise ValueError(f"steps must have one approach; got {approaches}")
-        if self.moved_at_most is not None:
-            _check_positive("moved_at_most", self.moved_at_most)
         has_closed = has_released = False
         for step in self.steps:
             if getattr(step, "checked", False) and (has_released or not has_closed):
@@ -224,6 +308,8 @@ class Stage:
                 )
             has_closed |= isinstance(step, HandPose)
             has_released |= isinstance(step, Release)
+            if isinstance(step, Stretch) and len(self.grasp) < len(SIDES):
+                raise ValueError(f"a stretch needs both hands; got {sorted(self.grasp)}")
             if isinstance(step, Move) and set(step.targets) - set(self.grasp):
                 raise ValueError(
                     f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"
@@ -235,7 +321,7 @@ class Stage:
 
     @property
     def is_learned(self) -> bool:
-        """Whether a policy learns it; otherwise it is scripted whoever acts."""
+        """True if a policy learns the stage; otherwise it is scripted, whoever acts."""
         return any(step.recorded for step in self.steps)
 
     @property
@@ -245,12 +331,12 @@ class Stage:
 
     @property
     def approach(self) -> Approach:
-        """The way to where it grasps."""
+        """The way to the grasp points."""
         return next(step for step in self.steps if isinstance(step, Approach))
 
     @property
     def grasp_pose(self) -> str:
-        """The hand pose that takes hold: the last before the hands release."""
+        """The hand pose that takes hold: the last one before the hands release."""
         poses = [s for s in self.steps if isinstance(s, HandPose)]
         held = [s.pose for s in poses if not isinstance(s, Release)]
         return held[-1] if held else "close"
@@ -265,25 +351,27 @@ class Stage:
 class Demonstration:
     """One demonstration on one garment."""
 
-    task: str
-    garment: str
-    """Catalogue id of the garment it was given on."""
-    points: Mapping[str, np.ndarray]
-    """Marked places [m], shape (3,), frame of that garment lying flat."""
+    __pydantic_config__: ClassVar = STRICT
+
+    task: Annotated[str, Len(1, 200)]
+    garment: Annotated[str, Len(1, 200)]
+    """Catalogue id of the garment on which it was given."""
+    points: Mapping[Name, Annotated[np.ndarray, PlainValidator(_to_point)]]
+    """Marked points [m], shape (3,), frame of that garment lying flat."""
     stages: tuple[Stage, ...]
-    rounds: int = 1
-    """How often the stages are gone through at most, while the task is believed not to be done."""
+    rounds: Annotated[int, Ge(1), Le(100)] = 1
+    """Largest number of passes through the stages; the task ends once it is believed done."""
     turns_over: bool = False
-    """The garment may come to lie on its face, its left to the right: the hands exchange their points then."""
+    """The garment may come to lie on its face, left and right exchanged: the hands then exchange
+    their points."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.stages:
             raise ValueError("stages must have at least one stage; got none")
         names = [stage.name for stage in self.stages]
         if len(set(names)) < len(names):
             raise ValueError(f"stages must have different names; got {names}")
-        if self.rounds < 1:
-            raise ValueError(f"rounds must be at least 1; got {self.rounds}")
         first = self.stages[0].grasp
         if self.turns_over and (len(first) < 2 or any(g.at for g in first.values())):
             raise ValueError("turns_over needs a first stage in which both hands grasp points")
@@ -292,13 +380,3 @@ class Demonstration:
     def learned_stages(self) -> tuple[Stage, ...]:
         """The stages that a policy learns."""
         return tuple(stage for stage in self.stages if stage.is_learned)
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not 0 < value < np.inf:
-        raise ValueError(f"{name} must be positive; got {value}")
-
-
-def _check_name(what: str, name: str, known: Mapping[str, object]) -> None:
-    if name not in known:
-        raise ValueError(f"{what} must be one of {sorted(known)}; got {name!r}")
