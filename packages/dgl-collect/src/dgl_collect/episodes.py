@@ -1,20 +1,26 @@
-"""Episode files: one demonstration, one HDF5 file; the format is `docs/episode_format.md`."""
+"""Episode files: one attempt, one HDF5 file; the format is `docs/episode_format.md`."""
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 import h5py
 import numpy as np
+from annotated_types import Ge, Len
+from pydantic import AfterValidator, ConfigDict
 
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_files.fields import decode_json
+from dgl_collect.files import unavailable_told
+from dgl_files.fields import STRICT, check_fields, check_value, decode_json
 from dgl_files.whole import write_bytes
+
+N = TypeVar("N", h5py.Group, h5py.Dataset)
 
 FORMAT_VERSION = 1
 DEFAULT_ROBOT = "ur10e+shadow"
@@ -22,20 +28,34 @@ DEFAULT_ROBOT = "ur10e+shadow"
 DEFAULT_MATCHER = "exact"
 """The matcher of files that name none."""
 DEFAULT_JOINTS = 60
-"""Number of its joints."""
+"""Number of joints of the default robot."""
 FINAL_PARTICLES = "final_particles"
 """Extra array: the garment's particles when it was judged [m], shape (V, 3)."""
 MAX_BYTES = 4_000_000_000
-"""Most bytes that the arrays of an episode may have in all; a minute of recorded stages has about 1.5 GB of pictures."""
+"""Limit for all arrays of an episode; a minute of recorded stages has about 1.5 GB of pictures."""
 CLOUD_SIZE = 2048
 IMAGE_HEIGHT, IMAGE_WIDTH = 480, 640
 
-Points = Mapping[str, Mapping[str, Sequence[float]]]
-"""Named points: position `xyz` [m], shape (3,), world frame; pixel `uv` (column, row), shape (2,)."""
+
+def _check_point(point: Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[float]]:
+    lengths = {"xyz": 3, "uv": 2}
+    for key, value in point.items():
+        if len(value) != lengths.get(key):
+            raise ValueError(f"a point must hold xyz (3,) or uv (2,); got {key}={list(value)}")
+    return point
+
+
+Points: TypeAlias = Mapping[
+    str, Annotated[Mapping[str, Sequence[float]], AfterValidator(_check_point)]
+]
+"""Points by name: position `xyz` [m], world frame; pixel `uv` (column, row) of the camera."""
+_Text: TypeAlias = Annotated[str, Len(1)]
+_Count: TypeAlias = Annotated[int, Ge(0)]
+_CONFIG = ConfigDict(**STRICT, arbitrary_types_allowed=True)
 
 
 @dataclass(frozen=True)
-class _Key:
+class _Array:
     """Declaration of one data set of a stage."""
 
     shape: tuple[int, ...]  # without the frame axis; 0 stands for the number of the robot's joints
@@ -45,34 +65,39 @@ class _Key:
     frames_a_chunk: int = 8  # the length of a training window
 
 
-_STAGE_KEYS: dict[str, _Key] = {
-    "joint_state": _Key((0,), frames_a_chunk=64),
-    "action": _Key((0,), frames_a_chunk=64),
-    "ee_pose": _Key((2, 7), frames_a_chunk=64),
-    "image": _Key((IMAGE_HEIGHT, IMAGE_WIDTH, 3), dtype="uint8", frames_a_chunk=1),
-    "env_point_cloud": _Key((CLOUD_SIZE, 6)),
-    "garment_point_cloud": _Key((CLOUD_SIZE, 3), per_frame=False),
-    "points_affordance_feature": _Key((CLOUD_SIZE, 2), per_frame=False),
-    "object_point_cloud": _Key((CLOUD_SIZE, 3), per_frame=False, optional=True),
+_ARRAYS: dict[str, _Array] = {
+    "joint_state": _Array((0,), frames_a_chunk=64),
+    "action": _Array((0,), frames_a_chunk=64),
+    "ee_pose": _Array((2, 7), frames_a_chunk=64),
+    "image": _Array((IMAGE_HEIGHT, IMAGE_WIDTH, 3), dtype="uint8", frames_a_chunk=1),
+    "env_point_cloud": _Array((CLOUD_SIZE, 6)),
+    "garment_point_cloud": _Array((CLOUD_SIZE, 3), per_frame=False),
+    "points_affordance_feature": _Array((CLOUD_SIZE, 2), per_frame=False),
+    "object_point_cloud": _Array((CLOUD_SIZE, 3), per_frame=False, optional=True),
 }
-
-
-_STEP_KEYS = ("cloud_step", "first_step")
+_ATTRIBUTES = (
+    "task", "seed", "garment_id", "robot", "matcher", "affordance_matcher", "success",
+    "success_value",
+)  # fmt: skip
+_JSON_ATTRIBUTES = ("randomisation", "measurements", "package_versions")
+_STAGE_STEPS = ("cloud_step", "first_step")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StageRecord:
-    """What was recorded in one stage: T frames, and what does not change within it.
+    """Recording of one stage: T frames, and what does not change within it.
 
     Arrays are float32 unless stated, in metres and radians, world frame, quaternions wxyz. Other
-    types are refused rather than converted, so that what is read back is what was given.
+    types are refused rather than converted, so that reading gives what was written.
 
     Raises:
-        ValueError: If an array has another shape or type, is not finite, or out of its range.
+        ValueError: If a field has another shape or type, is not finite, or out of its range.
     """
 
-    name: str
-    """The stage's name in the task's declaration."""
+    __pydantic_config__: ClassVar = _CONFIG
+
+    name: _Text
+    """The stage's name in the task's demonstration."""
     joint_state: np.ndarray
     """Measured joint positions [rad], shape (T, D), D joints of the robot: 60 by default."""
     action: np.ndarray
@@ -91,28 +116,30 @@ class StageRecord:
     """The object when the stage begins [m], shape (2048, 3); None in tasks without one."""
     points: Points = field(default_factory=dict)
     """The points found on the garment."""
-    cloud_step: int | None = None
-    """Control steps between the reset and the garment's cloud; None in files that do not tell."""
-    first_step: int | None = None
-    """Control steps between the reset and the first frame; None in files that do not tell."""
-    approach_frames: int = 0
-    """How many of the frames, the first ones, show the hands on their way to the grasp points."""
+    cloud_step: _Count | None = None
+    """Control steps between the reset and the garment's cloud; None in files without commands."""
+    first_step: _Count | None = None
+    """Control steps between the reset and the first frame; None in files without commands."""
+    approach_frames: _Count = 0
+    """Number of frames, the first ones, that show the hands on their way to the grasp points."""
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise ValueError("name must not be empty; got ''")
-        for key in _STEP_KEYS:
-            step = getattr(self, key)
-            if step is not None and step < 0:
-                raise ValueError(f"{key} must be at least 0; got {step}")
-        if not 0 <= self.approach_frames < max(1, len(self.joint_state)):
+        check_fields(self)
+        arrays = {key: getattr(self, key) for key in _ARRAYS if getattr(self, key) is not None}
+        _check_shapes(arrays)
+        if not self.approach_frames < self.frame_count:
             raise ValueError(
-                f"approach_frames must be at least 0 and fewer than the {len(self.joint_state)} frames; "
+                f"approach_frames must be fewer than the {self.frame_count} frames; "
                 f"got {self.approach_frames}"
             )
-        arrays = {key: getattr(self, key) for key in _STAGE_KEYS}
-        _check_stage({key: array for key, array in arrays.items() if array is not None})
-        _check_points(self.points)
+        for key, array in arrays.items():
+            _check_finite(key, array)
+        _check_range("points_affordance_feature", self.points_affordance_feature)
+        _check_range("colour of env_point_cloud", self.env_point_cloud[..., 3:])
+        norms = np.linalg.norm(self.ee_pose[..., 3:], axis=-1)
+        if np.abs(norms - 1.0).max() > 1e-3:
+            worst = norms.flat[np.abs(norms - 1.0).argmax()]
+            raise ValueError(f"ee_pose must hold unit quaternions; got one of length {worst:.4g}")
 
     @property
     def frame_count(self) -> int:
@@ -122,51 +149,46 @@ class StageRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Episode:
-    """One demonstration.
+    """The recording of one attempt.
 
     Raises:
-        ValueError: If there is no stage, an extra is not numeric and finite, or a value is not finite.
+        ValueError: If a field is of another type, an array of another shape, or a value not finite.
     """
 
-    task: str
+    __pydantic_config__: ClassVar = _CONFIG
+
+    task: _Text
     """Environment id, such as `FoldTops-v1`."""
     seed: int
     """Seed of this attempt."""
     garment_id: str
-    """Which garment."""
+    """Id of the garment."""
     success: bool
-    """Whether the task's own rule was met."""
+    """True if the task's rule was met."""
     success_value: float
     """The quantity that the rule judges."""
-    stages: tuple[StageRecord, ...]
+    stages: Annotated[tuple[StageRecord, ...], Len(1)]
     """The stages in order."""
-    robot: str = DEFAULT_ROBOT
-    """Name of arm and hand, which says what the joints are."""
-    matcher: str = DEFAULT_MATCHER
-    """Name of what found the demonstrated points on the garment."""
+    robot: _Text = DEFAULT_ROBOT
+    """Name of arm and hand; it determines the joints."""
+    matcher: _Text = DEFAULT_MATCHER
+    """Name of the matcher that found the demonstrated points on the garment."""
     affordance_matcher: str | None = None
-    """Name of what the stages' affordance is from, where that is not the same; see `dgl_collect.relabel`."""
+    """Name of the matcher of the stages' affordance, if another; see `dgl_collect.relabel`."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of this attempt, JSON-ready."""
     measurements: Mapping[str, object] = field(default_factory=dict)
     """Further named numbers, such as the largest stretch, JSON-ready."""
-    package_versions: Mapping[str, str] = field(default_factory=dict)
-    """Name to version of what produced the episode."""
+    package_versions: Mapping[str, object] = field(default_factory=dict)
+    """Package to version."""
     commands: np.ndarray | None = None
-    """Joint targets of all S control steps from the reset to the verdict [rad], shape (S, D), float32,
-    from which the attempt can be replayed; None in files that do not hold them."""
+    """Joint targets of all S control steps from the reset to the verdict [rad], shape (S, D),
+    float32, for replays; None in files without them."""
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Further numeric arrays for analysis, such as the true particles [m]."""
 
     def __post_init__(self) -> None:
-        if not self.task:
-            raise ValueError("task must not be empty; got ''")
-        if not self.stages:
-            raise ValueError("stages must hold at least one stage; got none")
-        if not self.robot:
-            raise ValueError("robot must not be empty; got ''")
-        if not self.matcher:
-            raise ValueError("matcher must not be empty; got ''")
+        check_fields(self)
         joints = sorted({stage.joint_state.shape[1] for stage in self.stages})
         if len(joints) > 1:
             raise ValueError(f"all stages must have the same number of joints; got {joints}")
@@ -176,10 +198,13 @@ class Episode:
                 f"got (T, {joints[0]})"
             )
         if self.commands is not None:
-            self._check_commands(self.commands, joints[0])
-        if not np.isfinite(self.success_value):
-            raise ValueError(f"success_value must be finite; got {self.success_value}")
-        for name in ("randomisation", "measurements", "package_versions"):
+            shape, dtype = self.commands.shape, self.commands.dtype
+            if len(shape) != 2 or shape[1] != joints[0] or dtype != np.float32:
+                raise ValueError(
+                    f"commands must have shape (S, {joints[0]}) and dtype float32; got {shape} {dtype}"
+                )
+            _check_finite("commands", self.commands)
+        for name in _JSON_ATTRIBUTES:
             _to_json(name, getattr(self, name))
         for name, array in self.extra.items():
             if not name or "/" in name:
@@ -188,15 +213,6 @@ class Episode:
                 raise ValueError(f"extra {name!r} must be numeric; got dtype {array.dtype}")
             _check_finite(f"extra {name!r}", array)
 
-    @staticmethod
-    def _check_commands(commands: np.ndarray, joints: int) -> None:
-        if commands.ndim != 2 or commands.shape[1] != joints or commands.dtype != np.float32:
-            raise ValueError(
-                f"commands must have shape (S, {joints}) and dtype float32; "
-                f"got {commands.shape} {commands.dtype}"
-            )
-        _check_finite("commands", commands)
-
     @property
     def stage_names(self) -> tuple[str, ...]:
         """Names of the stages in order."""
@@ -204,11 +220,11 @@ class Episode:
 
 
 def write_episode(path: Path | str, episode: Episode) -> Path:
-    """Write an episode, beside its place and renamed; the same episode gives the same bytes.
+    """Write an episode, whole or not at all; the same episode gives the same bytes.
 
     Args:
-        path: Where the file belongs, ending in `.h5`; an older file there is replaced.
-        episode: What to write.
+        path: The file, ending in `.h5`; an older one is replaced.
+        episode: The content.
 
     Returns:
         The path.
@@ -220,17 +236,11 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
     content = io.BytesIO()
     with h5py.File(content, "w", libver=("v110", "v110")) as file:
         file.attrs["format_version"] = FORMAT_VERSION
-        file.attrs["task"] = episode.task
-        file.attrs["seed"] = episode.seed
-        file.attrs["garment_id"] = episode.garment_id
-        file.attrs["robot"] = episode.robot
-        file.attrs["matcher"] = episode.matcher
-        if episode.affordance_matcher is not None:
-            file.attrs["affordance_matcher"] = episode.affordance_matcher
-        file.attrs["success"] = np.bool_(episode.success)
-        file.attrs["success_value"] = float(episode.success_value)
+        for name in _ATTRIBUTES:
+            if getattr(episode, name) is not None:
+                file.attrs[name] = getattr(episode, name)
         file.attrs["stage_names"] = json.dumps(episode.stage_names)
-        for name in ("randomisation", "measurements", "package_versions"):
+        for name in _JSON_ATTRIBUTES:
             file.attrs[name] = _to_json(name, getattr(episode, name))
         for number, stage in enumerate(episode.stages, start=1):
             _write_stage(file.create_group(f"stage_{number}"), stage)
@@ -253,30 +263,112 @@ def read_episode(path: Path | str) -> Episode:
 
     Raises:
         FileNotFoundError: If there is no such file.
+        FileUnavailableError: If the file cannot be opened now: in use, or not permitted.
         CorruptEpisodeError: If the file is truncated, damaged, incomplete or of another version.
     """
+    with opened_episode(path) as file:
+        names = read_stage_names(file)
+        groups = sorted(str(key) for key in file if str(key).startswith("stage_"))
+        expected = [f"stage_{number}" for number in range(1, len(names) + 1)]
+        if groups != sorted(expected):
+            raise ValueError(f"stage groups must be {expected}; got {groups}")
+        stages = tuple(_read_stage(take(file, key, h5py.Group)) for key in expected)
+        if [stage.name for stage in stages] != names:
+            raise ValueError(f"stage_names must be {[s.name for s in stages]}; got {names}")
+        extra = take(file, "extra", h5py.Group) if "extra" in file else {}
+        return Episode(
+            stages=stages,
+            commands=take(file, "commands", h5py.Dataset)[()] if "commands" in file else None,
+            extra={str(name): take(extra, str(name), h5py.Dataset)[()] for name in extra},
+            **_read_attributes(file, _ATTRIBUTES, _JSON_ATTRIBUTES),
+        )
+
+
+@contextmanager
+def opened_episode(path: Path | str) -> Iterator[h5py.File]:
+    """Open an episode; whatever is wrong with its content becomes a `CorruptEpisodeError`.
+
+    Raises:
+        FileNotFoundError, FileUnavailableError, CorruptEpisodeError: As `read_episode`.
+    """
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no episode file at {path}")
+    with unavailable_told(path):
+        if not path.is_file():
+            raise FileNotFoundError(f"no episode file at {path}")
+        try:
+            with unavailable_told(path), h5py.File(path, "r") as file:
+                yield file
+        except (OSError, RuntimeError) as err:  # HDF5's truncated files and failed checksums
+            raise CorruptEpisodeError(path, f"not a whole HDF5 file ({err})") from err
+        except (ValueError, KeyError, TypeError, AttributeError) as err:
+            fault = str(err.args[0]) if err.args else repr(err)
+            raise CorruptEpisodeError(path, fault) from err
+
+
+def read_stage_names(file: h5py.File) -> list[str]:
+    """Read the names of the stages; check that all data lie in the file and fit into memory.
+
+    Raises:
+        ValueError, KeyError, TypeError: If something is wrong.
+    """
+    version = file.attrs["format_version"]
+    if isinstance(version, float | np.floating) or version != FORMAT_VERSION:
+        raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
+    _check_sizes(file)
+    names = decode_json(file.attrs["stage_names"])
+    check_value("stage_names", names, list[str])
+    return names
+
+
+def take(parent: h5py.Group, key: str, kind: type[N]) -> N:
+    """Get a group or a data set.
+
+    Raises:
+        ValueError: If it is missing, or of the other kind.
+    """
+    node = parent.get(key)
+    if not isinstance(node, kind):
+        label = f"{str(parent.name).rstrip('/')}/{key}".lstrip("/")
+        found = "is missing" if node is None else f"must be a {kind.__name__}; got {node}"
+        raise ValueError(f"{label} {found}")
+    return node
+
+
+def _read_stage(group: h5py.Group) -> StageRecord:
+    label = str(group.name).lstrip("/")
+    needed = [key for key, array in _ARRAYS.items() if not array.optional or key in group]
+    nodes = {key: take(group, key, h5py.Dataset) for key in needed}
+    unknown = sorted({str(key) for key in group} - set(_ARRAYS))
+    if unknown:
+        raise ValueError(f"{label} holds unknown keys: {unknown}")
     try:
-        with h5py.File(path, "r") as file:
-            return _read_file(file)
-    except (OSError, RuntimeError) as err:  # how HDF5 reports truncated files and failed checksums
-        raise CorruptEpisodeError(path, f"not a whole HDF5 file ({err})") from err
-    except (ValueError, KeyError, TypeError, AttributeError) as err:
-        fault = str(err.args[0]) if err.args else repr(err)
-        raise CorruptEpisodeError(path, fault) from err
+        _check_shapes(nodes)
+        return StageRecord(
+            **_read_attributes(group, ("name", *_STAGE_STEPS, "approach_frames"), ("points",)),
+            **{key: node[()] for key, node in nodes.items()},
+        )
+    except ValueError as err:
+        raise ValueError(f"{label}: {err}") from err
+
+
+def _read_attributes(
+    node: h5py.Group, plain: Sequence[str], as_json: Sequence[str]
+) -> dict[str, Any]:
+    """Read the attributes that are there, as values of Python."""
+    found = {name: node.attrs[name] for name in (*plain, *as_json) if name in node.attrs}
+    found = {k: v.item() if isinstance(v, np.generic) else v for k, v in found.items()}
+    return found | {name: decode_json(found[name]) for name in as_json if name in found}
 
 
 def _write_stage(group: h5py.Group, stage: StageRecord) -> None:
     group.attrs["name"] = stage.name
     group.attrs["points"] = _to_json("points", stage.points)
-    for key in _STEP_KEYS:
+    for key in _STAGE_STEPS:
         if getattr(stage, key) is not None:
             group.attrs[key] = getattr(stage, key)
     if stage.approach_frames:
         group.attrs["approach_frames"] = stage.approach_frames
-    for key, declared in _STAGE_KEYS.items():
+    for key, declared in _ARRAYS.items():
         array = getattr(stage, key)
         if array is None:
             continue
@@ -303,93 +395,6 @@ def _write_array(
         fletcher32=True,
         track_times=False,
     )
-
-
-def read_stage_names(file: h5py.File) -> list[str]:
-    """Read the names of an episode's stages, and check that its arrays are its own and fit into memory.
-
-    Raises:
-        ValueError, KeyError, TypeError: If something is wrong.
-    """
-    version = _integer(file, "format_version")
-    if version != FORMAT_VERSION:
-        raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
-    _check_sizes(file)
-    return _json_attribute(file, "stage_names", list)
-
-
-def _read_file(file: h5py.File) -> Episode:
-    names = read_stage_names(file)
-    groups = [str(key) for key in file if str(key).startswith("stage_")]
-    expected = [f"stage_{number}" for number in range(1, len(names) + 1)]
-    if sorted(groups) != sorted(expected):
-        raise ValueError(f"stage groups must be {expected}; got {sorted(groups)}")
-    stages = tuple(_read_stage(_group(file, key)) for key in expected)
-    if [stage.name for stage in stages] != names:
-        raise ValueError(f"stage_names must be {[s.name for s in stages]}; got {names}")
-    extra: dict[str, np.ndarray] = {}
-    if "extra" in file:
-        group = _group(file, "extra")
-        extra = {str(name): _array(group, str(name)) for name in group}
-    return Episode(
-        task=_text(file, "task"),
-        seed=_integer(file, "seed"),
-        garment_id=_text(file, "garment_id"),
-        robot=_text(file, "robot") if "robot" in file.attrs else DEFAULT_ROBOT,
-        matcher=_text(file, "matcher") if "matcher" in file.attrs else DEFAULT_MATCHER,
-        affordance_matcher=(
-            _text(file, "affordance_matcher") if "affordance_matcher" in file.attrs else None
-        ),
-        success=_truth(file, "success"),
-        success_value=_number(file, "success_value"),
-        stages=stages,
-        randomisation=_json_attribute(file, "randomisation", dict),
-        measurements=_json_attribute(file, "measurements", dict),
-        package_versions=_json_attribute(file, "package_versions", dict),
-        commands=_array(file, "commands") if "commands" in file else None,
-        extra=extra,
-    )
-
-
-def _read_stage(group: h5py.Group) -> StageRecord:
-    label = str(group.name).lstrip("/")
-    missing = [k for k, d in _STAGE_KEYS.items() if not d.optional and k not in group]
-    if missing:
-        raise KeyError(f"{label}/{missing[0]} is missing")
-    _check_shapes(group)
-    arrays = {key: _array(group, key) for key in _STAGE_KEYS if key in group}
-    unknown = sorted({str(key) for key in group} - set(_STAGE_KEYS))
-    if unknown:
-        raise ValueError(f"{label} holds unknown keys: {unknown}")
-    try:
-        return StageRecord(
-            name=_text(group, "name"),
-            points=_json_attribute(group, "points", dict),
-            cloud_step=_step(group, "cloud_step"),
-            first_step=_step(group, "first_step"),
-            approach_frames=_step(group, "approach_frames") or 0,
-            **arrays,
-        )
-    except ValueError as err:
-        raise ValueError(f"{label}: {err}") from err
-
-
-def _step(group: h5py.Group, name: str) -> int | None:
-    return _integer(group, name) if name in group.attrs else None
-
-
-def _group(parent: h5py.Group, key: str) -> h5py.Group:
-    node = parent[key]
-    if not isinstance(node, h5py.Group):
-        raise TypeError(f"{key} must be a group; got {type(node).__name__}")
-    return node
-
-
-def _array(parent: h5py.Group, key: str) -> np.ndarray:
-    node = parent[key]
-    if not isinstance(node, h5py.Dataset):
-        raise TypeError(f"{key} must be a data set; got {type(node).__name__}")
-    return node[()]
 
 
 def _check_sizes(file: h5py.File) -> None:
@@ -420,67 +425,20 @@ def _check_sizes(file: h5py.File) -> None:
     visit(file)
 
 
-def _check_shapes(group: h5py.Group) -> None:
-    """Check types and shapes of a stage's arrays before they are read."""
-    label = str(group.name).lstrip("/")
-    shapes = {key: group[key] for key in _STAGE_KEYS if key in group}
-    for key, node in shapes.items():
-        if not isinstance(node, h5py.Dataset):
-            raise TypeError(f"{label}/{key} must be a data set; got {type(node).__name__}")
-    frames = shapes["joint_state"].shape[:1]
-    for key, node in shapes.items():
-        declared = _STAGE_KEYS[key]
-        start = frames if declared.per_frame else ()
-        one = node.shape[len(start) :]
-        fits = len(one) == len(declared.shape) and all(
-            wanted in (0, size) for wanted, size in zip(declared.shape, one, strict=True)
-        )
-        if node.shape[: len(start)] != start or not fits:
-            wanted = (*start, *(size or "D" for size in declared.shape))
-            raise ValueError(f"{label}/{key} must have shape {wanted}; got {node.shape}")
-        if node.dtype != np.dtype(declared.dtype):
-            raise ValueError(f"{label}/{key} must be {declared.dtype}; got {node.dtype}")
-
-
-def _text(node: h5py.Group, name: str) -> str:
-    value = _attribute(node, name)
-    if not isinstance(value, str):
-        raise TypeError(f"attribute {name!r} must be a text; got {value!r}")
-    return value
-
-
-def _integer(node: h5py.Group, name: str) -> int:
-    value = _attribute(node, name)
-    if not isinstance(value, (int, np.integer)) or isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"attribute {name!r} must be an integer; got {value!r}")
-    return int(value)
-
-
-def _number(node: h5py.Group, name: str) -> float:
-    value = _attribute(node, name)
-    if not isinstance(value, (float, np.floating)):
-        raise TypeError(f"attribute {name!r} must be a number; got {value!r}")
-    return float(value)
-
-
-def _truth(node: h5py.Group, name: str) -> bool:
-    value = _attribute(node, name)
-    if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"attribute {name!r} must be true or false; got {value!r}")
-    return bool(value)
-
-
-def _attribute(node: h5py.Group, name: str) -> Any:
-    if name not in node.attrs:
-        raise KeyError(f"attribute {name!r} of {node.name} is missing")
-    return node.attrs[name]
-
-
-def _json_attribute(node: h5py.Group, name: str, kind: type) -> Any:
-    value = decode_json(_text(node, name))
-    if not isinstance(value, kind):
-        raise TypeError(f"attribute {name!r} must be a JSON {kind.__name__}; got {value!r}")
-    return value
+def _check_shapes(arrays: Mapping[str, np.ndarray | h5py.Dataset]) -> None:
+    """Check shapes and types of a stage's arrays; before they are read, or afterwards."""
+    shape = arrays["joint_state"].shape
+    frame_count, joints = (shape[0], shape[1] or 1) if len(shape) == 2 else (len(shape), 1)
+    if not frame_count:
+        raise ValueError("joint_state must hold at least one frame; got 0")
+    for key, array in arrays.items():
+        declared = _ARRAYS[key]
+        one = tuple(size or joints for size in declared.shape)
+        shape = (frame_count, *one) if declared.per_frame else one
+        if array.shape != shape:
+            raise ValueError(f"{key} must have shape {shape}; got {array.shape}")
+        if array.dtype != np.dtype(declared.dtype):
+            raise ValueError(f"{key} must be {declared.dtype}; got {array.dtype}")
 
 
 def _to_json(name: str, value: object) -> str:
@@ -488,29 +446,6 @@ def _to_json(name: str, value: object) -> str:
         return json.dumps(value, sort_keys=True, ensure_ascii=False, allow_nan=False)
     except (TypeError, ValueError) as err:
         raise ValueError(f"{name} must be JSON-ready with finite numbers; {err}") from err
-
-
-def _check_stage(arrays: Mapping[str, np.ndarray]) -> None:
-    """Check types, shapes and values of one stage's arrays."""
-    frame_count = len(arrays["joint_state"])
-    if frame_count < 1:
-        raise ValueError("joint_state must hold at least one frame; got 0")
-    joints = arrays["joint_state"].shape[1] if arrays["joint_state"].ndim == 2 else 1
-    for key, array in arrays.items():
-        declared = _STAGE_KEYS[key]
-        one = tuple(size or max(joints, 1) for size in declared.shape)
-        shape = (frame_count, *one) if declared.per_frame else one
-        if array.shape != shape:
-            raise ValueError(f"{key} must have shape {shape}; got {array.shape}")
-        if array.dtype != np.dtype(declared.dtype):
-            raise ValueError(f"{key} must be {declared.dtype}; got {array.dtype}")
-        _check_finite(key, array)
-    _check_range("points_affordance_feature", arrays["points_affordance_feature"])
-    _check_range("colour of env_point_cloud", arrays["env_point_cloud"][..., 3:])
-    norms = np.linalg.norm(arrays["ee_pose"][..., 3:], axis=-1)
-    if np.abs(norms - 1.0).max() > 1e-3:
-        worst = norms.flat[np.abs(norms - 1.0).argmax()]
-        raise ValueError(f"ee_pose must hold unit quaternions; got one of length {worst:.4g}")
 
 
 def _check_finite(name: str, array: np.ndarray) -> None:
@@ -523,12 +458,3 @@ def _check_range(name: str, array: np.ndarray) -> None:
     low, high = float(array.min()), float(array.max())
     if low < 0.0 or high > 1.0:
         raise ValueError(f"{name} must lie in [0, 1]; got [{low:.4g}, {high:.4g}]")
-
-
-def _check_points(points: Points) -> None:
-    lengths = {"xyz": 3, "uv": 2}
-    for name, point in points.items():
-        for key, value in point.items():
-            if key not in lengths or len(value) != lengths[key]:
-                raise ValueError(f"point {name!r} must hold xyz (3,) or uv (2,); got {key}={value}")
-    _to_json("points", points)

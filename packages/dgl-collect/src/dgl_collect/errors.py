@@ -25,6 +25,13 @@ class CorruptEpisodeError(CollectionError):
         self.fault = fault
 
 
+class FileUnavailableError(CollectionError):
+    """A file cannot be read now: another process has locked it, or reading is not permitted.
+
+    The file may be whole; it must not be called damaged.
+    """
+
+
 class NotReplayableError(CollectionError):
     """An episode does not hold what a replay needs, such as its commands."""
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from dgl_collect.errors import MachineError, OutputFolderError
+from dgl_collect.errors import FileUnavailableError, MachineError, OutputFolderError
 
 FULL_BYTES = 1_000_000
 """A disk with less room than this [bytes] is full: a file is not begun that may not fit."""
@@ -20,6 +20,33 @@ _DISK_FAULTS = {
     errno.EROFS: "the disk can only be read",
     errno.EIO: "the disk cannot be read or written",
 }
+_UNAVAILABLE = {
+    errno.EAGAIN: "another process has locked it",
+    **{
+        code: os.strerror(code).lower()
+        for code in (
+            errno.EACCES, errno.EPERM, errno.EBUSY, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
+            errno.EIO, errno.ESTALE, errno.ENOLCK, errno.ETIMEDOUT,
+        )
+    },
+}  # fmt: skip
+
+
+@contextmanager
+def unavailable_told(path: Path) -> Iterator[None]:
+    """Tell apart a file that cannot be read now from one that is damaged.
+
+    Raises:
+        FileUnavailableError: If the block raises an error of the operating system that says nothing
+            of the file's content: locked, forbidden, a failing disk.
+    """
+    try:
+        yield
+    except OSError as err:
+        if err.errno in _UNAVAILABLE:
+            reason = _UNAVAILABLE[err.errno]
+            raise FileUnavailableError(f"{path} cannot be read now: {reason}") from err
+        raise
 
 
 def describe_disk_fault(err: BaseException) -> str | None:

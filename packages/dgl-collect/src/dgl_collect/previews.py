@@ -1,4 +1,4 @@
-"""Looking at an episode without reading all of its pictures."""
+"""First and last pictures of an episode, and its small arrays, read quickly."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from dgl_collect.episodes import Points, read_stage_names
-from dgl_collect.errors import CorruptEpisodeError
-from dgl_files.fields import decode_json
+from dgl_collect.episodes import Points, opened_episode, read_stage_names, take
+from dgl_files.fields import check_value, decode_json
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,34 +38,25 @@ def read_previews(path: Path | str) -> tuple[StagePreview, ...]:
         path: An episode file. Only what is read is checked; `read_episode` checks everything.
 
     Raises:
-        FileNotFoundError: If there is no such file.
-        CorruptEpisodeError: If it cannot be read.
+        FileNotFoundError, FileUnavailableError, CorruptEpisodeError: As `read_episode`.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no episode file at {path}")
-    try:
-        with h5py.File(path, "r") as file:
-            names = read_stage_names(file)
-            return tuple(_read_preview(file, f"stage_{k}") for k in range(1, len(names) + 1))
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError) as err:
-        raise CorruptEpisodeError(path, f"cannot be read ({err})") from err
+    with opened_episode(path) as file:
+        count = len(read_stage_names(file))
+        return tuple(_read_preview(take(file, f"stage_{k + 1}", h5py.Group)) for k in range(count))
 
 
-def _read_preview(file: h5py.File, key: str) -> StagePreview:
+def _read_preview(group: h5py.Group) -> StagePreview:
     def read(name: str, which: object = ()) -> np.ndarray:
-        data = file[f"{key}/{name}"]
-        if not isinstance(data, h5py.Dataset):
-            raise TypeError(f"{key}/{name} must be a data set; got {type(data).__name__}")
-        return data[which]
+        return take(group, name, h5py.Dataset)[which]
 
-    attributes = file[key].attrs
+    points = decode_json(group.attrs["points"])
+    check_value("points", points, Points)
     return StagePreview(
-        name=str(attributes["name"]),
+        name=str(group.attrs["name"]),
         first_image=read("image", 0),
         last_image=read("image", -1),
         ee_pose=read("ee_pose"),
         garment_point_cloud=read("garment_point_cloud"),
         points_affordance_feature=read("points_affordance_feature"),
-        points=decode_json(str(attributes["points"])),
+        points=points,
     )

@@ -5,21 +5,27 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import json
+import logging
+import math
 import platform
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
-from scipy.stats import binomtest
+from annotated_types import Ge, Lt
 
-from dgl_collect.errors import OutputFolderError
-from dgl_files.fields import STRICT, read_json
-from dgl_files.whole import write_json
+from dgl_collect.episodes import opened_episode
+from dgl_collect.errors import CorruptEpisodeError, OutputFolderError
+from dgl_files.fields import STRICT, check_fields, read_json
+from dgl_files.whole import write_json, write_text
 from dgl_tasks.success import Criterion
 
+logger = logging.getLogger(__name__)
+
+ATTEMPTS_FILE = "attempts.jsonl"
 VERSIONED_PACKAGES = (
     "dexgarmentlab", "dgl-physics", "dgl-assets", "dgl-gam", "dgl-sadp", "dgl-tasks", "dgl-collect",
     "h5py", "mani-skill", "numpy", "sapien", "torch", "warp-lang",
@@ -32,36 +38,39 @@ class AttemptResult:
     """The outcome of one attempt, JSON-ready.
 
     Raises:
-        ValueError: If a failure has no reason, a success has one, or a number is not finite.
+        ValueError: If a field is of another type or out of range, a failure has no reason, or a
+            success has one.
     """
 
-    index: int
+    __pydantic_config__: ClassVar = STRICT
+
+    index: Annotated[int, Ge(0)]
     """Number of the attempt in the run, from 0."""
-    seed: int
+    seed: Annotated[int, Ge(0), Lt(2**32)]
     """The attempt's own seed."""
     success: bool
-    """Whether the task's rule was met at the end."""
+    """True if the task's rule was met at the end."""
     first_try: bool = False
-    """Whether it was met when something was about to be done again for the first time; at the end where nothing was."""
+    """Success before any retry."""
     value: float | None = None
     """The quantity that the rule judges; None when the attempt did not get that far."""
     reason: str | None = None
-    """Why it failed, in a few words without numbers, so that equal failures can be counted."""
+    """Reason of failure, in a few words without numbers, so that equal failures can be counted."""
     detail: str = ""
     """The same with numbers."""
     criteria: tuple[Criterion, ...] = ()
-    """The conditions of the rule."""
+    """The criteria of the rule."""
     garment_id: str | None = None
-    """Which garment; None when the attempt did not get that far."""
-    seconds: float = 0.0
+    """Id of the garment; None when the attempt did not get that far."""
+    seconds: Annotated[float, Ge(0)] = 0.0
     """Wall-clock time of the attempt [s]."""
     frames: int = 0
     """Recorded frames over all stages."""
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall-clock time by stage name [s], in order."""
     files: Mapping[str, str] = field(default_factory=dict)
-    """Kind (`episode`, `video`, `picture`) to path, relative to the folder that was given to the attempt;
-    relative to the run's folder once the run has taken them over."""
+    """Kind (`episode`, `video`, `picture`) to path: relative to the attempt's own folder, and to the
+    run's folder once the run has taken the file over."""
     checksums: Mapping[str, str] = field(default_factory=dict)
     """Kind to SHA-256 of the file, in hexadecimal digits, once the run has taken it over."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
@@ -69,32 +78,24 @@ class AttemptResult:
     measurements: Mapping[str, float] = field(default_factory=dict)
     """Further named numbers, such as the largest stretch."""
     beliefs: Mapping[str, float] = field(default_factory=dict)
-    """What the method made of what it saw, by name: the basis of its decisions, and none of its success."""
-
-    __pydantic_config__ = STRICT
+    """The method's own estimates by name; they do not decide its success."""
 
     def __post_init__(self) -> None:
-        if self.index < 0:
-            raise ValueError(f"index must be at least 0; got {self.index}")
-        if not 0 <= self.seed < 2**32:
-            raise ValueError(f"seed must be in [0, 2**32); got {self.seed}")
-        if self.seconds < 0:
-            raise ValueError(f"seconds must be at least 0; got {self.seconds}")
+        check_fields(self)
         for kind, name in self.files.items():
             path = PurePosixPath(name)
             if not name or path.is_absolute() or ".." in path.parts:
                 raise ValueError(f"{kind} file must lie in the run's folder; got {name!r}")
-        if self.success and self.reason is not None:
-            raise ValueError(f"reason must be None for a success; got {self.reason!r}")
-        if not self.success and not self.reason:
-            raise ValueError(f"reason must be given for a failure; got {self.reason!r}")
+        if self.success == bool(self.reason):
+            wanted = "None for a success" if self.success else "given for a failure"
+            raise ValueError(f"reason must be {wanted}; got {self.reason!r}")
         try:
             self.to_line()
         except (TypeError, ValueError) as err:
             raise ValueError(f"result must be JSON-ready with finite numbers; {err}") from err
 
     def to_line(self) -> str:
-        """Give the result as one line of JSON, without the line end."""
+        """Write the result as one line of JSON, without the line end."""
         return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
 
     @classmethod
@@ -114,25 +115,67 @@ def read_results(path: Path) -> list[AttemptResult]:
     """Read every result, in the order of the attempts.
 
     Args:
-        path: `attempts.jsonl`. A last line without a line end is what a power cut leaves: it is not a
-            result.
+        path: `attempts.jsonl`. A last line without a line end is left by a power cut: it is ignored.
 
     Raises:
         OutputFolderError: If a whole line is not a result, or an attempt is there twice.
     """
+    results, faults = inspect_results(path)
+    if faults:
+        raise OutputFolderError(faults[0])
+    return results
+
+
+def inspect_results(path: Path) -> tuple[list[AttemptResult], list[str]]:
+    """Read the results of all valid lines, in the order of the attempts, and list the others."""
     if not path.exists():
-        return []
+        return [], []
     *lines, _ = path.read_text(encoding="utf-8", errors="replace").split("\n")
     results: dict[int, AttemptResult] = {}
+    faults = []
     for number, line in enumerate(lines, start=1):
         try:
             result = AttemptResult.from_line(line)
+            if result.index in results:
+                raise ValueError(f"attempt {result.index} is there twice")
+            results[result.index] = result
         except ValueError as err:
-            raise OutputFolderError(f"{path}, line {number}: {err}") from err
-        if result.index in results:
-            raise OutputFolderError(f"{path}, line {number}: attempt {result.index} is there twice")
-        results[result.index] = result
-    return [results[index] for index in sorted(results)]
+            faults.append(f"{path}, line {number}: {err}")
+    return [results[index] for index in sorted(results)], faults
+
+
+def drop_lost_attempts(folder: Path) -> list[AttemptResult]:
+    """Remove the lines of attempts whose episode file is missing or cannot be opened.
+
+    Args:
+        folder: Of a run.
+
+    Returns:
+        The results that are left, in the order of the attempts.
+
+    Raises:
+        FileUnavailableError: If an episode cannot be opened now.
+        OutputFolderError: As `read_results`.
+    """
+    path = folder / ATTEMPTS_FILE
+    results = read_results(path)
+    lost = {result.index for result in results if _is_lost(folder, result)}
+    if lost:
+        logger.warning("%d attempts are made again: their episodes are lost", len(lost))
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        kept = [line for line in lines if AttemptResult.from_line(line).index not in lost]
+        write_text(path, "".join(kept))
+    return [result for result in results if result.index not in lost]
+
+
+def _is_lost(folder: Path, result: AttemptResult) -> bool:
+    if "episode" not in result.files:
+        return False
+    try:
+        with opened_episode(folder / result.files["episode"]):
+            return False
+    except (FileNotFoundError, CorruptEpisodeError):
+        return True
 
 
 def wilson_interval(successes: int, attempts: int) -> tuple[float, float]:
@@ -144,27 +187,34 @@ def wilson_interval(successes: int, attempts: int) -> tuple[float, float]:
 
     Returns:
         Lower and upper limit in [0, 1]; (0, 1) without attempts.
+
+    Source:
+        Newcombe 1998, method 3.
     """
     if not 0 <= successes <= attempts:
         raise ValueError(f"successes must be in [0, {attempts}]; got {successes}")
     if attempts == 0:
         return 0.0, 1.0
-    interval = binomtest(successes, attempts).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
+    z, share = 1.959963984540054, successes / attempts
+    scale = 2 * (attempts + z**2)
+    middle = (2 * attempts * share + z**2) / scale
+    half = z / scale * math.sqrt(4 * attempts * share * (1 - share) + z**2)
+    low = 0.0 if successes == 0 else middle - half
+    return low, 1.0 if successes == attempts else middle + half
 
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """What a run amounts to; the content of `summary.json`."""
+    """Counts of a run; the content of `summary.json`."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__: ClassVar = STRICT
 
     task: str
     """Environment id."""
     seed: int
     """Seed of the run."""
     status: Literal["complete", "interrupted", "failed"]
-    """Whether every attempt that was asked for was made."""
+    """`complete` if every attempt that was asked for was made."""
     requested: int
     """Attempts asked for."""
     attempted: int
@@ -172,7 +222,7 @@ class Summary:
     succeeded: int
     """Attempts that met the task's rule at their end."""
     succeeded_first: int
-    """Attempts that met it at the first try, before anything was done again."""
+    """Attempts that met it before any retry."""
     success_rate: float | None
     """Succeeded over attempted; None without attempts."""
     success_interval: tuple[float, float]
@@ -184,7 +234,7 @@ class Summary:
     reasons: Mapping[str, int]
     """Reason of failure to count, most frequent first."""
     details: Mapping[str, str]
-    """Reason of failure to what the first attempt that failed so says of it."""
+    """Reason of failure to the detail of the first attempt that failed so."""
     versions: Mapping[str, str]
     """Package to version."""
 
@@ -198,7 +248,7 @@ def summarize(
     status: Literal["complete", "interrupted", "failed"],
     versions: Mapping[str, str],
 ) -> Summary:
-    """Count the results of a run; see `Summary` for the arguments and what comes out."""
+    """Count the results of a run; `Summary` describes the arguments."""
     succeeded = sum(result.success for result in results)
     seconds = [result.seconds for result in results]
     garments: dict[str, dict[str, int]] = {}
@@ -238,7 +288,7 @@ def write_summary(path: Path, summary: Summary) -> None:
 
 
 def package_versions() -> dict[str, str]:
-    """Give the versions of Python and of what is installed among the packages that matter here."""
+    """List the versions of Python and of `VERSIONED_PACKAGES` as installed."""
     versions = {"python": platform.python_version()}
     for name in VERSIONED_PACKAGES:
         try:

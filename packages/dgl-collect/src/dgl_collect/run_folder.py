@@ -12,10 +12,11 @@ from typing import Literal
 from dgl_collect.errors import MachineError, OutputFolderError
 from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.results import (
+    ATTEMPTS_FILE,
     AttemptResult,
     Summary,
+    drop_lost_attempts,
     package_versions,
-    read_results,
     summarize,
     write_summary,
 )
@@ -32,7 +33,7 @@ from dgl_files.whole import (
 logger = logging.getLogger(__name__)
 
 RUN_FORMAT = 1
-RUN_FILE, ATTEMPTS_FILE, SUMMARY_FILE = "run.json", "attempts.jsonl", "summary.json"
+RUN_FILE, SUMMARY_FILE = "run.json", "summary.json"
 KEPT_OF_FAILURES = ("video", "picture")
 """What is kept of a failed attempt, for people to look at; its episode would only mislead training."""
 
@@ -211,7 +212,7 @@ class RunFolder:
         if run_path.exists():
             commands = self._check_run()
             drop_unfinished_line(self.attempts_path)
-            self.results = read_results(self.attempts_path)
+            self.results = drop_lost_attempts(self.path)
         content = {"run_format": RUN_FORMAT, **self._identity, "versions": self.versions}
         self._content = {**content, "commands": [*commands, self._command]}
         write_json(run_path, {**self._content, "machines": self._machines})

@@ -1,8 +1,9 @@
-"""Is a run's folder whole? Every file is opened, and what says the same in two places is compared."""
+"""Checks of a run's folder: every file opens, and files that state the same fact agree."""
 
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,9 +11,17 @@ import av
 import imageio.v3 as iio
 
 from dgl_collect.episodes import read_episode
-from dgl_collect.errors import CollectionError, CorruptEpisodeError, OutputFolderError
-from dgl_collect.results import AttemptResult, Summary, read_results, summarize
-from dgl_collect.run_folder import ATTEMPTS_FILE, SUMMARY_FILE, RunRecord, read_run
+from dgl_collect.errors import CorruptEpisodeError, OutputFolderError
+from dgl_collect.files import unavailable_told
+from dgl_collect.results import (
+    ATTEMPTS_FILE,
+    AttemptResult,
+    Summary,
+    inspect_results,
+    read_results,
+    summarize,
+)
+from dgl_collect.run_folder import SUMMARY_FILE, RunRecord, read_run
 from dgl_collect.runner import CollectConfig, make_attempt_seed, make_episode_id
 from dgl_files.fields import read_json_file
 from dgl_files.whole import compute_checksum
@@ -25,28 +34,30 @@ _FOLDERS = ("episodes", "failed")
 def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
     """Check the folder of a collection, or of one seed of an evaluation; nothing is changed.
 
-    Every file opens, holds what was written, and its shapes and numbers are right; lines and files agree; the seeds are
-    those of the run; success follows from the recorded criteria; the summary says what the lines say, and no attempt of a
-    complete run is missing.
+    Every file opens, with the recorded shapes, numbers and checksum; lines and files agree; seeds
+    are those of the run; success follows from the criteria; the summary counts the lines, and no
+    attempt of a complete run is missing.
 
     Args:
         folder: Of the run.
 
     Yields:
-        Each file as it is checked, and what is wrong with it; nothing where it is whole.
+        Each file as it is checked, with its fault, or "".
+
+    Raises:
+        FileUnavailableError: If a file cannot be read now, so that nothing can be said of it.
     """
     try:
         run = read_run(folder)
-    except CollectionError as err:
+    except OutputFolderError as err:
         yield folder / "run.json", str(err)
         return
     yield folder / "run.json", ""
     lines = folder / ATTEMPTS_FILE
-    try:
-        results = read_results(lines)
-    except OutputFolderError as err:
-        yield lines, str(err)
-        return
+    with unavailable_told(lines):
+        results, faults = inspect_results(lines)
+    for fault in faults or [""]:
+        yield lines, fault
     yield lines, _check_lines(lines)
     named: set[Path] = set()
     for result in results:
@@ -54,16 +65,19 @@ def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
         for kind, name in result.files.items():
             path = folder / name
             named.add(path)
-            yield path, _check_file(run, result, kind, path)
-    for part in _FOLDERS:
-        for path in sorted((folder / part).glob("*")):
-            if path not in named:
-                yield path, f"{path}: no attempt of {ATTEMPTS_FILE} names it"
-    yield folder / SUMMARY_FILE, _check_summary(folder / SUMMARY_FILE, results)
+            with unavailable_told(path):
+                fault = _check_file(run, result, kind, path)
+            yield path, fault
+    if not faults:  # else the files of these lines would be called unknown, and the counts wrong
+        for part in _FOLDERS:
+            for path in sorted((folder / part).glob("*")):
+                if path not in named:
+                    yield path, f"{path}: no attempt of {ATTEMPTS_FILE} names it"
+        yield folder / SUMMARY_FILE, _check_summary(folder / SUMMARY_FILE, results)
 
 
 def find_missing(folder: Path) -> list[int]:
-    """Find the attempts that were asked for and are not made yet; none where the folder does not tell."""
+    """List the attempts that were asked for and are not made yet; none without a summary."""
     try:
         summary = read_json_file(Summary, folder / SUMMARY_FILE)
         return _list_missing(summary, read_results(folder / ATTEMPTS_FILE))
@@ -104,12 +118,23 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
     """Open a file of an attempt, and compare it with the attempt's line."""
     part = _FOLDERS[0] if result.success else _FOLDERS[1]
     stem = make_episode_id(run.task, run.seed, result.index)
+    again = "; --resume makes the attempt again" if kind == "episode" else ""
     if path.parent.name != part or path.stem != stem:
         return f"{path}: the files of attempt {result.index} must be {part}/{stem}.*"
     if not path.is_file():
-        return f"{path} is missing"
-    if fault := _open_file(run, result, kind, path):
-        return fault
+        return f"{path} is missing{again}"
+    content = b"" if kind == "episode" else path.read_bytes()
+    try:
+        if kind == "episode":
+            fault = _check_episode(run, result, path)
+        else:
+            fault = _check_content(kind, content)
+    except CorruptEpisodeError as err:
+        return f"{err}; remove it{again}"
+    except (OSError, ValueError, IndexError, EOFError, SyntaxError) as err:
+        fault = f"cannot be read: {err}"
+    if fault:
+        return f"{path} {fault}"
     recorded = result.checksums.get(kind)
     if recorded is None:
         return f"{path}: {ATTEMPTS_FILE} holds no SHA-256 of it"
@@ -118,21 +143,16 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
     return ""
 
 
-def _open_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) -> str:
-    try:
-        match kind:
-            case "episode":
-                return _check_episode(run, result, path)
-            case "video":
-                with av.open(path) as film:
-                    frames = sum(1 for _ in film.decode(video=0))
-                return "" if frames else f"{path} has no picture"
-            case "picture":
-                iio.imread(path)
-    except CorruptEpisodeError as err:
-        return str(err)
-    except (OSError, ValueError, IndexError) as err:
-        return f"{path} cannot be read: {err}"
+def _check_content(kind: str, content: bytes) -> str:
+    """Open the content of a film or a picture."""
+    if kind == "picture":
+        if not content.startswith(b"\x89PNG\r\n\x1a\n"):
+            return "is no PNG picture"
+        iio.imread(content, extension=".png")
+    if kind == "video":
+        with av.open(io.BytesIO(content)) as film:
+            if not any(True for _ in film.decode(video=0)):
+                return "has no picture"
     return ""
 
 
@@ -147,16 +167,15 @@ def _check_episode(run: RunRecord, result: AttemptResult, path: Path) -> str:
         ("number of frames", result.frames, sum(stage.frame_count for stage in episode.stages)),
     ):
         if ours != its:
-            return f"{path}: its {name} is {its}; {ATTEMPTS_FILE} says {ours}"
+            return f"has {name} {its}; {ATTEMPTS_FILE} says {ours}"
     for kind, line, file in (
         ("draw", result.randomisation, episode.randomisation),
         ("measurement", result.measurements, episode.measurements),
     ):
         for name, value in file.items():
             if line.get(name) != value:
-                return (
-                    f"{path}: its {kind} {name!r} is {value}; {ATTEMPTS_FILE} says {line.get(name)}"
-                )
+                found = line.get(name)
+                return f"has {kind} {name!r} {value}; {ATTEMPTS_FILE} says {found}"
     return ""
 
 
@@ -182,5 +201,8 @@ def _check_summary(path: Path, results: list[AttemptResult]) -> str:
             return f"{path}: {field.name} is {its}; the lines of {ATTEMPTS_FILE} say {ours}"
     missing = _list_missing(found, results)
     if found.status == "complete" and missing:
-        return f"{path}: the run is called complete, and attempt {missing[0]} of {found.requested} is missing"
+        return (
+            f"{path}: the run is called complete, and attempt {missing[0]} of {found.requested} "
+            "is missing"
+        )
     return ""
