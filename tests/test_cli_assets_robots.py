@@ -7,6 +7,11 @@ from pathlib import Path
 import pytest
 
 from dexgarmentlab.cli import main
+from dexgarmentlab.cli.collect import CollectOptions
+from dexgarmentlab.cli.flags import tell_command
+from dgl_collect.options import RecordOptions
+from dgl_collect.setup import prepare_options
+from dgl_tasks import get_task
 
 _PATH = Path(__file__).parents[1] / "packages" / "dgl-assets" / "tests" / "dgl_robot_samples.py"
 _SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)
@@ -62,15 +67,14 @@ def test_an_unknown_robot_is_said_before_anything_starts(verb, tmp_path, capsys)
 
 
 def test_a_run_remembers_its_robot(tmp_path, hand):
-    from dexgarmentlab.cli.collect import CollectOptions, robot_options
-
     robots = tmp_path / "robots"
     arguments = ["assets", "import-robot", str(hand), "--name", "sixteen", "--kind", "hand"]
     assert main([*arguments, "--robots", str(robots)]) == 0
-    assert robot_options("sixteen", robots) == {"robot": "sixteen", "robots": str(robots)}
-    assert robot_options("ur10e+shadow", None) == {}
-    options = CollectOptions(task="FoldTops-v1", out=tmp_path, robot="sixteen", robots=robots)
-    assert options.command.endswith(f"--robot sixteen --robots {robots}")
+    run = RecordOptions(robot="sixteen", robots=robots)
+    prepared, _ = prepare_options(run, get_task("FoldTops-v1"))
+    assert prepared.to_plain() == {"robot": "sixteen", "robots": str(robots)}
+    options = CollectOptions(task="FoldTops-v1", out=tmp_path, run=run)
+    assert tell_command("collect", options).endswith(f"--robot sixteen --robots {robots}")
 
 
 @pytest.mark.parametrize("action", ["import-robot", "list-robots"])

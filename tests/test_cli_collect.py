@@ -1,6 +1,5 @@
 """The verbs `collect` and `demo`, with made-up attempts."""
 
-import functools
 import importlib
 import json
 import os
@@ -15,9 +14,10 @@ from dexgarmentlab.cli import collect as collect_verb
 from dexgarmentlab.cli import demo as demo_verb
 from dexgarmentlab.cli import main
 from dgl_assets.importing import AssetImportError
-from dgl_collect import AttemptResult, own_garment
-from dgl_collect.errors import OutputFolderError, UnknownTaskError, WorkerError
+from dgl_collect import AttemptResult, RecordOptions, own_garment
+from dgl_collect.errors import OutputFolderError, WorkerError
 from dgl_collect.runner import make_attempt_seed
+from dgl_tasks.errors import UnknownTaskError
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 
@@ -27,13 +27,13 @@ def fake(monkeypatch):
     """Make the verbs use made-up attempts with the given options."""
     monkeypatch.syspath_prepend(str(COLLECT_TESTS))
     fakes = importlib.import_module("dgl_collect_fakes")
-    monkeypatch.setattr("dgl_tasks.tasks.task_ids", lambda: fakes.KNOWN_TASKS)
 
     def use(**options):
-        config = functools.partial(
-            dgl_collect.CollectConfig, attempt_factory=fakes.FACTORY, options=options
+        config, made_up = dgl_collect.CollectConfig, {"attempt_factory": fakes.FACTORY}
+        monkeypatch.setattr(
+            "dgl_collect.CollectConfig",
+            lambda **asked: config(**{**asked, **made_up, "options": options}),
         )
-        monkeypatch.setattr("dgl_collect.CollectConfig", config)
 
     return use
 
@@ -68,8 +68,8 @@ def test_the_look_is_an_option_of_the_attempts(monkeypatch, tmp_path):
     monkeypatch.setattr(collect_verb, "collect_with_progress", stop)
     for look in ("studio", "random"):
         with pytest.raises(KeyboardInterrupt):
-            collect_verb.run(options(tmp_path / "out", look=look))
-    assert [config.options for config in seen] == [{}, {"look": "random"}]
+            collect_verb.run(options(tmp_path / "out", run=RecordOptions(look=look)))
+    assert [config.options.look for config in seen] == ["studio", "random"]
     assert [" --look random" in config.command for config in seen] == [False, True]
 
 
@@ -92,8 +92,8 @@ def test_an_interrupted_collect_tells_the_command_that_goes_on(fake, tmp_path, c
     timer.start()
     assert collect_verb.run(options(tmp_path / "my out", episodes=50)) == 130
     last = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "of 50 attempts; continue with: dgl collect FoldTops-v1 --episodes 50" in last
-    assert last.endswith("my out' --resume")
+    assert "of 50 attempts; continue with: dgl collect FoldTops-v1 --out" in last
+    assert last.endswith("my out' --episodes 50 --resume")
 
 
 def test_the_report_is_there_when_the_workers_give_up(fake, tmp_path):
@@ -134,7 +134,7 @@ def test_a_garment_that_cannot_be_had_is_told_before_there_is_a_folder(
     command = ["collect", "FoldTops-v1", "--out", str(out), "--garment", str(source)]
     assert main(command) == 1
     told = capsys.readouterr().err
-    assert "--garment must be a mesh file or the folder of an imported garment" in told
+    assert "garment must be a mesh file, the folder of an imported garment or an id" in told
     source.touch()
     assert main(command) == 1
     told = capsys.readouterr().err

@@ -1,5 +1,6 @@
 """The verb `eval`, with made-up episodes, and the figures that it computes."""
 
+import dataclasses
 import functools
 import importlib
 import json
@@ -16,20 +17,21 @@ import pytest
 
 import dgl_collect
 from dexgarmentlab.cli import eval as verb
-from dexgarmentlab.cli.worker_flags import WorkerFlags
-from dexgarmentlab.evaluation.attempts import choose_split, draw_garment, make_evaluation_runner
-from dexgarmentlab.evaluation.methods import SCRIPTED, MethodOptions, check_method, make_method
-from dexgarmentlab.evaluation.results import Run, summarize
+from dexgarmentlab.cli.flags import WorkerFlags, tell_command
+from dexgarmentlab.learned_methods import make_evaluation_runner
 from dgl_assets import garment_ids
 from dgl_collect import AttemptResult
 from dgl_collect.actors import Expert, LiftAndDrop
+from dgl_collect.attempt import choose_split, draw_garment
 from dgl_collect.demonstration import load_demonstration
-from dgl_collect.errors import UnknownTaskError
+from dgl_collect.evaluation.methods import SCRIPTED, check_method, make_method
+from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.evaluation.results import Run, summarize
 from dgl_collect.runner import make_attempt_seed
 from dgl_collect.setup import Setup
 from dgl_physics import MeshError
 from dgl_tasks import get_task
-from dgl_tasks.errors import UnreachableError
+from dgl_tasks.errors import UnknownTaskError, UnreachableError
 from dgl_tasks.evaluation import EpisodeResult
 from dgl_tasks.policy import FromStart, Method, Nothing
 from dgl_tasks.success import Criterion, Verdict
@@ -42,23 +44,24 @@ def fake(monkeypatch):
     """Make the verb use made-up episodes."""
     monkeypatch.syspath_prepend(str(COLLECT_TESTS))
     fakes = importlib.import_module("dgl_collect_fakes")
-    monkeypatch.setattr("dgl_tasks.tasks.task_ids", lambda: fakes.KNOWN_TASKS)
-    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.FACTORY", fakes.FACTORY)
+    config = dgl_collect.CollectConfig
 
     def use(**options):
-        config = dgl_collect.CollectConfig
+        made_up = {"attempt_factory": fakes.FACTORY, "options": options}
+        monkeypatch.setattr(
+            "dgl_collect.CollectConfig", lambda **content: config(**{**content, **made_up})
+        )
 
-        def configure(**content):
-            return config(**{**content, "options": {**content["options"], **options}})
-
-        monkeypatch.setattr("dgl_collect.CollectConfig", configure)
-
+    use()
     return use
 
 
 def options(out, **changes):
-    content = {"task": "FoldTops-v1", "policy": "nothing", "episodes": 3, "seeds": "0,1"}
-    return verb.EvalOptions(**(content | {"out": out} | changes))
+    names = {item.name for item in dataclasses.fields(EvaluationOptions)}
+    ours = {"policy": "nothing"} | {k: v for k, v in changes.items() if k in names}
+    content = {"task": "FoldTops-v1", "episodes": 3, "seeds": "0,1", "out": out}
+    content |= {k: v for k, v in changes.items() if k not in names}
+    return verb.EvalOptions(run=EvaluationOptions(**ours), **content)
 
 
 def count_even(seed, episodes, *, of=2):
@@ -94,7 +97,7 @@ def test_results_hold_every_seed_and_every_episode(fake, tmp_path, capsys):
         for kind in ("video", "picture"):
             assert (tmp_path / "out" / record["files"][kind]).is_file()
     assert results["status"] == "complete"
-    assert results["command"].startswith("dgl eval FoldTops-v1 --policy nothing --episodes 6")
+    assert results["command"].startswith("dgl eval FoldTops-v1 --policy nothing --out")
     assert results["versions"]["python"]
     collected = {make_attempt_seed(seed, k) for seed in range(3) for k in range(100)}
     assert not collected & {record["episode_seed"] for record in results["runs"]}
@@ -115,7 +118,7 @@ def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
     assert verb.run(asked) == 130
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert "of 120 episodes; continue with: dgl eval FoldTops-v1 --policy nothing" in said
-    assert said.endswith("my out' --resume")
+    assert said.endswith("my out' --episodes 60 --seeds 3,4 --resume")
     results = json.loads((tmp_path / "my out/results.json").read_text())
     assert results["status"] == "interrupted"
     assert "This run was interrupted" in (tmp_path / "my out/index.html").read_text()
@@ -136,8 +139,8 @@ def test_refusals_come_before_any_work(fake, tmp_path):
         ({"seeds": "0,0"}, ValueError, "different numbers from 0 to 999,999.*'0,0'"),
         ({"seeds": "a"}, ValueError, "separated by commas; got 'a'"),
         ({"seeds": "-1"}, ValueError, "got '-1'"),
-        ({"friction": -0.5}, ValueError, "--friction must be at least 0; got -0.5"),
-        ({"actions": 0}, ValueError, "actions must be at least 1; got 0"),
+        ({"friction": -0.5}, ValueError, "friction should be greater than or equal to 0; got -0.5"),
+        ({"actions": 0}, ValueError, "actions should be greater than or equal to 1; got 0"),
         ({"episodes": 0}, ValueError, "episodes must be at least 1; got 0"),
     ):
         with pytest.raises(kind, match=message):
@@ -159,10 +162,10 @@ def test_the_command_asks_for_the_same(tmp_path):
         garments="test",
         workers=WorkerFlags(workers=2, engine="ray", address="10.0.0.1:6379"),
     )
-    assert asked.command == (
-        "dgl eval FoldTops-v1 --policy nothing --episodes 3 --seeds 0,1 --workers 2 "
-        "--engine ray --address 10.0.0.1:6379 "
-        f"--garments test --friction 0.0 --out {tmp_path}/out"
+    assert tell_command("eval", asked) == (
+        "dgl eval FoldTops-v1 --policy nothing --garments test --friction 0.0 "
+        f"--out {tmp_path}/out --episodes 3 --seeds 0,1 --workers 2 "
+        "--engine ray --address 10.0.0.1:6379"
     )
 
 
@@ -240,7 +243,10 @@ def give_nothing(env):
 def test_a_policy_of_ones_own_is_found_by_its_name(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     setup = SimpleNamespace(env=SimpleNamespace(task=None))
-    make = functools.partial(make_method, setup=setup, options=MethodOptions(actions=7))
+
+    def make(name):
+        return make_method(setup, EvaluationOptions(policy=name, actions=7), {})
+
     name = "test_cli_eval:make_standing_still"
     made = make(name)
     assert isinstance(made, FromStart)
@@ -252,7 +258,9 @@ def test_a_policy_of_ones_own_is_found_by_its_name(monkeypatch):
 
 
 def make_method_for(name, task_id="FoldTops-v1", **options):
+    options = EvaluationOptions(policy=name, **options)
     setup = Setup(
+        options=options,
         env=SimpleNamespace(task=get_task(task_id)),
         demonstration=load_demonstration(task_id),
         matcher="exact",
@@ -260,7 +268,7 @@ def make_method_for(name, task_id="FoldTops-v1", **options):
         demo_cloud=np.zeros((3, 3), np.float32),
         motion=None,
     )
-    return make_method(name, setup, MethodOptions(**options)), setup
+    return make_method(setup, options, {}), setup
 
 
 def test_methods_without_learning_are_found_by_their_names():
@@ -270,7 +278,7 @@ def test_methods_without_learning_are_found_by_their_names():
     assert isinstance(made["expert"].actor, Expert)
     assert isinstance(made["lift-drop"].actor, LiftAndDrop)
     for name in SCRIPTED:
-        check_method(name, get_task("FoldTops-v1"), MethodOptions())
+        check_method(get_task("FoldTops-v1"), EvaluationOptions(policy=name), {})
 
 
 def test_the_expert_does_all_stages_as_often_as_the_demonstration_says():
@@ -280,8 +288,6 @@ def test_the_expert_does_all_stages_as_often_as_the_demonstration_says():
     assert expert.rule is setup.env.task.success
     assert expert.get_matcher() == ("matcher of", setup.env)  # of the garment as it lies
     assert make_method_for("expert", rounds=2)[0].rounds == 2
-    with pytest.raises(ValueError, match="rounds must be at least 1; got 0"):
-        MethodOptions(rounds=0)
 
 
 def test_what_is_lifted_and_dropped_is_so_once():
@@ -306,8 +312,8 @@ def make_standing_still(env):
 
 
 def test_unknown_garments_are_refused():
-    with pytest.raises(ValueError, match=r"garments must be one of .*'both'.*; got 'mine'"):
-        make_evaluation_runner("FoldTops-v1", {"policy": "nothing", "garments": "mine"})
+    with pytest.raises(ValueError, match=r"garments should be 'both'.*; got 'mine'"):
+        EvaluationOptions(policy="nothing", garments="mine")
 
 
 class FakeEnv:
@@ -326,11 +332,11 @@ class FakeEnv:
 def fake_setup(monkeypatch):
     setup = SimpleNamespace(env=FakeEnv(), motion="motion", declared=None)
 
-    def make(task, **_):
-        setup.declared = task
+    def make(task, options):
+        setup.declared, setup.options = task, options
         return setup
 
-    monkeypatch.setattr("dexgarmentlab.evaluation.attempts.make_setup", make)
+    monkeypatch.setattr("dgl_collect.evaluation.methods.make_setup", make)
     return setup
 
 
@@ -344,7 +350,7 @@ def run_fake(monkeypatch, folder, end, **options):
         return end()
 
     monkeypatch.setattr("dgl_collect.attempt.run_episode", run_episode)
-    runner = make_evaluation_runner("FoldTops-v1", {"policy": "nothing", **options})
+    runner = make_evaluation_runner("FoldTops-v1", EvaluationOptions(policy="nothing", **options))
     result = runner.run(attempt_index=1, seed=5, out_dir=folder, episode_id="e")
     runner.close()
     return result, asked
@@ -419,9 +425,8 @@ def test_a_garment_that_cannot_be_simulated_ends_the_episode_with_its_error(
 @pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path):
-    runner = make_evaluation_runner(
-        "FoldTops-v1", {"policy": "nothing", "garments": "test", "friction": 0.0}
-    )
+    options = EvaluationOptions(policy="nothing", garments="test", friction=0.0)
+    runner = make_evaluation_runner("FoldTops-v1", options)
     try:
         result = runner.run(attempt_index=0, seed=11, out_dir=tmp_path, episode_id="e")
         assert runner._setup.env.task.material.friction == 0.0

@@ -62,8 +62,8 @@ def test_the_method_lifts_the_garment_and_is_judged():
 
 
 def test_the_methods_of_the_table_are_those_of_the_command_line():
-    from dexgarmentlab.evaluation.learned import METHODS
-    from dexgarmentlab.evaluation.methods import SCRIPTED
+    from dexgarmentlab.learned_methods import METHODS
+    from dgl_collect.evaluation.methods import SCRIPTED
 
     table = PAGE.split("| `--policy` | what it does |")[1].split("\n\n")[0]
     told = {

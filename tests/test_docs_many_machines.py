@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dexgarmentlab.cli.worker_flags import WorkerFlags
+from dexgarmentlab.cli.flags import WorkerFlags
 
 PAGE = (Path(__file__).parent.parent / "docs/many_machines.md").read_text(encoding="utf-8")
 

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dexgarmentlab.evaluation.attempts import make_evaluation_runner
-from dexgarmentlab.evaluation.learned import METHODS, check_checkpoints, count_chunks, load_actor
-from dexgarmentlab.evaluation.methods import MethodOptions, check_method, make_method
+from dexgarmentlab.learned_methods import METHODS, count_chunks, make_evaluation_runner
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.evaluation.methods import check_method, make_method
+from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.setup import Setup
 from dgl_collect.stage_runner import StageRunner
@@ -46,6 +46,16 @@ def save(folder, *, method="sadp-g", stages=3, **card):
     return folder
 
 
+def check(folder, *, method="halo"):
+    options = EvaluationOptions(policy=method, checkpoints=folder)
+    check_method(TASK, options, METHODS)
+
+
+def load(folder, *, method="halo", **changes):
+    options = EvaluationOptions(policy=method, checkpoints=folder, **changes)
+    return METHODS[method].load(TASK, options)
+
+
 # Which policies ---------------------------------------------------------------------------------
 
 
@@ -58,17 +68,15 @@ def test_a_stage_gets_enough_chunks_for_the_longest_recording():
 
 
 def test_policies_must_be_there_and_of_the_task(tmp_path):
-    check_checkpoints(TASK, save(tmp_path / "good"), use_gam=True)
+    check(save(tmp_path / "good"))
     with pytest.raises(ValueError, match=r"policy for stage 3; no .*stage_3/policy.safetensors"):
-        check_checkpoints(TASK, save(tmp_path / "few", stages=2), use_gam=True)
+        check(save(tmp_path / "few", stages=2))
     with pytest.raises(ValueError, match="must be of stage 1; got 2"):
-        check_checkpoints(TASK, save(tmp_path / "stage", stage=2), use_gam=True)
+        check(save(tmp_path / "stage", stage=2))
     with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
-        check_checkpoints(TASK, save(tmp_path / "task", tasks=["FoldDress-v1"]), use_gam=True)
+        check(save(tmp_path / "task", tasks=["FoldDress-v1"]))
     with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
-        check_method("halo", TASK, MethodOptions())
-    with pytest.raises(ValueError, match="chunks must be at least 1; got 0"):
-        MethodOptions(chunks=0)
+        check(None)
 
 
 def test_damaged_policies_are_refused_before_they_are_loaded(tmp_path):
@@ -76,18 +84,18 @@ def test_damaged_policies_are_refused_before_they_are_loaded(tmp_path):
     path = folder / "stage_2/policy.safetensors"
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(CheckpointError):
-        check_checkpoints(TASK, folder, use_gam=True)
+        check(folder)
 
 
 def test_a_policy_begins_where_it_was_trained_to(tmp_path):
     at_points = save(tmp_path / "a", training={"with_approach": False})
     parked = save(tmp_path / "b", training={"with_approach": True})
-    check_checkpoints(TASK, at_points, use_gam=True)
-    check_checkpoints(TASK, parked, use_gam=False)
+    check(at_points)
+    check(parked, method="sadp")
     with pytest.raises(ValueError, match="must be trained with --gam; got one of --no-gam"):
-        check_checkpoints(TASK, parked, use_gam=True)
+        check(parked)
     with pytest.raises(ValueError, match="must be trained with --no-gam; got one of --gam"):
-        check_method("sadp", TASK, MethodOptions(checkpoints=str(at_points)))
+        check(at_points, method="sadp")
 
 
 @pytest.fixture
@@ -98,15 +106,15 @@ def scripted_first(monkeypatch):
     steps = tuple(dataclasses.replace(step, recorded=False) for step in first.steps)
     stages = (dataclasses.replace(first, steps=steps), *others)
     changed = dataclasses.replace(demonstration, stages=stages)
-    monkeypatch.setattr("dexgarmentlab.evaluation.learned.load_demonstration", lambda _: changed)
+    monkeypatch.setattr("dexgarmentlab.learned_methods.load_demonstration", lambda *_: changed)
     return changed
 
 
 @pytest.mark.usefixtures("scripted_first")
 def test_there_is_a_policy_for_each_stage_that_is_learned_and_for_no_other(tmp_path):
     folder = save(tmp_path, stages=2)
-    check_checkpoints(TASK, folder, use_gam=True)
-    actor = load_actor("halo", TASK, folder, chunks=2)
+    check(folder)
+    actor = load(folder, chunks=2)
     assert list(actor.policies) == ["right_sleeve", "bottom_up"]
 
 
@@ -124,7 +132,7 @@ def test_there_is_a_policy_for_each_stage_that_is_learned_and_for_no_other(tmp_p
 )
 def test_methods_are_halo_with_parts_taken_away(tmp_path, name, method, use_gam):
     training = {"with_approach": not use_gam}
-    actor = load_actor(name, TASK, save(tmp_path, method=method, training=training), chunks=2)
+    actor = load(save(tmp_path, method=method, training=training), method=name, chunks=2)
     assert isinstance(actor, PolicyActor)
     assert actor.is_sent is METHODS[name].use_gam is use_gam
     assert not actor.follows_steps  # a policy goes its own way
@@ -135,16 +143,17 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, name, method, use_gam)
     for wrong in sorted(others - set(METHODS[name].policies) - {"dp", "sadp"}):
         folder = save(tmp_path / wrong, method=wrong, training=training)
         with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):
-            load_actor(name, TASK, folder, chunks=2)
+            load(folder, method=name, chunks=2)
 
 
 def test_policies_act_as_long_as_the_longest_recording(tmp_path):
-    actor = load_actor("halo", TASK, save(tmp_path, longest=26))
+    actor = load(save(tmp_path, longest=26))
     assert [learned.chunks for learned in actor.policies.values()] == [7, 7, 7]
 
 
-def make_setup_of(task_id):
+def make_setup_of(task_id, options):
     return Setup(
+        options=options,
         env=SimpleNamespace(task=get_task(task_id)),
         demonstration=load_demonstration(task_id),
         matcher="gam",
@@ -155,11 +164,11 @@ def make_setup_of(task_id):
 
 
 def test_rounds_are_those_of_the_demonstration_unless_another_number_is_asked_for(tmp_path):
-    setup = make_setup_of("FoldTrousers-v1")
-    stages = setup.demonstration.stages
+    stages = load_demonstration("FoldTrousers-v1").stages
     folder = save(tmp_path, stages=len(stages), tasks=["FoldTrousers-v1"])
-    options = MethodOptions(checkpoints=str(folder), chunks=1)
-    made = make_method("halo", setup, options)
+    options = EvaluationOptions(policy="halo", checkpoints=folder, chunks=1)
+    setup = make_setup_of("FoldTrousers-v1", options)
+    made = make_method(setup, options, METHODS)
     assert isinstance(made, StageRunner)
     assert isinstance(made, Method)
     assert made.demonstration is setup.demonstration
@@ -168,7 +177,9 @@ def test_rounds_are_those_of_the_demonstration_unless_another_number_is_asked_fo
     assert made.rule is setup.env.task.success
     assert made.get_matcher() == ("matcher of", setup.env)
     assert list(made.actor.policies) == [stage.name for stage in stages]
-    assert make_method("halo", setup, dataclasses.replace(options, rounds=1)).rounds == 1
+    options = dataclasses.replace(options, rounds=1)
+    setup = dataclasses.replace(setup, options=options)
+    assert make_method(setup, options, METHODS).rounds == 1
 
 
 # A policy in a course ---------------------------------------------------------------------------
@@ -253,11 +264,9 @@ def test_a_policy_runs_in_a_course_and_repeats_itself(make_world, method):
 def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
     """With a policy that has learnt nothing, scripted motions run and the garment is not folded."""
     (tmp_path / "out").mkdir()
-    options = {
-        "policy": "halo",
-        "method": {"checkpoints": str(save(tmp_path / "policies")), "chunks": 1},
-        "garments": "train",
-    }
+    options = EvaluationOptions(
+        policy="halo", checkpoints=save(tmp_path / "policies"), chunks=1, garments="train"
+    )
     runner = make_evaluation_runner("FoldTops-v1", options)
     try:
         result = runner.run(attempt_index=0, seed=5, out_dir=tmp_path / "out", episode_id="e")

@@ -13,11 +13,11 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from dexgarmentlab.evaluation.results import Run, summarize
 from dexgarmentlab.reports import attempt, evaluation, figures, pictures
 from dexgarmentlab.reports.collection import write_report
 from dexgarmentlab.reports.words import DRAWN, MEASURED
 from dgl_collect import AttemptResult, Criterion, VideoWriter, write_episode
+from dgl_collect.evaluation.results import Run, summarize
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import ATTEMPTS_FILE, RunFolder
 from dgl_collect.video import save_png

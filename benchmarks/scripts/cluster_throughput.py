@@ -108,7 +108,7 @@ def run(folder: Path, workers: Workers, **settings: object) -> Stopwatch:
     """Collect, and time it."""
     watch = Stopwatch(workers.count)
     config = CollectConfig(out=folder, workers=workers, **settings)
-    collect(config, known_tasks=(config.task,), on_progress=watch.note)
+    collect(config, on_progress=watch.note)
     return watch
 
 

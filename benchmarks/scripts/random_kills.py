@@ -125,7 +125,6 @@ def run_once(options: argparse.Namespace) -> int:
             resume=(options.out / "run.json").exists(),
             **settings,
         ),
-        known_tasks=(task,),
     )
     return 0 if summary.status == "complete" else 1
 

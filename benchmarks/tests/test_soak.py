@@ -8,9 +8,9 @@ import pytest
 from dgl_bench.soak import SoakConfig, Spell, list_requests, make_rows
 from dgl_bench.soak.rows import find_growth
 from dgl_bench.soak.spell import SpellRequest, Spells
-from dgl_collect import UnknownTaskError
 from dgl_physics import ContactOverflowError, SimulationDivergedError
 from dgl_tasks.env import GarmentEnv
+from dgl_tasks.errors import UnknownTaskError
 from dgl_tasks.tasks import task_ids
 
 

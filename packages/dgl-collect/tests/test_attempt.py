@@ -1,14 +1,18 @@
 """Whole attempts: the same files for the same seed, and honest failures."""
 
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dgl_assets.robots import SIDES, joint_slice
 from dgl_collect import read_episode
-from dgl_collect.attempt import DemonstrationAttempts, make_attempt_runner
+from dgl_collect.actors import Expert
+from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.stage_runner import TRIES
 from dgl_collect.steps import Approach
 from dgl_tasks import get_task
@@ -19,7 +23,7 @@ TASK_ID = "FoldTops-v1"
 
 @pytest.fixture(scope="module")
 def runner():
-    made = make_attempt_runner(TASK_ID, {})
+    made = make_attempt_runner(TASK_ID, RecordOptions())
     yield made
     made.close()
 
@@ -39,20 +43,32 @@ def reach_high(monkeypatch, runner, **changes):
     )
     setup = dataclasses.replace(runner._setup, demonstration=demonstration, **changes)
     monkeypatch.setattr(runner, "_setup", setup)
+    monkeypatch.setattr(runner, "_method", setup.make_runner(Expert()))
     return setup
 
 
-def test_unknown_options_are_refused():
-    with pytest.raises(ValueError, match=r"options must be among .*garment.*; got \['speed'\]"):
-        make_attempt_runner(TASK_ID, {"speed": 2})
-    with pytest.raises(ValueError, match="option garment must be a string; got 7"):
-        make_attempt_runner(TASK_ID, {"garment": 7})
-    with pytest.raises(ValueError, match="option rounds must be an integer; got '2'"):
-        make_attempt_runner(TASK_ID, {"rounds": "2"})
-    with pytest.raises(
-        ValueError, match="option recorded must be 'stages' or 'approaches'; got 'all'"
-    ):
-        make_attempt_runner(TASK_ID, {"recorded": "all"})
+def test_wrong_options_are_refused():
+    refused = {
+        "garment must be .*got ''": {"garment": ""},
+        "garment should be a valid string; got 7": {"garment": 7},
+        "rounds should be greater than or equal to 1; got 0": {"rounds": 0},
+        "matcher should be 'exact' or 'gam'; got 'magic'": {"matcher": "magic"},
+        "record should be 'stages' or 'approaches'; got 'all'": {"record": "all"},
+        "robots should be an instance of Path; got 3": {"robots": 3},
+    }
+    for text, options in refused.items():
+        with pytest.raises(ValueError, match=text):
+            RecordOptions(**options)
+    with pytest.raises(ValueError, match="speed"):
+        RecordOptions.from_plain({"speed": 2})
+
+
+def test_options_are_recorded_and_read_again():
+    assert RecordOptions().to_plain() == {}
+    options = RecordOptions(garment="a", rounds=2, robots=Path("r"), record="approaches")
+    plain = options.to_plain()
+    assert plain == {"garment": "a", "rounds": 2, "robots": "r", "record": "approaches"}
+    assert RecordOptions.from_plain(json.loads(json.dumps(plain))) == options
 
 
 @pytest.mark.render
@@ -70,11 +86,6 @@ def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
         assert (tmp_path / "far" / name).stat().st_size > 1000
     assert result.garment_id == result.randomisation["garment"]
     assert result.frames == 0
-
-
-def test_an_unknown_matcher_is_refused():
-    with pytest.raises(ValueError, match=r"matcher must be one of .*'gam'.*; got 'magic'"):
-        make_attempt_runner(TASK_ID, {"matcher": "magic"})
 
 
 @pytest.mark.render
@@ -97,19 +108,17 @@ def test_a_matcher_is_asked_for_the_demonstrations_points(runner, tmp_path, monk
     np.testing.assert_array_equal(points, list(setup.demonstration.points.values()))
 
 
+def test_the_rounds_can_be_chosen(runner):
+    assert runner._method.rounds is None
+    setup = dataclasses.replace(runner._setup, options=RunOptions(rounds=2))
+    assert setup.make_runner(Expert()).rounds == 2
+    assert setup.make_runner(Expert(), rounds=1).rounds == 1
+
+
 @pytest.mark.render
-def test_the_rounds_can_be_chosen(runner, tmp_path, monkeypatch):
-    asked = []
-
-    def make_runner(setup, actor, *, rounds=None):
-        asked.append(rounds)
-        return Nothing()
-
-    monkeypatch.setattr(type(runner._setup), "make_runner", make_runner)
-    monkeypatch.setattr(runner, "_rounds", 2)
-    result = run(runner, tmp_path / "rounds")
-    assert asked == [2]
-    # nothing was done: the garment is judged as it fell, by what is true
+def test_a_method_that_does_nothing_is_judged_by_what_is_true(runner, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "_method", Nothing())
+    result = run(runner, tmp_path / "nothing")
     assert not result.success
     assert not result.first_try
     assert 0 <= result.value < 0.85
@@ -180,7 +189,7 @@ def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path, monk
 @pytest.mark.render
 def test_the_garment_can_be_chosen(tmp_path):
     garment = "Tops_LongSleeve/001294"
-    made = DemonstrationAttempts(TASK_ID, garment=garment)
+    made = make_attempt_runner(TASK_ID, RecordOptions(garment=garment))
     try:
         result = run(made, tmp_path / "chosen", seed=3)
     finally:

@@ -26,6 +26,7 @@ from dgl_collect.steps import (
 )
 from dgl_tasks import get_task, task_ids
 from dgl_tasks.declaration import SceneObject
+from dgl_tasks.errors import UnknownTaskError
 
 FILE = resources.files("dgl_collect") / "demonstrations" / "FoldTops.json"
 TASK = get_task("FoldTops-v1")
@@ -219,9 +220,14 @@ def test_targets_move_with_the_garment(demonstration):
                 np.testing.assert_allclose(after[side], goal + shift, atol=1e-12)
 
 
-def test_what_is_not_there_is_said():
+def test_what_is_not_there_is_said(tmp_path):
+    socks = dataclasses.replace(TASK, id="FoldSocks-v1")
     with pytest.raises(DemonstrationError, match=r"no demonstration of 'FoldSocks-v1'.*FoldSocks"):
+        load_demonstration(socks)
+    with pytest.raises(UnknownTaskError, match="unknown task 'FoldSocks-v1'"):
         load_demonstration("FoldSocks-v1")
+    with pytest.raises(DemonstrationError, match=r"none.json: .*No such file"):
+        load_demonstration(TASK, tmp_path / "none.json")
 
 
 # Faults ----------------------------------------------------------------------------------------

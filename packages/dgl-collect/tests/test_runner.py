@@ -37,7 +37,7 @@ def run(tmp_path, fakes):
     def go(*, out=tmp_path / "out", on_progress=None, **changes):
         settings = {"task": "FoldTops-v1", "episodes": 2, "attempt_factory": fakes.FACTORY}
         config = CollectConfig(out=out, **(settings | changes))
-        return collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=on_progress)
+        return collect(config, on_progress=on_progress)
 
     return go
 
@@ -56,7 +56,7 @@ def finished(tmp_path_factory):
             out=out,
             options={"tell_garbage": True},
         )
-        summary = collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=reports.append)
+        summary = collect(config, on_progress=reports.append)
     return out, summary, reports
 
 
@@ -307,7 +307,7 @@ def test_a_script_without_a_guard_is_told_what_it_needs(tmp_path, fakes):
         "from dgl_collect import CollectConfig, collect\n"
         f"out = Path({str(tmp_path / 'out')!r})\n"
         f"config = CollectConfig(task='FoldTops-v1', episodes=2, out=out, attempt_factory={fakes.FACTORY!r})\n"
-        "collect(config, known_tasks=('FoldTops-v1',))\n"
+        "collect(config)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
     assert done.returncode == 1

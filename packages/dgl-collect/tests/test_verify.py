@@ -38,7 +38,7 @@ def whole(tmp_path_factory, request):
         config = CollectConfig(
             task="FoldTops-v1", episodes=COUNT, attempt_factory=fakes.FACTORY, out=out
         )
-        collect(config, known_tasks=fakes.KNOWN_TASKS)
+        collect(config)
     for film in out.glob("*/*.mp4"):  # the made-up attempts' are none
         film.unlink()
         with VideoWriter(film) as video:

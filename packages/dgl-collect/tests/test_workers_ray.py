@@ -40,7 +40,7 @@ def run(tmp_path, fakes, cluster):
             "workers": Workers(count=2, engine="ray", address=cluster.address),
         }
         config = CollectConfig(out=out, **(settings | changes))
-        return collect(config, known_tasks=fakes.KNOWN_TASKS, on_progress=on_progress)
+        return collect(config, on_progress=on_progress)
 
     return go
 

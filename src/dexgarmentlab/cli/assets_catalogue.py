@@ -1,6 +1,5 @@
 """`dgl assets list`, `show` and `build`: the garments that are made in code."""
 
-import shlex
 import statistics
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
+from dexgarmentlab.cli.flags import tell_command
 
 if TYPE_CHECKING:
     from dgl_assets import BuiltGarment
@@ -89,16 +89,6 @@ class BuildOptions:
     """Processes that build at the same time."""
     json: bool = False
     """Write the summary as JSON."""
-
-    @property
-    def command(self) -> str:
-        """The command line that asks for the same, without --json."""
-        words = ["dgl", "assets", "build"]
-        words += ["--category", *self.category] if self.category else []
-        for name, value in (("split", self.split), ("subset", self.subset), ("count", self.count)):
-            words += [f"--{name}", str(value)] if value is not None else []
-        words += ["--sizes", self.sizes, "--workers", str(self.workers), "--cache", str(self.cache)]
-        return shlex.join(words)
 
 
 def list_garments(options: ListOptions) -> int:
@@ -217,7 +207,7 @@ def build(options: BuildOptions) -> int:
     if len(summary["failures"]) > _FAILURES_SHOWN:
         console.error(f"and {len(summary['failures']) - _FAILURES_SHOWN} more failed")
     if is_interrupted:
-        console.error(f"interrupted; continue with: {options.command}")
+        console.error(f"interrupted; continue with: {tell_command('assets build', options)}")
         return EXIT_INTERRUPTED
     return EXIT_FAILURE if summary["failures"] else EXIT_OK
 

@@ -1,6 +1,5 @@
 """`dgl bench assets`: garments of every category, measured and dropped."""
 
-import shlex
 import time
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 from dexgarmentlab.cli.collect import format_duration
-from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
+from dexgarmentlab.cli.flags import Flags, WorkerFlags, tell_command, told_how_to_continue
 
 if TYPE_CHECKING:
     from dgl_bench.assets import Attempt, RunConfig
@@ -46,24 +45,9 @@ class BenchAssetsOptions:
     drop: bool = True
     """With --no-drop nothing is dropped: the run in the folder is summed up as it is, even while it
     goes on."""
-    workers: Flags = field(default_factory=WorkerFlags)
+    workers: Flags[WorkerFlags] = field(default_factory=WorkerFlags)
     json: bool = False
     """Print the rows as JSON."""
-
-    @property
-    def command(self) -> str:
-        """The command line that asks for the same, without --resume, --no-drop and --json."""
-        words: list[object] = ["dgl", "bench", "assets", "--out", self.out]
-        if self.count != _COUNT:
-            words += ["--count", self.count]
-        if self.category:
-            words += ["--category", *self.category]
-        if self.frames != _FRAMES:
-            words += ["--frames", self.frames]
-        words += self.workers.words
-        if self.report:
-            words += ["--report"]
-        return shlex.join(str(word) for word in words)
 
 
 def measure_assets(options: BenchAssetsOptions) -> int:
@@ -81,7 +65,7 @@ def measure_assets(options: BenchAssetsOptions) -> int:
     if is_interrupted:
         console.error(
             f"interrupted after {len(attempts)} of {options.count} garments; continue with: "
-            f"{options.command} --resume"
+            f"{tell_command('bench assets', options)} --resume"
         )
         return EXIT_INTERRUPTED
     return EXIT_OK
@@ -102,10 +86,10 @@ def _drop(config: "RunConfig", options: BenchAssetsOptions) -> tuple[list["Attem
 
     done: list[Attempt] = []
     whole, began, found = 0, time.monotonic(), 0
-    command = options.command + (" --resume" if options.resume else "")
+    command = tell_command("bench assets", options) + (" --resume" if options.resume else "")
     with (
         stop_signals() as stop,
-        told_how_to_continue(options.command),
+        told_how_to_continue(tell_command("bench assets", options)),
         closing(
             drop_garments(
                 config,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
-from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags
+from dexgarmentlab.cli.flags import Flags, WorkerFlags
 
 __all__ = ["BenchSoakOptions", "measure_soak"]
 
@@ -30,7 +30,7 @@ class BenchSoakOptions:
     """Of everything drawn."""
     log: Path | None = None
     """Write a line of JSON for each episode to this file."""
-    workers: Flags = field(default_factory=WorkerFlags)
+    workers: Flags[WorkerFlags] = field(default_factory=WorkerFlags)
     json: bool = False
     """Print the rows as JSON."""
 

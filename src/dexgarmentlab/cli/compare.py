@@ -10,7 +10,7 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 from dexgarmentlab.cli import EXIT_OK, console
 
 if TYPE_CHECKING:
-    from dexgarmentlab.evaluation.comparison import Comparison, Evaluation
+    from dgl_collect.evaluation.comparison import Comparison, Evaluation
 
 __all__ = ["CompareOptions", "run"]
 
@@ -33,7 +33,7 @@ class CompareOptions:
 
 def run(options: CompareOptions) -> int:
     """Compare, and show each method and every two of them."""
-    from dexgarmentlab.evaluation.comparison import compare, read_evaluation
+    from dgl_collect.evaluation.comparison import compare, read_evaluation
 
     evaluations = [read_evaluation(folder) for folder in options.folders]
     comparison = compare(evaluations)

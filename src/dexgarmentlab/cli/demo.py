@@ -1,13 +1,14 @@
 """Verb `dgl demo`."""
 
 import json
-import shlex
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.collect import collect_with_progress, format_duration, robot_options
+from dexgarmentlab.cli.collect import collect_with_progress, format_duration, prepare_run
+from dexgarmentlab.cli.flags import Flags, tell_command
+from dgl_collect.options import RecordOptions
 
 __all__ = ["TASK", "DemoOptions", "clear_previous", "run"]
 
@@ -27,10 +28,7 @@ class DemoOptions:
 
     out: Path = Path("demo-out")
     """Output folder; an earlier demonstration in it is replaced, anything else is left alone."""
-    robot: str = "ur10e+shadow"
-    """Name of arm and hand, ARM+HAND; one of them stands for itself with the built-in other."""
-    robots: Path | None = None
-    """Folder of imported robots; see `dgl assets import-robot`."""
+    run: Flags[RecordOptions] = field(default_factory=RecordOptions)
     json: bool = False
     """Write where the files are as JSON."""
 
@@ -40,20 +38,17 @@ def run(options: DemoOptions) -> int:
     from dgl_collect import CollectConfig
     from dgl_collect.results import read_results
     from dgl_collect.run_folder import ATTEMPTS_FILE
+    from dgl_tasks import get_task
 
-    chosen = robot_options(options.robot, options.robots)
+    prepared = prepare_run(options.run, get_task(TASK))
     clear_previous(options.out)
-    command = f"{_COMMAND} --out {shlex.quote(str(options.out))}"
-    for name, value in (("robot", options.robot), ("robots", options.robots)):
-        if name in chosen:
-            command += f" --{name} {shlex.quote(str(value))}"
     config = CollectConfig(
         task=TASK,
         episodes=1,
         seed=SEED,
         out=options.out,
-        options=chosen,
-        command=command,
+        options=prepared,
+        command=tell_command("demo", options),
     )
     summary, report = collect_with_progress(config, embed_media=True)
     if summary.status == "interrupted":

@@ -1,28 +1,21 @@
 """Verb `dgl eval`."""
 
-import dataclasses
-import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.collect import (
-    bring_garment,
-    choose_matcher,
-    describe_failures,
-    format_duration,
-)
-from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
+from dexgarmentlab.cli.collect import describe_failures, format_duration, prepare_run
+from dexgarmentlab.cli.flags import Flags, WorkerFlags, tell_command, told_how_to_continue
+from dgl_collect.evaluation.options import EvaluationOptions
 
 if TYPE_CHECKING:
-    from dexgarmentlab.evaluation.methods import MethodOptions
-    from dexgarmentlab.evaluation.results import Count, Results
     from dgl_collect import CollectConfig, Progress
+    from dgl_collect.evaluation.results import Count, Results
 
 __all__ = ["SEED_OFFSET", "EvalOptions", "parse_seeds", "run"]
 
@@ -43,8 +36,7 @@ class EvalOptions:
 
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
     """Which task, such as FoldTops-v1."""
-    policy: str
-    """Which method: nothing, lift-drop, expert; learned: halo, sadp, gam-dp3, dp3, dp; or module:factory of your own."""
+    run: Flags[EvaluationOptions]
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
     episodes: int = 50
@@ -53,44 +45,9 @@ class EvalOptions:
     """Seeds of the evaluation, separated by commas."""
     resume: bool = False
     """Continue the evaluation in the output folder."""
-    garments: Literal["both", "train", "test"] = "both"
-    """Garments of the training split, of the testing split, or of both by turns."""
-    friction: float = 1.0
-    """A factor on the garment's friction and adhesion: at 0 no hand can hold it, and no method must succeed."""
-    garment: Path | None = None
-    """A garment of your own for every episode: a mesh file, which is imported, or a folder that `dgl assets import` has made."""
-    matcher: Literal["exact", "gam"] | None = None
-    """What finds the demonstrated points, for the methods that ask for them; exact, and gam for a garment of your own, when
-    not given."""
-    look: Literal["studio", "random"] = "studio"
-    """A plain floor and fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
-    checkpoints: Path | None = None
-    """Trained policies of a learned method: a folder with stage_1/policy.safetensors and so on."""
-    chunks: int | None = None
-    """Predictions that each stage gets; as long as the recorded stages were when not given."""
-    rounds: int | None = None
-    """How often a trained method goes through the stages at most, while the task is seen not to be done; as often as
-    collection does when not given."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """Where policies compute."""
-    actions: int = 600
-    """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
-    workers: Flags = field(default_factory=WorkerFlags)
+    workers: Flags[WorkerFlags] = field(default_factory=WorkerFlags)
     json: bool = False
     """Write the results as JSON."""
-
-    @property
-    def command(self) -> str:
-        """The command line that asks for the same, without --resume and --json."""
-        words: list[object] = ["dgl", "eval", self.task, "--policy", self.policy]
-        words += ["--episodes", self.episodes, "--seeds", self.seeds, *self.workers.words]
-        for name in (
-            "garments", "garment", "friction", "matcher", "look", "checkpoints", "chunks", "rounds", "device", "actions",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if value != getattr(type(self), name):
-                words += [f"--{name}", value]
-        return shlex.join(str(word) for word in [*words, "--out", self.out])
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -113,33 +70,31 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 def run(options: EvalOptions) -> int:
     """Evaluate, write `results.json` and the report, and say how many episodes succeeded."""
-    from dexgarmentlab.evaluation.methods import check_method
-    from dexgarmentlab.evaluation.results import RESULTS_FILE, Run, summarize, to_json
+    from dexgarmentlab.learned_methods import METHODS
     from dexgarmentlab.reports.evaluation import write_report
     from dgl_collect import collect, package_versions
+    from dgl_collect.evaluation.methods import check_method
+    from dgl_collect.evaluation.results import RESULTS_FILE, Run, summarize, to_json
     from dgl_collect.results import read_results
     from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE
-    from dgl_collect.runner import check_task
     from dgl_files.whole import write_json
-    from dgl_tasks.tasks import get_task, task_ids
+    from dgl_tasks import get_task
 
     seeds = parse_seeds(options.seeds)
-    if not options.friction >= 0:
-        raise ValueError(f"--friction must be at least 0; got {options.friction:g}")
-    known_tasks = task_ids()
-    check_task(options.task, known_tasks)
-    if ":" in options.policy and (here := str(Path.cwd())) not in sys.path:
+    task, policy = get_task(options.task), options.run.policy
+    if ":" in policy and (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
-    check_method(options.policy, get_task(options.task), _tell_method(options))
+    check_method(task, options.run, METHODS)
     if (options.out / RUN_FILE).exists():
         raise ValueError(
             f"--out must be the folder of an evaluation; {options.out} has a collection"
         )
-    own = bring_garment(options.garment, options.task)
-    configs = {seed: _configure(options, seed, own) for seed in seeds}
+    prepared = prepare_run(options.run, task)
+    command = tell_command("eval", options)
+    configs = {seed: _configure(options, seed, prepared, command) for seed in seeds}
     status: Literal["complete", "interrupted"] = "complete"
     runs: list[Run] = []
-    bar_text = f"evaluating {options.policy} on {options.task}"
+    bar_text = f"evaluating {policy} on {options.task}"
     wanted = options.episodes * len(seeds)
     with console.progress(bar_text, wanted) as bar:
         for seed, config in configs.items():
@@ -152,15 +107,15 @@ def run(options: EvalOptions) -> int:
                 bar.advance(made - shown, note=f"seed {seed}: {succeeded} of {made} succeeded")  # noqa: B023 - called within this turn
                 shown = made
 
-            with told_how_to_continue(options.command):
-                summary = collect(config, known_tasks=known_tasks, on_progress=show)
+            with told_how_to_continue(command):
+                summary = collect(config, on_progress=show)
             results = read_results(config.out / ATTEMPTS_FILE)
             runs.append(Run(seed=seed, folder=Path(config.out.name), results=results))
             if summary.status == "interrupted":
                 status = "interrupted"
                 break
     results = summarize(runs)
-    asked, versions = _asked(options), package_versions()
+    asked, versions = _asked(options, command), package_versions()
     content = to_json(results, runs, asked=asked, status=status, versions=versions)
     write_json(options.out / RESULTS_FILE, content)
     page = write_report(options.out, results, runs, asked=asked, wanted=wanted, versions=versions)
@@ -173,15 +128,17 @@ def run(options: EvalOptions) -> int:
     if status == "interrupted":
         console.error(
             f"interrupted after {results.total.episodes} of {wanted} episodes; "
-            f"continue with: {options.command} --resume"
+            f"continue with: {command} --resume"
         )
         return EXIT_INTERRUPTED
     return EXIT_OK
 
 
-def _configure(options: EvalOptions, seed: int, own: Path | None) -> "CollectConfig":
+def _configure(
+    options: EvalOptions, seed: int, prepared: EvaluationOptions, command: str
+) -> "CollectConfig":
     """Make the run of one seed."""
-    from dexgarmentlab.evaluation.attempts import FACTORY
+    from dexgarmentlab.learned_methods import FACTORY
     from dgl_collect import CollectConfig
 
     return CollectConfig(
@@ -192,55 +149,33 @@ def _configure(options: EvalOptions, seed: int, own: Path | None) -> "CollectCon
         out=options.out / f"seed-{seed}",
         resume=options.resume,
         attempt_factory=FACTORY,
-        options={
-            "policy": options.policy,
-            "method": dataclasses.asdict(_tell_method(options)),
-            "garments": options.garments,
-            "garment": None if own is None else str(own),
-            "friction": options.friction,
-            "matcher": choose_matcher(options.matcher, own) or "exact",
-            "look": options.look,
-        },
+        options=prepared,
         has_episodes=False,
-        command=options.command + (" --resume" if options.resume else ""),
+        command=command + (" --resume" if options.resume else ""),
     )
 
 
-def _tell_method(options: EvalOptions) -> "MethodOptions":
-    from dexgarmentlab.evaluation.methods import MethodOptions
-
-    checkpoints = options.checkpoints
-    return MethodOptions(
-        actions=options.actions,
-        # absolute: a resumed evaluation may be called from elsewhere
-        checkpoints=None if checkpoints is None else str(checkpoints.resolve()),
-        chunks=options.chunks,
-        rounds=options.rounds,
-        device=options.device,
-    )
-
-
-def _asked(options: EvalOptions) -> dict[str, object]:
-    content = {
-        field.name: getattr(options, field.name)
-        for field in dataclasses.fields(options)
-        if field.name not in ("out", "resume", "json", "workers", "seeds")
+def _asked(options: EvalOptions, command: str) -> dict[str, object]:
+    asked = {item.name: getattr(options.run, item.name) for item in fields(options.run)}
+    return {
+        "task": options.task,
+        **{name: str(v) if isinstance(v, Path) else v for name, v in asked.items()},
+        "episodes": options.episodes,
+        "seeds": list(parse_seeds(options.seeds)),
+        "command": command,
     }
-    for name in ("checkpoints", "garment"):
-        content[name] = None if content[name] is None else str(content[name])
-    return {**content, "seeds": list(parse_seeds(options.seeds)), "command": options.command}
 
 
 def _show(options: EvalOptions, results: "Results") -> None:
     total = results.total
     if results.mean is None or total.rate is None:
-        console.out(f"{options.task}, {options.policy}: no episode has finished")
+        console.out(f"{options.task}, {options.run.policy}: no episode has finished")
         return
     spread = (
         "" if results.std is None else f" ± {results.std:.3f} over {len(results.by_seed)} seeds"
     )
     console.out(
-        f"{options.task}, {options.policy}: {total.first_try} of {total.episodes} episodes succeeded at the first try, "
+        f"{options.task}, {options.run.policy}: {total.first_try} of {total.episodes} episodes succeeded at the first try, "
         f"{total.succeeded} with retries, "
         f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to {total.interval[1]:.1%}"
     )

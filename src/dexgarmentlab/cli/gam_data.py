@@ -1,6 +1,5 @@
 """`dgl gam data`: training data, made by simulation."""
 
-import shlex
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import format_duration
-from dexgarmentlab.cli.worker_flags import Flags, WorkerFlags, told_how_to_continue
+from dexgarmentlab.cli.flags import Flags, WorkerFlags, tell_command, told_how_to_continue
 
 if TYPE_CHECKING:
     from dgl_collect.gam_data import DataConfig, Made
@@ -48,20 +47,9 @@ class DataOptions:
     """Of everything drawn."""
     preview: Path | None = None
     """Write a picture (PNG) of the views of two garments of each category."""
-    workers: Flags = field(default_factory=WorkerFlags)
+    workers: Flags[WorkerFlags] = field(default_factory=WorkerFlags)
     json: bool = False
     """Write the summary as JSON."""
-
-    @property
-    def command(self) -> str:
-        """The command line that asks for the same, without --resume and --json."""
-        words: list[object] = ["dgl", "gam", "data", "--out", self.out]
-        if self.category:
-            words += ["--category", *self.category]
-        for name in ("train", "test", "flat", "flat_test", "seed", "preview"):
-            if (value := getattr(self, name)) != getattr(type(self), name):
-                words += [f"--{name.replace('_', '-')}", value]
-        return shlex.join(str(word) for word in [*words, *self.workers.words])
 
 
 def make_data(options: DataOptions) -> int:
@@ -85,7 +73,8 @@ def make_data(options: DataOptions) -> int:
         _print(options.out, summary)
     if is_interrupted:
         console.error(
-            f"interrupted after {len(done)} garments; continue with: {options.command} --resume"
+            f"interrupted after {len(done)} garments; continue with: "
+            f"{tell_command('gam data', options)} --resume"
         )
         return EXIT_INTERRUPTED
     if not summary["garments"]:
@@ -154,7 +143,7 @@ def _generate(config: "DataConfig", options: DataOptions) -> tuple[list["Made"],
     total, began, made_now = len(list_garments(config)), time.monotonic(), 0
     with (
         stop_signals() as stop,
-        told_how_to_continue(options.command),
+        told_how_to_continue(tell_command("gam data", options)),
         closing(
             generate_data(
                 config,

@@ -1,5 +1,6 @@
 """Verb `dgl replay`."""
 
+import math
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,11 +42,13 @@ class ReplayOptions:
 
 def run(options: ReplayOptions) -> int:
     """Replay, and say how far what came is from what was recorded."""
-    from dgl_collect import VideoWriter, read_episode
+    from dgl_collect import RunOptions, VideoWriter, read_episode
     from dgl_collect.replay import replay_episode
 
-    if options.tolerance < 0:
-        raise ValueError(f"--tolerance must be at least 0; got {options.tolerance:g}")
+    if not 0 <= options.tolerance < math.inf:
+        raise ValueError(
+            f"--tolerance must be a finite number of at least 0; got {options.tolerance:g}"
+        )
     episode = read_episode(options.episode)
     steps = None if episode.commands is None else len(episode.commands)
     console.quieten_warp()
@@ -55,7 +58,10 @@ def run(options: ReplayOptions) -> int:
             film = stack.enter_context(VideoWriter(options.video)).add
         bar = stack.enter_context(console.progress("replaying", steps))
         replay = replay_episode(
-            episode, robots=options.robots, film=film, on_step=lambda _: bar.advance()
+            episode,
+            options=RunOptions(robots=options.robots),
+            film=film,
+            on_step=lambda _: bar.advance(),
         )
     is_same = replay.reproduces(options.tolerance)
     if options.json:

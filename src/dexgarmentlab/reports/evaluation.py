@@ -4,7 +4,6 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from dexgarmentlab.evaluation.results import Count, Results, Run
 from dexgarmentlab.reports import figures
 from dexgarmentlab.reports.attempt import attempt_card, split_words
 from dexgarmentlab.reports.page import (
@@ -19,6 +18,7 @@ from dexgarmentlab.reports.page import (
     tiles,
 )
 from dexgarmentlab.reports.pictures import Shot, draw_sheet, gallery, make_shot
+from dgl_collect.evaluation.results import Count, Results, Run
 from dgl_collect.results import AttemptResult
 from dgl_files.whole import written_beside
 

@@ -14,11 +14,10 @@ from dgl_bench.collect.rows import (
     make_task_rows,
     make_worker_rows,
 )
-from dgl_bench.collect.timed import FACTORY, AttemptTimes
+from dgl_bench.collect.timed import FACTORY, AttemptTimes, TimedOptions
 from dgl_bench.rows import Row
 from dgl_collect import AttemptResult, CollectConfig, Progress, Workers, collect
-from dgl_collect.runner import check_task
-from dgl_tasks.tasks import task_ids
+from dgl_tasks.tasks import get_task
 
 __all__ = ["Plan", "make_attempts", "measure_collection"]
 
@@ -58,7 +57,7 @@ class Plan:
         if not self.tasks:
             raise ValueError("tasks must name at least one task; got none")
         for task in self.tasks:
-            check_task(task, task_ids())
+            get_task(task)
 
     def count_attempts(self, task: str) -> int:
         """Tell how many attempts are made at a task."""
@@ -142,9 +141,9 @@ def make_attempts(
         seed=seed,
         workers=Workers(count=workers),
         attempt_factory=FACTORY,
-        options={"launched": time.time()},
+        options=TimedOptions(launched=time.time()),
     )
-    summary = collect(config, known_tasks=task_ids(), on_progress=report)
+    summary = collect(config, on_progress=report)
     if summary.status == "interrupted":
         shutil.rmtree(folder)
         raise KeyboardInterrupt

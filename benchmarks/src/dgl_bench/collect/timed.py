@@ -11,9 +11,10 @@ from dgl_bench.collect.stopwatch import Stopwatch, watch_functions
 from dgl_bench.process_memory import measure_process_memory
 from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.attempts import AttemptRunner
+from dgl_collect.options import RecordOptions
 from dgl_collect.results import AttemptResult
 
-__all__ = ["FACTORY", "AttemptTimes", "TimedAttempts", "make_timed_attempts"]
+__all__ = ["FACTORY", "AttemptTimes", "TimedAttempts", "TimedOptions", "make_timed_attempts"]
 
 FACTORY = f"{__name__}:make_timed_attempts"
 """Factory of the collection's workers."""
@@ -84,21 +85,19 @@ class AttemptTimes:
         )
 
 
-def make_timed_attempts(task: str, options: Mapping[str, object]) -> "TimedAttempts":
-    """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`.
+@dataclass(frozen=True, kw_only=True)
+class TimedOptions(RecordOptions):
+    """Options of timed attempts."""
 
-    They end after one round, done or not: how many a garment needs is a matter of success and not
-        of speed.
+    rounds: int | None = 1
+    """One round, done or not: how many a garment needs is a matter of success and not of speed."""
+    launched: float = 0.0
+    """Start of the collection [s since 1970]."""
 
-    Args:
-        task: Environment id.
-        options: "launched": when the collection was started [s since 1970]; all else is
-            `make_attempt_runner`'s.
-    """
-    others = {name: value for name, value in options.items() if name != "launched"}
-    launched = options["launched"]
-    assert isinstance(launched, float)
-    return TimedAttempts(make_attempt_runner(task, {**others, "rounds": 1}), launched)
+
+def make_timed_attempts(task: str, options: TimedOptions) -> "TimedAttempts":
+    """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`."""
+    return TimedAttempts(make_attempt_runner(task, options), options.launched)
 
 
 class TimedAttempts:

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from dgl_bench.soak.spell import Spell, SpellRequest
-from dgl_collect.runner import check_task
 from dgl_collect.workers import Dispatcher, Job, Work, Workers
-from dgl_tasks.tasks import task_ids
+from dgl_tasks.tasks import get_task, task_ids
 
 __all__ = ["SoakConfig", "list_requests", "soak"]
 
@@ -40,7 +39,7 @@ class SoakConfig:
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}; got {getattr(self, name)}")
         for task in self.tasks:
-            check_task(task, task_ids())
+            get_task(task)
 
 
 def list_requests(config: SoakConfig) -> list[SpellRequest]:

@@ -13,8 +13,9 @@ from dgl_collect.errors import EngineError as EngineError
 from dgl_collect.errors import MachineError as MachineError
 from dgl_collect.errors import NotReplayableError as NotReplayableError
 from dgl_collect.errors import OutputFolderError as OutputFolderError
-from dgl_collect.errors import UnknownTaskError as UnknownTaskError
 from dgl_collect.errors import WorkerError as WorkerError
+from dgl_collect.options import RecordOptions as RecordOptions
+from dgl_collect.options import RunOptions as RunOptions
 from dgl_collect.recording import EpisodeRecorder as EpisodeRecorder
 from dgl_collect.recording import StageRecorder as StageRecorder
 from dgl_collect.results import AttemptResult as AttemptResult

@@ -1,16 +1,18 @@
-"""Attempts at a task by its demonstration: the runner that the collection's workers build."""
+"""Attempts at a task: one method in one environment, filmed, judged and recorded."""
 
 import logging
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_assets import garment_ids
+from dgl_assets.garments.catalogue import Split
 from dgl_collect.actors import Expert
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, write_episode
+from dgl_collect.options import GarmentChoice, RecordOptions
 from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.results import AttemptResult, package_versions
 from dgl_collect.setup import Setup, make_setup
@@ -24,64 +26,35 @@ from dgl_tasks.policy import Method
 
 logger = logging.getLogger(__name__)
 
-OPTIONS = ("garment", "render_backend", "look", "matcher", "robot", "robots", "recorded", "rounds")
+
+def make_attempt_runner(task: str, options: RecordOptions) -> "Attempts":
+    """Build the attempts of a collection; see `dgl_collect.attempts.AttemptFactory`."""
+    setup = make_setup(task, options)
+    return Attempts(setup, setup.make_runner(Expert()), recorded=options.record)
 
 
-def make_attempt_runner(task: str, options: Mapping[str, object]) -> "DemonstrationAttempts":
-    """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`.
-
-    Args:
-        task: Environment id.
-        options: "garment": catalogue id, or folder of an imported garment, to use in every attempt instead of drawing one;
-            "render_backend": ManiSkill's, "gpu" where there is CUDA and "cpu" elsewhere by default;
-            "look": "studio", the default, or "random": floors and fabrics of all kinds;
-            "matcher": "exact", the default, knows the simulated garment, "gam" sees its cloud alone;
-            "robot": name of arm and hand, such as "ur10e+allegro"; "robots": folder of imported
-            robots, for names that are not built in; "recorded": "stages", the default, or "approaches";
-            "rounds": how often the stages are gone through at most, as the demonstration says by default.
-    """
-    unknown = set(options) - set(OPTIONS)
-    if unknown:
-        raise ValueError(f"options must be among {OPTIONS}; got {sorted(unknown)}")
-    for name, value in options.items():
-        kind, word = (int, "an integer") if name == "rounds" else (str, "a string")
-        if not isinstance(value, kind):
-            raise ValueError(f"option {name} must be {word}; got {value!r}")
-    if (recorded := options.get("recorded", "stages")) not in ("stages", "approaches"):
-        raise ValueError(f"option recorded must be 'stages' or 'approaches'; got {recorded!r}")
-    return DemonstrationAttempts(task, **options)  # pyright: ignore[reportArgumentType]
-
-
-class DemonstrationAttempts:
-    """Makes attempts in one environment, one after the other; an attempt depends on its seed alone."""
+class Attempts:
+    """Makes attempts by one method in one environment; an attempt depends on its seed alone."""
 
     def __init__(
         self,
-        task: str,
+        setup: Setup,
+        method: Method,
         *,
-        garment: str | None = None,
-        render_backend: str | None = None,
-        look: str = "studio",
-        matcher: str = "exact",
-        robot: str = DEFAULT_ROBOT.name,
-        robots: str | None = None,
-        recorded: str = "stages",
-        rounds: int | None = None,
+        recorded: Literal["stages", "approaches"] | None,
+        garments: GarmentChoice | None = None,
     ) -> None:
-        """Build the environment and load the demonstration."""
-        if rounds is not None and rounds < 1:
-            raise ValueError(f"rounds must be at least 1; got {rounds}")
-        self._rounds = rounds
-        self._garment, self._with_approach = garment, recorded == "approaches"
-        self._setup = make_setup(
-            task,
-            render_backend=render_backend,
-            look=look,
-            matcher=matcher,
-            robot=robot,
-            robots=robots,
-        )
-        self.env = self._setup.env
+        """Take over an environment and a method.
+
+        Args:
+            setup: Environment and demonstration.
+            method: Acts.
+            recorded: Content of the episodes of successes; None for no episodes.
+            garments: Split that garments are drawn from; the environment draws when None.
+        """
+        self._setup, self._method = setup, method
+        self._recorded, self._garments = recorded, garments
+        self.env = setup.env
 
     def close(self) -> None:
         """Release the environment."""
@@ -91,18 +64,29 @@ class DemonstrationAttempts:
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
         """Make one attempt; see `dgl_collect.attempts.AttemptRunner`."""
-        setup = self._setup
-        recorder = EpisodeRecorder(setup.env, with_approach=self._with_approach)
+        recorder = None
+        if self._recorded is not None:
+            recorder = EpisodeRecorder(self.env, with_approach=self._recorded == "approaches")
+        garment, drawn = self._setup.options.garment, {}
+        if self._garments is not None:
+            drawn = {"split": "own"}
+            if garment is None:
+                split = choose_split(self._garments, attempt_index)
+                garment = draw_garment(self.env.task.category, split, seed)
+                drawn = {"split": split}
         result, ended = film_attempt(
-            setup,
-            setup.make_runner(Expert(), rounds=self._rounds),
+            self._setup,
+            self._method,
             index=attempt_index,
             seed=seed,
-            garment=self._garment,
+            garment=garment,
             out_dir=out_dir,
             episode_id=episode_id,
             listener=recorder,
         )
+        result = replace(result, randomisation={**result.randomisation, **drawn})
+        if recorder is None:
+            return result
         files = dict(result.files)
         if ended is not None and ended.success:
             files["episode"] = f"{episode_id}.h5"
@@ -115,11 +99,11 @@ class DemonstrationAttempts:
         )
 
     def _make_episode(self, seed: int, result: EpisodeResult, recorder: EpisodeRecorder) -> Episode:
-        """Put the recorded stages of an attempt together."""
+        """Build the episode of an attempt from its recorded stages."""
         setup = self._setup
         stages = setup.demonstration.learned_stages
         return Episode(
-            task=setup.env.task.id,
+            task=self.env.task.id,
             seed=seed,
             garment_id=result.garment,
             robot=setup.motion.robot.name,
@@ -131,8 +115,21 @@ class DemonstrationAttempts:
             measurements=dict(result.measurements),
             package_versions=package_versions(),
             commands=result.commands,
-            extra={FINAL_PARTICLES: setup.env.get_particles().astype(np.float32)},
+            extra={FINAL_PARTICLES: self.env.get_particles().astype(np.float32)},
         )
+
+
+def choose_split(choice: GarmentChoice, attempt_index: int) -> Split:
+    """Choose the split of an attempt's garment; with "both", even attempts train, odd ones test."""
+    if choice == "both":
+        return "train" if attempt_index % 2 == 0 else "test"
+    return choice
+
+
+def draw_garment(category: str, split: Split, seed: int) -> str:
+    """Draw the garment of an attempt from a split of its category."""
+    ids = garment_ids(category, split)
+    return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
 
 
 def film_attempt(
@@ -146,7 +143,7 @@ def film_attempt(
     episode_id: str,
     listener: Listener | None = None,
 ) -> tuple[AttemptResult, EpisodeResult | None]:
-    """Run a method for one episode, with a film and a picture of its end.
+    """Run a method for one attempt, with a film and a picture of its end.
 
     Args:
         setup: The environment.
@@ -159,7 +156,7 @@ def film_attempt(
         listener: As of `run_episode`.
 
     Returns:
-        The attempt's result, and the episode's; None where an error has ended it, which is the attempt's reason.
+        The attempt's result, and the course's; None where an error, the attempt's reason, ended it.
     """
     started = time.perf_counter()
     env = setup.env
@@ -196,7 +193,7 @@ def film_attempt(
 
 
 def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:
-    """Make the result of an attempt of an episode that came to its end, or that an error ended."""
+    """Make the result of an attempt that came to its end, or that an error ended."""
     if not isinstance(ended, EpisodeResult):
         kind = type(ended).__name__.removesuffix("Error")
         words = "".join(f" {c.lower()}" if c.isupper() else c for c in kind).strip()

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from dgl_collect.options import RunOptions
 from dgl_collect.results import AttemptResult
 from dgl_collect.workers import load_callable
 
@@ -43,8 +44,8 @@ class AttemptRunner(Protocol):
 class AttemptFactory(Protocol):
     """Builds an attempt runner inside a worker process."""
 
-    def __call__(self, task: str, options: Mapping[str, object]) -> AttemptRunner:
-        """Build it for a task, with JSON-ready options of its own."""
+    def __call__(self, task: str, options: Any, /) -> AttemptRunner:
+        """Build it for a task, with the options of the run: `RunOptions`, or some of its own."""
         ...
 
 
@@ -68,7 +69,7 @@ class AttemptJobs:
         *,
         task: str,
         attempt_factory: str,
-        options: Mapping[str, object],
+        options: RunOptions | Mapping[str, object],
         has_episodes: bool,
     ) -> None:
         """Build the attempt runner.

@@ -5,11 +5,10 @@ formulas over the points and over named frames of the scene's objects, so that h
 follow from the garment at hand, as in the paper. The files lie in `demonstrations/`.
 """
 
-import re
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib import resources
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from dgl_assets import AssetError, Garment, load_garment
 from dgl_assets.props import make_prop
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
+from dgl_collect.names import name_scene
 from dgl_collect.steps import (
     CONDITION_NAMES,
     GARMENT_NAMES,
@@ -39,28 +39,37 @@ APART = 0.002
 _POINT = np.zeros(3)
 
 
-def load_demonstration(task: str) -> Demonstration:
-    """Load the demonstration of a task that comes with this package.
+def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstration:
+    """Load a demonstration of a task.
+
+    Args:
+        task: Environment id or declaration.
+        path: A file; the one that comes with this package when None.
 
     Raises:
-        DemonstrationError: If there is none, its file is faulty, or it does not fit the task.
+        DemonstrationError: If there is none, the file is damaged, or it does not fit the task.
     """
-    stem = task.partition("-")[0]
-    if not re.fullmatch(r"\w+", stem):
-        raise DemonstrationError(
-            f"task must be an environment id, such as FoldTops-v1; got {task!r}"
-        )
-    source = f"{stem}.json"
-    file = resources.files("dgl_collect") / "demonstrations" / source
-    if not file.is_file():
-        raise DemonstrationError(f"there is no demonstration of {task!r} (looked for {source})")
+    declared = task if isinstance(task, Task) else get_task(task)
+    file = path or _find_file(declared)
     try:
         content = decode_json(file.read_text(encoding="utf-8"))
-    except ValueError as err:
-        raise DemonstrationError(f"{source}: {err}") from err
-    demonstration = parse_demonstration(content, source=source)
-    _check_names(demonstration, get_task(task), source=source)  # tests check its points
+    except (ValueError, OSError) as err:
+        raise DemonstrationError(f"{file.name}: {err}") from err
+    demonstration = parse_demonstration(content, source=file.name)
+    if path is None:  # tests check the points of those that come with the package
+        _check_names(demonstration, declared, source=file.name)
+    else:
+        check_demonstration(demonstration, declared, source=file.name)
     return demonstration
+
+
+def _find_file(task: Task) -> Path:
+    file = Path(__file__).parent / "demonstrations" / f"{task.id.partition('-')[0]}.json"
+    if not file.is_file():
+        raise DemonstrationError(
+            f"there is no demonstration of {task.id!r} (looked for {file.name})"
+        )
+    return file
 
 
 def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
@@ -119,11 +128,9 @@ def load_demonstrated_garment(garment_id: str) -> Garment:
 
 def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> None:
     """Check that all names in formulas and grasps exist, and have one meaning each."""
-    objects = {item.name: dict(make_prop(item.prop).landmarks) for item in task.objects}
+    objects = {item.name: make_prop(item.prop).landmarks for item in task.objects}
     points = demonstration.points
-    names: dict[str, Value] = {
-        "garment": dict.fromkeys(GARMENT_NAMES, _POINT), **objects, **points
-    }  # fmt: skip
+    names = name_scene(_POINT[None], objects, points)
     try:
         if demonstration.task != task.id:
             raise ValueError(f"task must be {task.id!r}; got {show(demonstration.task)}")

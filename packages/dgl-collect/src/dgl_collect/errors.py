@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Sequence
 from pathlib import Path
 
 
@@ -34,22 +32,6 @@ class FileUnavailableError(CollectionError):
 
 class NotReplayableError(CollectionError):
     """An episode does not hold what a replay needs, such as its commands."""
-
-
-class UnknownTaskError(CollectionError):
-    """A task name is not among the known ones; the message names the closest."""
-
-    def __init__(self, task: str, known: Sequence[str]) -> None:
-        close = difflib.get_close_matches(
-            task.lower(), [name.lower() for name in known], n=1, cutoff=0.5
-        )
-        by_lower = {name.lower(): name for name in known}
-        if close:
-            hint = f"did you mean {by_lower[close[0]]!r}?"
-        else:
-            hint = f"known tasks: {', '.join(sorted(known))}"
-        super().__init__(f"unknown task {task!r}; {hint}")
-        self.task = task
 
 
 class OutputFolderError(CollectionError, ValueError):

@@ -57,6 +57,12 @@ class PointFinder:
             found[rows] = choose_pair(found[rows], similarity[rows], cloud, apart=HANDS_APART)
         return {n: cloud[i].astype(np.float64) for n, i in zip(names, found, strict=True)}
 
+    def find_stage_points(
+        self, stage: Stage, cloud: np.ndarray, matcher: Matcher
+    ) -> dict[str, np.ndarray]:
+        """Give the points that a stage's formulas use: found anew, or where they lay at first."""
+        return self.find_points(cloud, matcher) if stage.looks_again else self.points
+
     def find_grasps(
         self, stage: Stage, cloud: np.ndarray, matcher: Matcher, names: Mapping[str, Value]
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
@@ -135,12 +141,6 @@ class PointFinder:
             names = [_exchange_sides(name) for name in names]
         wanted = np.array([self._demonstration.points[name] for name in names])
         return matcher.match(self._demo_cloud, wanted, cloud)
-
-
-def describe_cloud(cloud: np.ndarray) -> dict[str, Value]:
-    """Give the corners and the centre of a garment's cloud [m], shape (N, 3), as formulas name them."""
-    low, high = cloud.min(axis=0).astype(float), cloud.max(axis=0).astype(float)
-    return {"min": low, "max": high, "centre": (low + high) / 2}
 
 
 def _has_pair(stage: Stage) -> bool:

@@ -15,11 +15,14 @@ from dgl_assets.robots import SIDES
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import Episode, StageRecord, read_episode, write_episode
 from dgl_collect.errors import CorruptEpisodeError
-from dgl_collect.point_finder import PointFinder, describe_cloud
+from dgl_collect.names import Frames, name_scene
+from dgl_collect.options import RunOptions
+from dgl_collect.point_finder import PointFinder
 from dgl_collect.steps import Stage
 from dgl_gam import GarmentAffordanceModel, Matcher, compute_affordance
 from dgl_tasks import TaskError, get_task
 from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.objects import compute_frames
 
 WITHIN = 0.15
 """Farthest that a matched point may be from where the hand took hold [m]."""
@@ -29,23 +32,31 @@ class Relabeller:
     """Gives the episodes of one task the affordance of a matcher that sees clouds alone."""
 
     def __init__(
-        self, task: str, *, matcher: Matcher | None = None, weights: Path | None = None
+        self,
+        task: str,
+        options: RunOptions | None = None,
+        *,
+        matcher: Matcher | None = None,
+        weights: Path | None = None,
     ) -> None:
-        """Load what the task's demonstration was made on.
+        """Load the demonstration of a task and the matcher of its points.
 
         Args:
             task: Environment id.
-            matcher: What finds the demonstrated points; the Garment Affordance Model when None.
+            options: `demonstration`, for one of one's own.
+            matcher: Finds the demonstrated points; the Garment Affordance Model when None.
             weights: Its weights, a file ending in .safetensors; those that come with `dgl_gam` when None.
 
         Raises:
             UnknownTaskError: If there is no such task.
-            ValueError: If its hands go to no points.
+            ValueError: If its demonstration has no points.
             GamError: If the weights cannot be loaded.
         """
         self.task = get_task(task)
-        self._demonstration = load_demonstration(task)
-        if not any(g.points for s in self._demonstration.learned_stages for g in s.grasp.values()):
+        self._demonstration = load_demonstration(
+            self.task, options.demonstration if options is not None else None
+        )
+        if not self._demonstration.points:
             raise ValueError(
                 f"{task} has no points that a matcher finds: its episodes hold no affordance to be replaced"
             )
@@ -77,9 +88,15 @@ class Relabeller:
         if episode.stage_names != names:
             raise ValueError(f"the episode must have the stages {names}; got {episode.stage_names}")
         finder = PointFinder(self._demonstration, self._demo_cloud)
-        finder.look(episode.stages[0].garment_point_cloud, self._matcher)
+        first = episode.stages[0]
+        if stages[0] is self._demonstration.stages[0]:
+            finder.look(first.garment_point_cloud, self._matcher)
+        else:  # earlier stages are not recorded: how the garment lay before them was seen then
+            finder.points = {name: np.array(p["xyz"]) for name, p in first.points.items()}
+        frames = compute_frames(self.task, episode.randomisation)
         relabelled = [
-            self._relabel_stage(finder, s, r) for s, r in zip(stages, episode.stages, strict=True)
+            self._relabel_stage(finder, s, r, frames)
+            for s, r in zip(stages, episode.stages, strict=True)
         ]
         return (
             replace(episode, stages=tuple(r for r, _ in relabelled), affordance_matcher="gam"),
@@ -87,12 +104,12 @@ class Relabeller:
         )
 
     def _relabel_stage(
-        self, finder: PointFinder, stage: Stage, record: StageRecord
+        self, finder: PointFinder, stage: Stage, record: StageRecord, frames: Frames
     ) -> tuple[StageRecord, float]:
         cloud = record.garment_point_cloud
-        grasp, similarity = finder.find_grasps(
-            stage, cloud, self._matcher, {"garment": describe_cloud(cloud)}
-        )
+        points = finder.find_stage_points(stage, cloud, self._matcher)
+        names = name_scene(cloud, frames, points)
+        grasp, similarity = finder.find_grasps(stage, cloud, self._matcher, names)
         went = cloud[record.points_affordance_feature.argmax(axis=0)]  # (2, 3)
         distances = [np.linalg.norm(went[SIDES.index(s)] - point) for s, point in grasp.items()]
         affordance = compute_affordance(similarity)

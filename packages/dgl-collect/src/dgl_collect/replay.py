@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, StageRecord
 from dgl_collect.errors import NotReplayableError
+from dgl_collect.options import RunOptions
+from dgl_tasks import get_task
 from dgl_tasks.course import Command, Mark
 from dgl_tasks.observation import STEPS_PER_ACTION
 
@@ -93,8 +94,7 @@ class Replay:
 def replay_episode(
     episode: Episode,
     *,
-    robots: Path | str | None = None,
-    render_backend: str | None = None,
+    options: RunOptions | None = None,
     film: Callable[[np.ndarray], None] | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> Replay:
@@ -107,8 +107,7 @@ def replay_episode(
 
     Args:
         episode: What was recorded.
-        robots: Folder of imported robots, for a robot that is not built in.
-        render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
+        options: `robots` and `render_backend`; everything else is as the episode says.
         film: Receives pictures for people, shape (H, W, 3), uint8.
         on_step: Told after each control step how many have been made.
 
@@ -117,16 +116,16 @@ def replay_episode(
         AssetError: If its robot or garment does not exist.
         PhysicsError: If the simulation fails.
     """
-    from dgl_assets.robots.importing import load_robot
     from dgl_collect.setup import make_env
 
     _check_replayable(episode)
-    env = make_env(
-        episode.task,
-        robot=load_robot(episode.robot, robots),
+    options = replace(
+        options or RunOptions(),
+        garment=episode.garment_id,
+        robot=episode.robot,
         look="random" if "floor" in episode.randomisation else "studio",
-        render_backend=render_backend,
     )
+    env = make_env(get_task(episode.task), options)
     try:
         return replay_in(env, episode, film=film, on_step=on_step)
     finally:

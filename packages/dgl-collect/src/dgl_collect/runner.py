@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dgl_collect.attempts import AttemptRequest
-from dgl_collect.errors import UnknownTaskError
+from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.results import AttemptResult, Summary
 from dgl_collect.run_folder import RunFolder
 from dgl_collect.workers import (
@@ -27,6 +27,7 @@ from dgl_collect.workers import (
     end_unguarded_import,
     stop_signals,
 )
+from dgl_tasks import get_task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +52,8 @@ class CollectConfig:
     """Continue the run in `out`: attempts that it has are not made again."""
     attempt_factory: str = "dgl_collect.attempt:make_attempt_runner"
     """`module:name` of what builds an `AttemptRunner` in each worker."""
-    options: Mapping[str, object] = field(default_factory=dict)
-    """Options of the attempt factory, JSON-ready."""
+    options: RunOptions | Mapping[str, object] = field(default_factory=RecordOptions)
+    """Options of the attempts; a mapping, JSON-ready, for attempt factories that take one."""
     has_episodes: bool = True
     """Whether a success must leave an episode file; evaluations leave none."""
     limits: Limits = field(default_factory=Limits)
@@ -65,7 +66,7 @@ class CollectConfig:
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}; got {getattr(self, name)}")
         try:
-            json.dumps(dict(self.options), allow_nan=False)
+            json.dumps(self._plain_options, allow_nan=False)
         except (TypeError, ValueError) as err:
             raise ValueError(f"options must be JSON-ready; {err}") from err
 
@@ -76,8 +77,13 @@ class CollectConfig:
             "task": self.task,
             "seed": self.seed,
             "attempt_factory": self.attempt_factory,
-            "options": json.loads(json.dumps(dict(self.options))),
+            "options": json.loads(json.dumps(self._plain_options)),
         }
+
+    @property
+    def _plain_options(self) -> dict[str, object]:
+        options = self.options
+        return options.to_plain() if isinstance(options, RunOptions) else dict(options)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,20 +122,9 @@ def make_episode_id(task: str, seed: int, index: int) -> str:
     return f"{task}-s{seed}-{index:05d}"
 
 
-def check_task(task: str, known_tasks: Sequence[str]) -> None:
-    """Check a task's name.
-
-    Raises:
-        UnknownTaskError: If it is not known; the message names the closest.
-    """
-    if task not in known_tasks:
-        raise UnknownTaskError(task, known_tasks)
-
-
 def collect(
     config: CollectConfig,
     *,
-    known_tasks: Sequence[str],
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Summary:
     """Make attempts at a task until as many as asked for are there.
@@ -141,7 +136,6 @@ def collect(
 
     Args:
         config: What to collect.
-        known_tasks: Names that `config.task` may be.
         on_progress: Called at the start, when there is news of a worker, and after every attempt.
 
     Returns:
@@ -155,7 +149,7 @@ def collect(
         MachineError: If a disk is full, or fails. The summary is written if there is room.
     """
     end_unguarded_import()
-    check_task(config.task, known_tasks)
+    get_task(config.task)
     check_workers(config.workers)
     folder = RunFolder(
         config.out, identity=config.identity, resume=config.resume, command=config.command
@@ -186,7 +180,7 @@ def collect(
                 arguments={
                     "task": config.task,
                     "attempt_factory": config.attempt_factory,
-                    "options": dict(config.options),
+                    "options": config.options,
                     "has_episodes": config.has_episodes,
                 },
             ),

@@ -1,10 +1,15 @@
-"""What attempts at a task share: the environment, the demonstration, and who finds its points."""
+"""Everything that attempts at a task share: environment, demonstration, matcher, motion planner."""
 
+import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from dgl_assets.robots import DEFAULT_ROBOT, Robot
+from dgl_assets import AssetNotFoundError
+from dgl_assets.garments.catalogue import check_id
+from dgl_assets.robots import Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Actor
 from dgl_collect.demonstration import (
@@ -12,7 +17,8 @@ from dgl_collect.demonstration import (
     load_demonstrated_garment,
     load_demonstration,
 )
-from dgl_collect.matching import FindMatcher, make_find_matcher
+from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
+from dgl_collect.options import RunOptions
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
 from dgl_tasks import get_task
@@ -22,15 +28,18 @@ from dgl_tasks.env import GarmentEnv
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
+O = TypeVar("O", bound=RunOptions)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What all attempts of a worker share."""
+    """Environment and demonstration of a worker, shared by all of its attempts."""
 
+    options: RunOptions
     env: GarmentEnv
     demonstration: Demonstration
-    matcher: str
-    """Its name, for the record."""
+    matcher: MatcherName
+    """Name of the matcher, for the record."""
     find_matcher: FindMatcher
     demo_cloud: np.ndarray
     """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
@@ -44,72 +53,121 @@ class Setup:
         tries: int = TRIES,
         demonstration: Demonstration | None = None,
     ) -> StageRunner:
-        """Make what lets an actor carry out the task; see `StageRunner`."""
+        """Make the stage runner of an actor; arguments that are given replace the setup's own."""
         return StageRunner(
             demonstration=demonstration or self.demonstration,
             demo_cloud=self.demo_cloud,
             rule=self.env.task.success,
             get_matcher=lambda: self.find_matcher(self.env),
             actor=actor,
-            rounds=rounds,
+            rounds=rounds or self.options.rounds,
             tries=tries,
         )
 
 
-def make_env(
-    task: str | Task, *, robot: Robot, look: str, render_backend: str | None = None
-) -> GarmentEnv:
-    """Build the environment of a task for whole episodes; arguments as of `make_setup`."""
+def make_env(task: Task, options: RunOptions, *, robot: Robot | None = None) -> GarmentEnv:
+    """Build the environment of a task for whole attempts.
+
+    Args:
+        task: Its declaration.
+        options: Those of the run.
+        robot: Loaded already; loaded by its name when None.
+    """
     import torch
 
+    backend = "gpu" if torch.cuda.is_available() else "cpu"
     return GarmentEnv(
         task=task,
         obs_mode="none",
         reward_mode="none",
         sim_backend="physx_cpu",
-        render_backend=render_backend or ("gpu" if torch.cuda.is_available() else "cpu"),
+        render_backend=options.render_backend or backend,
         render_mode="rgb_array",
-        look=look,
-        robot=robot,
+        look=options.look,
+        robot=robot or load_robot(options.robot, options.robots),
     )
 
 
 def make_setup(
     task: str | Task,
+    options: RunOptions | None = None,
     *,
     demonstration: Demonstration | None = None,
-    render_backend: str | None = None,
-    look: str = "studio",
-    matcher: str = "exact",
-    robot: str = DEFAULT_ROBOT.name,
-    robots: str | None = None,
 ) -> Setup:
-    """Build the environment of a task, and what a demonstration of it needs.
+    """Build the environment of a task, and everything that carrying out its demonstration needs.
 
     Args:
         task: Environment id, or a declaration of one's own.
-        demonstration: Of that task; the packaged one when None.
-        render_backend: ManiSkill's; "gpu" where there is CUDA and "cpu" elsewhere when None.
-        look: "studio" or "random".
-        matcher: Finds the demonstrated points; see `dgl_collect.matching.MatcherName`.
-        robot: Name of arm and hand.
-        robots: Folder of imported robots, for names that are not built in.
+        options: Those of the run; the defaults when None.
+        demonstration: Of that task; the one that the options or the task name when None.
     """
+    options = options or RunOptions()
     declared = task if isinstance(task, Task) else get_task(task)
     if demonstration is None:
-        demonstration = load_demonstration(declared.id)
+        demonstration = load_demonstration(declared, options.demonstration)
     else:
         check_demonstration(demonstration, declared, source="demonstration")
     demo_garment = load_demonstrated_garment(demonstration.garment)
+    matcher: MatcherName = options.matcher or "exact"
     find_matcher = make_find_matcher(matcher, demo_garment)
     surface = sample_visible_surface(demo_garment.vertices, demo_garment.faces)
-    model = load_robot(robot, robots)
-    env = make_env(declared, robot=model, look=look, render_backend=render_backend)
+    robot = load_robot(options.robot, options.robots)
     return Setup(
-        env=env,
+        options=options,
+        env=make_env(declared, options, robot=robot),
         demonstration=demonstration,
         matcher=matcher,
         find_matcher=find_matcher,
         demo_cloud=surface.astype(np.float32),
-        motion=BimanualMotion(declared, DEFAULT_ROBOT_DIRECTORY, robot=model),
+        motion=BimanualMotion(declared, DEFAULT_ROBOT_DIRECTORY, robot=robot),
     )
+
+
+def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
+    """Check the options of a run before it begins, and make a garment of one's own ready.
+
+    Args:
+        options: As asked for.
+        task: What they are for.
+
+    Returns:
+        The options with absolute paths, the prepared garment's folder and its matcher; and what was
+        assumed about the garment, to be told.
+
+    Raises:
+        ValueError: If something that they name is missing or does not fit.
+        AssetError: If a garment or robot cannot be loaded.
+        DemonstrationError: If the demonstration is damaged or does not fit the task.
+    """
+    from dgl_collect.own_garment import prepare_garment
+
+    load_robot(options.robot, options.robots)
+    load_demonstration(task, options.demonstration)
+    values = {item.name: getattr(options, item.name) for item in dataclasses.fields(options)}
+    # a resumed run may be called from elsewhere
+    changes: dict[str, object] = {
+        name: path.absolute() for name, path in values.items() if isinstance(path, Path)
+    }
+    notes: tuple[str, ...] = ()
+    if options.garment is not None and Path(options.garment).exists():
+        if options.matcher == "exact":
+            raise ValueError(
+                "matcher exact knows the catalogue's garments alone; take gam for your own"
+            )
+        own = prepare_garment(Path(options.garment).absolute(), task)  # "." has no name
+        changes |= {"garment": str(own.folder), "matcher": "gam"}
+        notes = own.notes
+    elif options.garment is not None:
+        try:
+            check_id(options.garment)
+        except AssetNotFoundError as err:
+            raise ValueError(
+                "garment must be a mesh file, the folder of an imported garment or an id of the "
+                f"catalogue; {options.garment} is not there ({err})"
+            ) from err
+        if options.garment.partition("/")[0] != task.category:
+            raise ValueError(
+                f"garment must be of category {task.category}, which {task.id} is about; "
+                f"got {options.garment}"
+            )
+    return dataclasses.replace(options, **changes), notes  # pyright: ignore[reportArgumentType]

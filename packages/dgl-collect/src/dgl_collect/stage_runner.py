@@ -9,7 +9,8 @@ import numpy as np
 from dgl_collect.actors import Actor
 from dgl_collect.belief import BelievedView
 from dgl_collect.formula import Value, evaluate_formula, find_names
-from dgl_collect.point_finder import PointFinder, describe_cloud
+from dgl_collect.names import name_scene
+from dgl_collect.point_finder import PointFinder
 from dgl_collect.stage_work import Hold, HoldLost, Reaction, StageWork
 from dgl_collect.steps import Demonstration, Stage
 from dgl_gam import Matcher, compute_affordance
@@ -139,19 +140,19 @@ class _Course:
         return False  # all is out of reach, and would be again
 
     def _meets(self, stage: Stage, condition: str) -> PartOf[bool]:
+        named = find_names(condition)
+        value = (yield from self._believe()).value if "value" in named else np.nan
+        if "garment" in named:
+            yield from self.hands.settle()
+        sensed = self.hands.sensed
+        cloud = sensed.see_garment() if "garment" in named else np.zeros((1, 3))
         names: dict[str, Value] = {
-            **self.hands.sensed.get_frames(),
-            **self.finder.points,
+            **name_scene(cloud, sensed.get_frames(), self.finder.points),
             "round": self._round,
             "held": float(self._is_held),
             "skipped": float(stage.name in self._skipped),
+            "value": value,
         }
-        named = find_names(condition)
-        if "value" in named:
-            names["value"] = (yield from self._believe()).value
-        if "garment" in named:
-            yield from self.hands.settle()
-            names["garment"] = describe_cloud(self.hands.sensed.see_garment())
         return bool(evaluate_formula(condition, names))
 
     def _believe(self) -> PartOf[Verdict]:
@@ -228,14 +229,8 @@ class _Course:
         sensed, matcher = self.hands.sensed, self.runner.get_matcher()
         # seen again: the stages before may have dragged the garment along
         cloud = sensed.see_garment()
-        points = self.finder.points
-        if stage.looks_again:
-            points = self.finder.find_points(cloud, matcher)
-        names: dict[str, Value] = {
-            "garment": describe_cloud(cloud),
-            **sensed.get_frames(),
-            **points,
-        }
+        points = self.finder.find_stage_points(stage, cloud, matcher)
+        names = name_scene(cloud, sensed.get_frames(), points)
         places, affordance = {}, np.zeros((len(cloud), 2), np.float32)
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)

@@ -9,7 +9,7 @@ import numpy as np
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, evaluate_formula
-from dgl_collect.point_finder import describe_cloud
+from dgl_collect.names import describe_cloud
 from dgl_collect.steps import (
     Approach,
     HandPose,

@@ -1,12 +1,13 @@
 """Objects in scenes: seen by the cameras, felt by cloth and robots."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import sapien
 
 from dgl_assets.props import Prop, PropPart, PropShape, make_prop
-from dgl_tasks.declaration import SceneObject
+from dgl_tasks.declaration import SceneObject, Task
 from dgl_tasks.fields import Vector3
 from dgl_tasks.robot import let_robot_pass, let_robot_through
 
@@ -85,6 +86,30 @@ class PlacedObject:
         x, y, z = p.position
         self.place((x + dx, y + dy, z), p.yaw)
         return {f"{p.name}_x": x + dx, f"{p.name}_y": y + dy}
+
+
+def compute_frames(task: Task, draws: Mapping[str, object]) -> dict[str, dict[str, np.ndarray]]:
+    """Compute the frames of a task's objects from the draws of an episode.
+
+    Args:
+        task: Its declaration.
+        draws: Of the episode, as `GarmentEnv.draws` and episode files hold them.
+
+    Returns:
+        Positions by object and frame [m], shape (3,), world frame.
+
+    Raises:
+        ValueError: If the draws lack an object's place.
+    """
+    frames = {}
+    for item in task.objects:
+        place = [draws.get(f"{item.name}_{axis}") for axis in "xy"]
+        if not all(isinstance(number, float) for number in place):
+            raise ValueError(f"the draws must tell where {item.name} stands; got {place}")
+        pose = _make_pose((place[0], place[1], item.position[2]), item.yaw)  # pyright: ignore[reportArgumentType]
+        pose = np.concatenate([pose.p, pose.q]).astype(np.float64)
+        frames[item.name] = make_prop(item.prop).compute_landmarks(pose)
+    return frames
 
 
 def _make_pose(position: Vector3, yaw: float) -> sapien.Pose:

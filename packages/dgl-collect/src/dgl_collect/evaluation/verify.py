@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from dexgarmentlab.evaluation.results import RESULTS_FILE, ResultsRecord
 from dgl_collect.errors import CollectionError
+from dgl_collect.evaluation.results import RESULTS_FILE, ResultsRecord
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import ATTEMPTS_FILE
 from dgl_collect.verify import verify_run

@@ -1,4 +1,4 @@
-"""Evaluations side by side: on the same episodes, which method does those that another one does not."""
+"""Paired comparison of evaluations on their common episodes."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -6,27 +6,13 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from dexgarmentlab.evaluation.results import RESULTS_FILE, Count, ResultsRecord, count
+from dgl_collect.evaluation.results import RESULTS_FILE, Count, EpisodeRecord, ResultsRecord, count
 from dgl_files.fields import read_json_file
 
 __all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
 
 Key = tuple[int, int]
 """Seed and number of an episode."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Episode:
-    """What became of an episode, and what it began with."""
-
-    start: tuple[int, str | None]
-    """Its own seed, and the garment; None where an exception has ended it."""
-    success: bool
-    """Whether it met the task's rule at its end."""
-    first_try: bool
-    """Whether it did at the first try."""
-    value: float | None
-    """What the rule judges; None if it was not judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +27,7 @@ class Evaluation:
     """The method."""
     friction: float
     """The factor on the garments' friction and adhesion."""
-    episodes: Mapping[Key, Episode]
+    episodes: Mapping[Key, EpisodeRecord]
     """Those that have been run."""
 
 
@@ -114,15 +100,7 @@ def read_evaluation(folder: Path | str) -> Evaluation:
         task=content.task,
         policy=content.policy,
         friction=content.friction,
-        episodes={
-            (run.seed, run.episode): Episode(
-                start=(run.episode_seed, run.garment),
-                success=run.success,
-                first_try=run.first_try,
-                value=run.value,
-            )
-            for run in content.runs
-        },
+        episodes={(run.seed, run.episode): run for run in content.runs},
     )
 
 
@@ -151,12 +129,13 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
         raise ValueError(f"there is no episode that all of {names} have run")
     for other in others:
         for key in common:
-            ours, theirs = first.episodes[key].start, other.episodes[key].start
-            if ours[0] != theirs[0] or (None not in (ours[1], theirs[1]) and ours[1] != theirs[1]):
-                raise ValueError(
-                    f"episode {key[1]} of seed {key[0]} began with {ours[1]} (seed {ours[0]}) in {first.folder} "
-                    f"and with {theirs[1]} (seed {theirs[0]}) in {other.folder}"
-                )
+            if not _began_alike(first.episodes[key], other.episodes[key]):
+                starts = [
+                    f"with {e.garment} (seed {e.episode_seed}) in {evaluation.folder}"
+                    for evaluation in (first, other)
+                    for e in [evaluation.episodes[key]]
+                ]
+                raise ValueError(f"episode {key[1]} of seed {key[0]} began {' and '.join(starts)}")
     return Comparison(
         task=first.task,
         episodes=common,
@@ -165,6 +144,11 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
             _pair(evaluations, (i, j), common) for i, j in combinations(range(len(evaluations)), 2)
         ],
     )
+
+
+def _began_alike(ours: EpisodeRecord, theirs: EpisodeRecord) -> bool:
+    garments = {ours.garment, theirs.garment} - {None}  # None where an exception ended it
+    return ours.episode_seed == theirs.episode_seed and len(garments) < 2
 
 
 def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:

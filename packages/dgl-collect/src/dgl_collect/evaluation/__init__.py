@@ -1,0 +1,1 @@
+"""Evaluation of methods: attempts, figures, comparison."""

@@ -1,0 +1,85 @@
+"""Options of a run: one frozen dataclass from the command line to the scene."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+from annotated_types import Ge
+
+from dgl_collect.matching import MatcherName
+from dgl_files.fields import STRICT, check_fields, from_plain
+
+__all__ = ["GarmentChoice", "RecordOptions", "RunOptions"]
+
+GarmentChoice = Literal["both", "train", "test"]
+"""Garments of the training split, of the testing split, or of both by turns."""
+
+O = TypeVar("O", bound="RunOptions")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options that decide what happens in an attempt, whoever acts.
+
+    The command line makes a flag of each field. Workers receive the same object, a run's file records
+    `to_plain()`, and a resumed run must have equal options.
+
+    Raises:
+        ValueError: If a field is of another type or out of range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    look: Literal["studio", "random"] = "studio"
+    """A plain floor with fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    garment: str | None = None
+    """The same garment in every attempt instead of a drawn one: an id of the catalogue, a mesh file of
+    your own, or a folder that `dgl assets import` has made."""
+    matcher: MatcherName | None = None
+    """Finds the demonstration's points: `exact` knows the simulated garment, `gam` is the Garment
+    Affordance Model, which sees the cloud alone. Default: exact; gam for a garment of your own."""
+    demonstration: Path | None = None
+    """A demonstration of your own (JSON). Default: the one that belongs to the task."""
+    rounds: Annotated[int, Ge(1)] | None = None
+    """Most rounds through the stages while the task is believed not to be done; 1 is the paper's
+    protocol. Default: as the demonstration says."""
+    robot: str = "ur10e+shadow"
+    """Arm and hand, ARM+HAND; one name alone stands for itself with the built-in other."""
+    robots: Path | None = None
+    """Folder of imported robots; see `dgl assets import-robot`."""
+    render_backend: Literal["cpu", "gpu"] | None = None
+    """Where ManiSkill draws. Default: gpu where there is CUDA, else cpu."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.garment == "":
+            raise ValueError("garment must be an id, a mesh file or a folder; got ''")
+
+    def to_plain(self) -> dict[str, object]:
+        """Return the fields that differ from their defaults, ready for JSON."""
+        values = {item.name: getattr(self, item.name) for item in dataclasses.fields(self)}
+        return {
+            name: str(value) if isinstance(value, Path) else value
+            for name, value in values.items()
+            if value != getattr(type(self), name, dataclasses.MISSING)
+        }
+
+    @classmethod
+    def from_plain(cls: type[O], values: Mapping[str, object]) -> O:
+        """Build options from what `to_plain` gave.
+
+        Raises:
+            ValueError: If a field is unknown, of another type or out of range.
+        """
+        return from_plain(cls, dict(values))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordOptions(RunOptions):
+    """Options of a collection: those of a run, and what its episodes hold."""
+
+    record: Literal["stages", "approaches"] = "stages"
+    """What episodes hold: the stages from the grasp points on, or these and the hands' approaches before
+    them, which policies that work without grasp points have to learn."""

@@ -1,0 +1,95 @@
+"""Flags of runs: shared groups, and the command line that asks for the same run again."""
+
+import dataclasses
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+
+import tyro  # noqa: TID253 - the command line imports it anyway
+
+if TYPE_CHECKING:
+    from dgl_collect.workers import Workers
+
+__all__ = ["Flags", "WorkerFlags", "tell_command", "told_how_to_continue"]
+
+T = TypeVar("T")
+Flags = Annotated[T, tyro.conf.arg(name="")]
+"""A group of flags without a common prefix, as a field of a verb's options."""
+_NEVER_TOLD = ("resume", "json")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerFlags:
+    """Workers of a run. Results are the same with any number of workers, and with both engines."""
+
+    workers: int = 1
+    """Processes that work at the same time."""
+    engine: Literal["local", "ray"] = "local"
+    """Processes of this machine, or of a Ray cluster of many machines."""
+    address: str | None = None
+    """Head of the Ray cluster, such as auto or 10.0.0.1:6379; by default Ray starts on this
+    machine."""
+    shared_out: bool = False
+    """Workers write to the output folder, which every node of the Ray cluster sees under the same
+    path. By default their files travel through Ray."""
+
+    def make(self) -> "Workers":
+        """Build the workers' settings of a run."""
+        from dgl_collect.workers import Workers
+
+        return Workers(
+            count=self.workers,
+            engine=self.engine,
+            address=self.address,
+            shared_out=self.shared_out,
+        )
+
+
+def tell_command(verb: str, options: Any) -> str:
+    """Write the command line of a verb's options, without --resume and --json.
+
+    Args:
+        verb: One or more words after `dgl`.
+        options: The options, a dataclass; fields at their defaults are left out.
+    """
+    positional, flags = _split_words(options)
+    return shlex.join(map(str, ["dgl", *verb.split(), *positional, *flags]))
+
+
+def _split_words(options: Any) -> tuple[list[object], list[object]]:
+    """Give the positional words and the flags of options."""
+    positional: list[object] = []
+    flags: list[object] = []
+    hints = get_type_hints(type(options), include_extras=True)
+    for item in dataclasses.fields(options):
+        value = getattr(options, item.name)
+        if dataclasses.is_dataclass(value):
+            more, named = _split_words(value)
+            positional, flags = [*positional, *more], [*flags, *named]
+        elif tyro.conf.Positional in getattr(hints[item.name], "__metadata__", ()):
+            positional += _listed(value)
+        elif item.name not in _NEVER_TOLD and value != item.default:
+            name = item.name.replace("_", "-")
+            if isinstance(value, bool):
+                flags.append(f"--{name}" if value else f"--no-{name}")
+            else:
+                flags += [f"--{name}", *_listed(value)]
+    return positional, flags
+
+
+def _listed(value: object) -> list[object]:
+    return [*value] if isinstance(value, tuple) else [value]
+
+
+@contextmanager
+def told_how_to_continue(command: str) -> Iterator[None]:
+    """Add the command that continues to an error that ends a run and leaves what had finished."""
+    from dgl_collect import MachineError, WorkerError
+
+    try:
+        yield
+    except (MachineError, WorkerError) as err:
+        text = f"{err}; what had finished is kept, continue with: {command} --resume"
+        raise type(err)(text) from err
