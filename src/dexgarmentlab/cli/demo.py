@@ -36,8 +36,7 @@ class DemoOptions:
 def run(options: DemoOptions) -> int:
     """Collect the demonstration, write the report, and say where everything is."""
     from dgl_collect import CollectConfig
-    from dgl_collect.results import read_results
-    from dgl_collect.run_folder import ATTEMPTS_FILE
+    from dgl_collect.results import ATTEMPTS_FILE, read_results
     from dgl_tasks import get_task
 
     prepared = prepare_run(options.run, get_task(TASK))
@@ -81,7 +80,8 @@ def clear_previous(folder: Path) -> None:
         ValueError: If the folder holds anything that a demonstration does not write.
     """
     from dexgarmentlab.reports.collection import REPORT_FILE
-    from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, SUMMARY_FILE
+    from dgl_collect.results import ATTEMPTS_FILE
+    from dgl_collect.run_folder import RUN_FILE, SUMMARY_FILE
     from dgl_collect.workers.dispatch import STAGING
 
     if not folder.is_dir() or not any(folder.iterdir()):

@@ -75,8 +75,8 @@ def run(options: EvalOptions) -> int:
     from dgl_collect import collect, package_versions
     from dgl_collect.evaluation.methods import check_method
     from dgl_collect.evaluation.results import RESULTS_FILE, Run, summarize, to_json
-    from dgl_collect.results import read_results
-    from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE
+    from dgl_collect.results import ATTEMPTS_FILE, read_results
+    from dgl_collect.run_folder import RUN_FILE
     from dgl_files.whole import write_json
     from dgl_tasks import get_task
 

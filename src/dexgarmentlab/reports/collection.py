@@ -23,8 +23,8 @@ from dexgarmentlab.reports.page import (
 from dexgarmentlab.reports.pictures import gallery, make_shot
 from dgl_collect import CorruptEpisodeError
 from dgl_collect.previews import read_previews
-from dgl_collect.results import AttemptResult, read_results
-from dgl_collect.run_folder import ATTEMPTS_FILE, RUN_FILE, SUMMARY_FILE
+from dgl_collect.results import ATTEMPTS_FILE, AttemptResult, read_results
+from dgl_collect.run_folder import RUN_FILE, SUMMARY_FILE
 from dgl_files.whole import written_beside
 
 __all__ = ["REPORT_FILE", "write_report"]
