@@ -1,4 +1,4 @@
-"""Make a garment of the catalogue, name its places, and save it for any mesh viewer."""
+"""Make a garment of the catalogue, find a landmark on another one, and save it as OBJ."""
 
 from pathlib import Path
 
@@ -12,9 +12,8 @@ def main(path: Path = Path("top.obj")) -> Path:
 
     other = load_garment("Tops_LongSleeve/000007")
     cuff = top.get_landmark_positions(("left_cuff",))
-    print(
-        f"left cuff {cuff[0].round(3)} is {correspond(top, cuff, other)[0].round(3)} on {other.name}"
-    )
+    there = correspond(top, cuff, other)
+    print(f"left cuff {cuff[0].round(3)} is {there[0].round(3)} on {other.name}")
 
     lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in top.vertices]
     lines += [f"f {a} {b} {c}" for a, b, c in top.faces + 1]

@@ -100,11 +100,11 @@ def test_unknown_categories_and_splits_are_refused():
         load_garment("Sock/000000")
     with pytest.raises(AssetNotFoundError, match="unknown category 'Sock'"):
         garment_ids("Sock", "train")
-    with pytest.raises(ValueError, match=r"split must be one of \['test', 'train'\]; got 'all'"):
+    with pytest.raises(ValueError, match=r"split must be one of \('test', 'train'\); got 'all'"):
         garment_ids("Tops_LongSleeve", "all")
     with pytest.raises(ValueError, match=r"count must be in \[0, 2000\].* got 2001"):
         garment_ids("Tops_LongSleeve", "test", count=2001)
-    with pytest.raises(ValueError, match="sizes must be 'reach' or 'all'; got 'huge'"):
+    with pytest.raises(ValueError, match=r"sizes must be one of \('reach', 'all'\); got 'huge'"):
         garment_ids("Scarf", "train", sizes="huge")
     with pytest.raises(ValueError, match="subset must be None or 'paper'; got 'mine'"):
         garment_ids("Scarf", "train", subset="mine")

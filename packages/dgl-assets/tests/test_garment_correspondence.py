@@ -1,4 +1,4 @@
-"""What correspondence keeps, and which places it refuses."""
+"""Correspondence: what it keeps, and points that it refuses."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def test_a_point_on_a_leaf_is_told_from_the_front_below_it():
     assert np.median(mapped[:, 2]) < 0.01
 
 
-def test_wrong_places_are_refused(families):
+def test_wrong_points_are_refused(families):
     source, target = families["Tops_LongSleeve"][:2]
     with pytest.raises(ValueError, match=r"shape \(N,\) or float points .* got shape \(4, 2\)"):
         correspond(source, np.zeros((4, 2)), target)

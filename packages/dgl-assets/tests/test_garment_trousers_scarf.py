@@ -1,6 +1,6 @@
-"""Trousers and scarves: measures, places, and what is refused."""
+"""Trousers and scarves: measures, landmarks, and measures that are refused."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,52 +13,33 @@ from dgl_assets import (
     sample_scarf,
     sample_trousers,
 )
-from dgl_assets.garments.scarves.garment import SCARF_RANGES, ScarfPattern
-from dgl_assets.garments.trousers.parameters import TROUSERS_RANGES
+from dgl_assets.garments.scarves.garment import ScarfPattern
 from dgl_assets.garments.trousers.pattern import U_INSEAM, V_CROTCH, LegPattern
 
-ALL = [(TrousersParameters(), TROUSERS_RANGES), (ScarfParameters(), SCARF_RANGES)]
 
-
-@pytest.mark.parametrize(("valid", "ranges"), ALL, ids=lambda p: type(p).__name__)
-def test_every_number_has_a_range_and_a_description(valid, ranges):
-    numbers = {f.name for f in fields(valid) if not isinstance(getattr(valid, f.name), str)}
-    assert numbers == set(ranges)
-    for name, (low, high) in ranges.items():
-        assert f"{name}: " in type(valid).__doc__
-        for value in (low - 0.01, high + 0.01, float("inf")):
-            with pytest.raises(ValueError, match=rf"{name} must be .* got"):
-                replace(valid, **{name: value})
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"waist_half_width": 0.25}, "waist_half_width must be at most"),
-        ({"thigh_width": 0.18}, "thigh_width must be 0.85"),
-        ({"waist_front_drop": 0.05, "rise": 0.15}, "waist_front_drop must be at most"),
-        ({"pocket_bulge": 0.02, "inseam_length": 0.12}, "pocket_bulge needs"),
-    ],
-)
-def test_contradicting_measures_of_trousers_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        replace(TrousersParameters(), **changes)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_contradicting_measures_are_refused(find_unrefused):
+    trousers, scarf = TrousersParameters(), ScarfParameters()
+    table = [
+        (trousers, {"waist_half_width": 0.25}, "waist_half_width must be at most"),
+        (trousers, {"thigh_width": 0.18}, "thigh_width must be 0.85"),
+        (trousers, {"waist_front_drop": 0.05, "rise": 0.15}, "waist_front_drop must be at most"),
+        (trousers, {"pocket_bulge": 0.02, "inseam_length": 0.12}, "pocket_bulge needs"),
+        (scarf, {"end": "pointed"}, "end_depth must be 0 for straight"),
+        (scarf, {"end_depth": 0.1}, "end_depth must be 0 for straight"),
+        (scarf, {"end": "rounded", "end_depth": 0.19}, "too sharp"),
+        (scarf, {"end": "fringed"}, "end must be one of"),
+    ]
+    rows = [(lambda p=p, c=c: replace(p, **c), message) for p, c, message in table]
+    cannot_be_cut = [
         ({"leg_angle": 0.0, "knee_width": 0.3}, "the legs lie on each other"),
         ({"inseam_length": 0.03, "hem_width": 0.2, "leg_angle": 0.3}, "legs|hem|seams"),
-    ],
-)
-def test_trousers_that_cannot_be_cut_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        make_trousers(replace(TrousersParameters(), **changes))
+    ]
+    rows += [(lambda c=c: make_trousers(replace(trousers, **c)), m) for c, m in cannot_be_cut]
+    assert find_unrefused(rows) == []
 
 
 @pytest.mark.parametrize("layer", [1, -1])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_maps_of_legs_invert_each_other(seed, layer):
     rng = np.random.default_rng(seed)
     parameters = sample_trousers(seed)
@@ -85,28 +66,14 @@ def test_trousers_measure_what_was_asked_for():
 
 
 def test_trousers_are_long_and_short_and_of_many_legs():
-    drawn = [sample_trousers(seed) for seed in range(60)]
+    drawn = [sample_trousers(seed) for seed in range(40)]
     lengths = [t.inseam_length for t in drawn]
     assert min(lengths) < 0.15 < 0.6 < max(lengths)
     flare = [t.hem_width / t.knee_width for t in drawn if t.inseam_length > 0.4]
     assert min(flare) < 0.7
     assert max(flare) > 1.4
     assert all(t.rise + t.inseam_length <= 1.0 for t in drawn)
-    assert min(t.rise for t in (sample_trousers(s, sizes="all") for s in range(60))) < 0.15
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"end": "pointed"}, "end_depth must be 0 for straight"),
-        ({"end_depth": 0.1}, "end_depth must be 0 for straight"),
-        ({"end": "rounded", "end_depth": 0.19}, "too sharp"),
-        ({"end": "fringed"}, "end must be one of"),
-    ],
-)
-def test_contradicting_measures_of_a_scarf_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        replace(ScarfParameters(), **changes)
+    assert min(t.rise for t in (sample_trousers(s, sizes="all") for s in range(30))) < 0.15
 
 
 def test_a_scarf_is_one_layer_of_the_size_that_was_asked_for():
@@ -119,7 +86,7 @@ def test_a_scarf_is_one_layer_of_the_size_that_was_asked_for():
     assert np.allclose(tips[:, 0], [-0.7, 0.7], atol=1e-4)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_maps_of_scarves_invert_each_other(seed):
     rng = np.random.default_rng(seed)
     pattern = ScarfPattern(sample_scarf(seed))

@@ -16,7 +16,7 @@ from dgl_assets.garments.meshing import (
     compute_smallest_angles,
 )
 
-SEEDS = range(12)
+SEEDS = range(4)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_canonical_is_injective_on_each_layer(gloves):
         assert areas.min() > 0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_maps_invert_each_other(seed):
     rng = np.random.default_rng(seed)
     pattern = GlovePattern(sample_glove(seed))
@@ -160,14 +160,8 @@ def test_spacing_is_followed():
     assert len(glove.vertices) > 1000
 
 
-def test_spacing_out_of_range_is_refused():
-    with pytest.raises(ValueError, match=r"spacing must be in .* got 0\.02"):
-        make_glove(GloveParameters(), spacing=0.02)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+def test_wrong_measures_are_refused(find_unrefused):
+    table = [
         ({"hand": "middle"}, "hand must be 'left' or 'right'; got 'middle'"),
         ({"hand_width": 0.2}, r"hand_width must be in .* got 0\.2"),
         ({"cuff_length": float("inf")}, "cuff_length must be a finite number"),
@@ -175,8 +169,8 @@ def test_spacing_out_of_range_is_refused():
         ({"thumb_length": 0.045, "thumb_width": 0.038}, r"at least 1\.2 \* thumb_width"),
         ({"thumb_width": 0.042}, r"at most 0\.44 \* palm_length"),
         ({"finger_spread": 0.2, "thumb_angle": 0.5}, "clear of the index finger"),
-    ],
-)
-def test_wrong_measures_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        replace(GloveParameters(), **change)
+    ]
+    glove = GloveParameters()
+    rows = [(lambda c=c: replace(glove, **c), message) for c, message in table]
+    rows += [(lambda: make_glove(glove, spacing=0.02), r"spacing must be in .* got 0\.02")]
+    assert find_unrefused(rows) == []

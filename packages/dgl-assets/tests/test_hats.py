@@ -23,7 +23,7 @@ from dgl_assets.garments.meshing import (
     compute_smallest_angles,
 )
 
-SEEDS = range(16)
+SEEDS = range(5)
 
 
 @pytest.fixture(scope="module")
@@ -161,37 +161,31 @@ def test_the_same_seed_gives_the_same_hat():
         assert np.array_equal(first.faces, second.faces)
 
 
-@pytest.mark.parametrize("spacing", [0.008, 0.014])
-def test_spacing_is_followed(spacing):
-    for hat in (
-        make_cap(CapParameters(), spacing=spacing),
-        make_bowl_hat(BowlHatParameters(), spacing=spacing),
+def test_spacing_is_followed():
+    for spacing, hat in (
+        (0.008, make_cap(CapParameters(), spacing=0.008)),
+        (0.014, make_bowl_hat(BowlHatParameters(), spacing=0.014)),
     ):
         assert np.median(_measure_edges(hat)) == pytest.approx(spacing, rel=0.08)
 
 
-@pytest.mark.parametrize("make", [make_cap, make_bowl_hat])
-def test_spacing_out_of_range_is_refused(make):
-    parameters = CapParameters() if make is make_cap else BowlHatParameters()
-    with pytest.raises(ValueError, match=r"spacing must be in .* got 0\.02"):
-        make(parameters, spacing=0.02)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "change", "message"),
-    [
-        (CapParameters(), {"crown_height": 0.3}, r"crown_height must be in .* got 0\.3"),
-        (CapParameters(), {"panel_count": 4}, r"panel_count must be one of \(5, 6\); got 4"),
-        (CapParameters(), {"visor_length": float("nan")}, "visor_length must be a finite number"),
-        (CapParameters(), {"front_rise": 0.029}, "front_rise must be at most"),
+def test_wrong_measures_are_refused(find_unrefused):
+    cap, hat = CapParameters(), BowlHatParameters()
+    table = [
+        (cap, {"crown_height": 0.3}, r"crown_height must be in .* got 0\.3"),
+        (cap, {"panel_count": 4}, r"panel_count must be one of \(5, 6\); got 4"),
+        (cap, {"visor_length": float("nan")}, "visor_length must be a finite number"),
+        (cap, {"front_rise": 0.029}, "front_rise must be at most"),
         (CapParameters(head_girth=0.4), {"visor_length": 0.07}, "visor_length must be at most"),
-        (BowlHatParameters(), {"brim_width": 0.0}, "brim_width must be in"),
-        (BowlHatParameters(), {"brim_slope": 1.0, "brim_curve": 0.5}, r"at most 1\.3 rad"),
-        (BowlHatParameters(), {"brim_slope": -0.4, "brim_curve": -0.5}, r"at least -0\.7 rad"),
-        (BowlHatParameters(), {"side_curl": 0.045}, "side_curl and 4"),
+        (hat, {"brim_width": 0.0}, "brim_width must be in"),
+        (hat, {"brim_slope": 1.0, "brim_curve": 0.5}, r"at most the limit \[rad\] \(1\.3\)"),
+        (hat, {"brim_slope": -0.4, "brim_curve": -0.5}, r"at least the limit \[rad\] \(-0\.7\)"),
+        (hat, {"side_curl": 0.045}, "size of side_curl must be at most"),
+        (hat, {"wave_height": 0.012, "brim_width": 0.05}, r"size of 4 \* wave_height"),
         (BowlHatParameters(crown_height=0.06), {"top_dent": 0.02}, "top_dent must be at most"),
-    ],
-)
-def test_wrong_measures_are_refused(parameters, change, message):
-    with pytest.raises(ValueError, match=message):
-        replace(parameters, **change)
+    ]
+    rows = [(lambda p=p, c=c: replace(p, **c), message) for p, c, message in table]
+    message = r"spacing must be in .* got 0\.02"
+    rows += [(lambda: make_cap(cap, spacing=0.02), message)]
+    rows += [(lambda: make_bowl_hat(hat, spacing=0.02), message)]
+    assert find_unrefused(rows) == []

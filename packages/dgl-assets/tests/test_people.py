@@ -1,34 +1,37 @@
 """Facts about people."""
 
-import sys
-import types
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, KDTree
 
-from dgl_assets import AssetError, AssetNotFoundError
 from dgl_assets.garments.meshing import compute_edges
 from dgl_assets.people import (
     PEOPLE,
     POSES,
     Person,
     PersonMeasures,
-    load_smplx,
     make_person,
     sample_person,
 )
+from dgl_assets.people import person as person_module
 from dgl_assets.people.skeleton import make_joints
 from dgl_assets.people.solids import Blend, Cone, Ellipsoid
 from dgl_assets.people.surface_nets import extract_surface, separate
 
-SHAPES = ("man", "woman", "child_8")
+
+@pytest.fixture(scope="module", params=["one", pytest.param("all", marks=pytest.mark.slow)])
+def people(request, woman) -> dict[str, Person]:
+    """A woman at 0.85; all of the table in slow tests."""
+    if request.param == "one":
+        return {"woman": woman}
+    return {name: make_person(name, scale=0.85) for name in PEOPLE}
 
 
-@pytest.fixture(scope="module")
-def people() -> dict[str, Person]:
-    return {name: make_person(name) for name in SHAPES}
+def _measure_volume(person: Person) -> float:
+    corners = person.vertices[person.faces].astype(np.float64)
+    return np.einsum("ij,ij->", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) / 6
 
 
 def test_the_skin_is_one_closed_manifold(people):
@@ -40,34 +43,32 @@ def test_the_skin_is_one_closed_manifold(people):
         )
         assert len(np.unique(half_edges, axis=0)) == len(half_edges)
         assert len(person.vertices) - len(edges) + len(person.faces) == 2  # a sphere
-        corners = person.vertices[person.faces].astype(np.float64)
-        volume = np.einsum("ij,ij->", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) / 6
-        assert volume > 0  # outward
+        assert _measure_volume(person) > 0  # outward
 
 
 def test_volume_is_that_of_a_body(people):
     """People weigh about a kilogram a litre; means are 80 to 86 kg, 68 to 73 kg and 26 kg."""
     for name, low, high in (("man", 65, 100), ("woman", 55, 85), ("child_8", 20, 34)):
-        person = people[name]
-        corners = person.vertices[person.faces].astype(np.float64)
-        volume = np.einsum("ij,ij->", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) / 6
-        assert low < 1000 * volume < high
+        if name in people:
+            assert low < 1000 * _measure_volume(people[name]) / 0.85**3 < high
 
 
 def test_measures_are_kept(people):
     for name, person in people.items():
         m = PEOPLE[name]
-        assert person.vertices[:, 2].max() == pytest.approx(m.stature, rel=0.005)
+        assert person.vertices[:, 2].max() == pytest.approx(0.85 * m.stature, rel=0.005)
         assert person.vertices[:, 2].min() == 0
         for level, girth, bones, tolerance in (
             (person.frames["brow"][1][2, 3], m.head_girth, ("head",), 0.05),
             (person.frames["neck"][1][2, 3], m.neck_girth, ("neck",), 0.06),
         ):
             ids = [person.skeleton.names.index(bone) for bone in bones]
-            near = np.abs(person.vertices[:, 2] - level) < 0.008
+            near = np.abs(person.vertices[:, 2] - level) < 0.007
             near &= person.weights[:, ids].sum(axis=1) > 0.5
             hull = ConvexHull(person.vertices[near, :2].astype(np.float64))
-            assert hull.area == pytest.approx(girth, rel=tolerance)  # in the plane: the girth
+            assert hull.area == pytest.approx(
+                0.85 * girth, rel=tolerance
+            )  # in the plane: the girth
 
 
 def test_weights_sum_to_one_and_are_smooth(people):
@@ -95,8 +96,8 @@ def test_the_rest_pose_is_the_rest_pose(people):
         assert np.allclose(person.pose(resting), person.vertices, atol=1e-6)
 
 
-def test_bones_keep_their_lengths(people):
-    person = people["woman"]
+def test_bones_keep_their_lengths(woman):
+    person = woman
     rng = np.random.default_rng(0)
     positions, parents = person.skeleton.positions, person.skeleton.parents
     for _ in range(10):
@@ -109,8 +110,8 @@ def test_bones_keep_their_lengths(people):
                 assert np.linalg.norm(moved[k] - moved[parent]) == pytest.approx(before, abs=1e-9)
 
 
-def test_motions_go_where_their_names_say(people):
-    person = people["man"]
+def test_motions_go_where_their_names_say(woman):
+    person = woman
     arms = {f"{side}_shoulder_abduction": 0.0 for side in ("left", "right")}
     names = ("left_middle_tip", "right_middle_tip", "head_top", "left_toe_tip")
     start = person.get_landmark_positions(names, arms)
@@ -119,16 +120,16 @@ def test_motions_go_where_their_names_say(people):
     def moved(angles):
         return person.get_landmark_positions(names, arms | angles) - start
 
-    assert moved({"left_shoulder_flexion": 1.5})[0, 1] < -0.5  # forward
-    assert moved({"right_shoulder_flexion": 1.5})[1, 1] < -0.5
-    assert moved({"left_shoulder_abduction": 1.5})[0, 0] > 0.4  # outward
-    assert moved({"right_shoulder_abduction": 1.5})[1, 0] < -0.4
+    assert moved({"left_shoulder_flexion": 1.5})[0, 1] < -0.4  # forward
+    assert moved({"right_shoulder_flexion": 1.5})[1, 1] < -0.4
+    assert moved({"left_shoulder_abduction": 1.5})[0, 0] > 0.35  # outward
+    assert moved({"right_shoulder_abduction": 1.5})[1, 0] < -0.35
     assert moved({"left_elbow_flexion": 1.5})[0, 1] < -0.2
-    assert moved({"left_wrist_flexion": 1.0})[0, 0] < -0.1  # towards the palm, which faces inward
-    assert moved({"right_wrist_flexion": 1.0})[1, 0] > 0.1
-    assert moved({"left_middle1_flexion": 1.2})[0, 0] < -0.03
-    assert moved({"chest_flexion": 0.5})[2, 1] < -0.1
-    assert moved({"head_bending": 0.3})[2, 0] > 0.03
+    assert moved({"left_wrist_flexion": 1.0})[0, 0] < -0.08  # towards the palm, which faces inward
+    assert moved({"right_wrist_flexion": 1.0})[1, 0] > 0.08
+    assert moved({"left_middle1_flexion": 1.2})[0, 0] < -0.025
+    assert moved({"chest_flexion": 0.5})[2, 1] < -0.08
+    assert moved({"head_bending": 0.3})[2, 0] > 0.025
     assert moved({"left_hip_flexion": 1.0})[3, 1] < -0.3
     assert moved({"left_knee_flexion": 1.0})[3, 1] > 0.1
 
@@ -166,27 +167,27 @@ def test_landmarks_are_where_they_are_named(people):
             assert at[f"{side}_palm_centre"][2] < at[f"{side}_hand_back"][2]
 
 
-def test_frames_move_with_their_bones(people):
-    person = people["man"]
+def test_frames_move_with_their_bones(woman):
+    person = woman
     rest, there = person.compute_frames(), person.compute_frames("reach_right")
     assert np.allclose(rest["head_top"][1], [1, 0, 0, 0])
     assert np.allclose(rest["neck"][0], there["neck"][0])
     place, (w, x, y, z) = there["right_hand"]
-    assert place[1] < -0.4
+    assert place[1] < -0.3
     along = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     out = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
     assert along[1] < -0.95  # fingers to the front
     assert out[2] < -0.9  # palm down
     skin = person.pose("reach_right")
     tip = skin[person.landmarks["right_middle_tip"]]
-    assert (tip - place) @ along > 0.08
+    assert (tip - place) @ along > 0.06
 
 
 def test_capsules_fill_the_body(people):
     for person in people.values():
         for pose in ("rest", "standing"):
             ends, radii = person.compute_capsules(pose)
-            skin = person.pose(pose)
+            skin = person.pose(pose)[::7]
             along = ends[:, 1] - ends[:, 0]
             offset = skin[:, None] - ends[None, :, 0]
             share = (offset * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12)
@@ -196,24 +197,29 @@ def test_capsules_fill_the_body(people):
             assert depth.max() < 0.06
 
 
-@pytest.mark.parametrize("pose", sorted(POSES))
-def test_poses_keep_the_skin_in_one_piece(people, pose):
-    person = people["man"]
-    skin = person.pose(pose)
-    edges, _ = compute_edges(person.faces)
-    rest = np.linalg.norm(person.vertices[edges[:, 0]] - person.vertices[edges[:, 1]], axis=1)
-    length = np.linalg.norm(skin[edges[:, 0]] - skin[edges[:, 1]], axis=1)
-    assert np.quantile(length / rest, 0.99) < 1.8
-    assert length.max() < 0.06
+def test_poses_keep_the_skin_in_one_piece(woman):
+    edges, _ = compute_edges(woman.faces)
+    rest = np.linalg.norm(woman.vertices[edges[:, 0]] - woman.vertices[edges[:, 1]], axis=1)
+    for pose in POSES:
+        skin = woman.pose(pose)
+        length = np.linalg.norm(skin[edges[:, 0]] - skin[edges[:, 1]], axis=1)
+        assert np.quantile(length / rest, 0.99) < 1.8, pose
+        assert length.max() < 0.05, pose
 
 
-def test_scale_scales_everything(people):
-    whole, small = people["child_8"], make_person("child_8", scale=0.5)
-    assert np.allclose(small.pose("standing"), 0.5 * whole.pose("standing"), atol=1e-5)
-    assert np.allclose(
-        small.compute_frames()["neck"][0], 0.5 * whole.compute_frames()["neck"][0], atol=1e-6
-    )
-    assert np.allclose(small.compute_capsules()[1], 0.5 * whole.compute_capsules()[1])
+def test_scale_scales_everything(woman, monkeypatch):
+    whole_skin = woman.vertices.astype(np.float64) / 0.85
+    monkeypatch.setattr(person_module, "make_skin", lambda _: (whole_skin, woman.faces))
+    monkeypatch.setattr(person_module, "compute_weights", lambda *_: woman.weights)
+    small = make_person("woman", scale=0.34)
+    assert small.landmarks == woman.landmarks
+    assert np.allclose(small.pose("standing"), 0.4 * woman.pose("standing"), atol=1e-5)
+    for name, (origin, turn) in small.compute_frames("reach_right").items():
+        expected = woman.compute_frames("reach_right")[name]
+        assert np.allclose(origin, 0.4 * expected[0], atol=1e-6)
+        assert np.allclose(turn, expected[1])
+    for ours, theirs in zip(small.compute_capsules(), woman.compute_capsules(), strict=True):
+        assert np.allclose(ours, 0.4 * theirs)
 
 
 def test_random_people_differ_and_repeat():
@@ -223,45 +229,44 @@ def test_random_people_differ_and_repeat():
     assert max(ratios) / min(ratios) > 1.4
 
 
+@pytest.mark.slow
 def test_a_random_person_can_be_made():
     person = make_person(sample_person(11))
     assert len(person.vertices) > 10_000
 
 
-def test_wrong_poses_are_refused(people):
-    person = people["man"]
-    with pytest.raises(ValueError, match=r"pose must be one of .*; got 'sitting'"):
-        person.pose("sitting")
-    with pytest.raises(ValueError, match=r"unknown motions \['left_elbow_twist'\]"):
-        person.pose({"left_elbow_twist": 0.1})
-    with pytest.raises(ValueError, match=r"left_knee_flexion must be in .* got -0\.500"):
-        person.pose({"left_knee_flexion": -0.5})
+def test_wrong_poses_are_refused(woman, find_unrefused):
+    rows = [
+        (lambda: woman.pose("sitting"), r"pose must be one of .*; got 'sitting'"),
+        (
+            lambda: woman.pose({"left_elbow_twist": 0.1}),
+            r"unknown motions \['left_elbow_twist'\]",
+        ),
+        (
+            lambda: woman.pose({"left_knee_flexion": -0.5}),
+            r"left_knee_flexion must be in .* got -0\.500",
+        ),
+        (lambda: replace(woman, weights=0.5 * woman.weights), "sum to 1"),
+        (lambda: replace(woman, weights=woman.weights[:, :3]), "weights must have shape"),
+    ]
+    assert find_unrefused(rows) == []
     with pytest.raises(KeyError, match="unknown landmarks"):
-        person.get_landmark_positions(("tail",))
+        woman.get_landmark_positions(("tail",))
 
 
-def test_wrong_measures_are_refused():
+def test_wrong_measures_are_refused(find_unrefused):
     man = PEOPLE["man"]
-    with pytest.raises(ValueError, match="got 'giant'"):
-        make_person("giant")
-    with pytest.raises(ValueError, match=r"scale must be in \[0\.3, 1\.5\]; got 2"):
-        make_person("man", scale=2)
-    with pytest.raises(ValueError, match="stature must be in"):
-        replace(man, stature=3.0)
-    with pytest.raises(ValueError, match="crotch_height must be 0"):
-        replace(man, crotch_height=0.6)
-    with pytest.raises(ValueError, match="shoulder_height must be 0"):
-        replace(man, shoulder_height=1.2)
-    with pytest.raises(ValueError, match="room for neck and head"):
-        replace(man, shoulder_height=1.50, head_girth=0.63)
-
-
-def test_weights_that_do_not_sum_to_one_are_refused(people):
-    person = people["man"]
-    with pytest.raises(ValueError, match="sum to 1"):
-        replace(person, weights=0.5 * person.weights)
-    with pytest.raises(ValueError, match="weights must have shape"):
-        replace(person, weights=person.weights[:, :3])
+    rows = [
+        (lambda: make_person("giant"), "got 'giant'"),
+        (lambda: make_person("man", scale=2), r"scale must be in \[0\.3, 1\.5\]; got 2"),
+        (lambda: replace(man, stature=3.0), "stature must be in"),
+        (lambda: replace(man, crotch_height=0.6), "crotch_height must be 0"),
+        (lambda: replace(man, shoulder_height=1.2), "shoulder_height must be 0"),
+        (lambda: replace(man, shoulder_height=1.50, head_girth=0.63), "room for neck and head"),
+    ]
+    assert find_unrefused(rows) == []
+    with pytest.raises(TypeError):
+        PersonMeasures(1.7)
 
 
 def test_limits_are_ordered_and_contain_the_rest():
@@ -272,14 +277,12 @@ def test_limits_are_ordered_and_contain_the_rest():
 
 
 def test_solids_measure_distance():
-    cone = Cone(bone="b", start=np.zeros(3), end=np.array([0, 0, 0.2]), radii=(0.05, 0.05))
+    cone = Cone("b", np.zeros(3), np.array([0, 0, 0.2]), (0.05, 0.05))
     points = np.array([[0.08, 0, 0.1], [0, 0, 0.3], [0.01, 0, 0.1]])
     assert np.allclose(cone.distance(points), [0.03, 0.05, -0.04])
-    ball = Ellipsoid(bone="b", centre=np.zeros(3), radii=0.1 * np.ones(3))
+    ball = Ellipsoid("b", np.zeros(3), 0.1 * np.ones(3))
     assert np.allclose(ball.distance(np.array([[0.13, 0, 0], [0, 0.1, 0]])), [0.03, 0], atol=1e-9)
-    assert (
-        len(Blend(parts=(cone, Blend(parts=(ball,), radius=0.01)), radius=0.01).list_solids()) == 2
-    )
+    assert len(Blend(0.01, [cone, Blend(0.01, [ball])]).list_solids()) == 2
 
 
 def test_surface_nets_mesh_a_sphere():
@@ -302,66 +305,3 @@ def test_separate_makes_random_fields_manifold():
         _, faces = extract_surface(separate(values), axes)
         _, counts = compute_edges(faces)
         assert counts.max() == 2
-
-
-def _install_fake_smplx(monkeypatch, person: Person) -> None:
-    """A stand-in with the attributes of the real library's model, holding a person of ours in its frame."""
-    to_theirs = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
-    names = person.skeleton.names
-    count = len(person.vertices)
-    regressor = np.zeros((len(names), count))
-    for k in range(len(names)):
-        rows = np.flatnonzero(person.weights[:, k] > 0.1)
-        regressor[k, rows] = 1 / len(rows)
-    model = types.SimpleNamespace(
-        v_template=person.vertices @ to_theirs.T + 0.3,
-        shapedirs=np.zeros((count, 3, 10)) + 0.01,
-        J_regressor=regressor,
-        parents=person.skeleton.parents,
-        lbs_weights=person.weights,
-        faces=person.faces,
-    )
-    module = types.ModuleType("smplx")
-    module.create = lambda *_args, **_kwargs: model
-    joint_names = types.ModuleType("smplx.joint_names")
-    joint_names.JOINT_NAMES = [*names, "nose"]
-    ids = types.ModuleType("smplx.vertex_ids")
-    ids.vertex_ids = {"smplx": {"nose": person.landmarks["nose_tip"], "lindex": 5}}
-    for name, value in (
-        ("smplx", module),
-        ("smplx.joint_names", joint_names),
-        ("smplx.vertex_ids", ids),
-    ):
-        monkeypatch.setitem(sys.modules, name, value)
-
-
-def test_smplx_is_turned_to_the_person_frame(monkeypatch, tmp_path, people):
-    original = people["man"]
-    _install_fake_smplx(monkeypatch, original)
-    file = tmp_path / "SMPLX_NEUTRAL.npz"
-    file.write_bytes(b"")
-    person = load_smplx(file)
-    moved = person.vertices - original.vertices
-    assert np.allclose(moved, moved[0], atol=1e-5)
-    assert person.vertices[:, 2].min() == 0
-    assert person.landmarks["nose_tip"] == original.landmarks["nose_tip"]
-    assert {"head_top", "neck_front", "neck_back"} <= set(person.landmarks)
-    turned = person.pose({"left_shoulder_y": -0.5})
-    assert np.ptp(turned - person.vertices, axis=0).max() > 0.1
-    with pytest.raises(ValueError, match=r"betas must have shape \(S,\) with S <= 10; got \(11,\)"):
-        load_smplx(file, betas=np.zeros(11))
-
-
-def test_what_smplx_lacks_is_named(monkeypatch, tmp_path):
-    with pytest.raises(AssetNotFoundError, match=r"no SMPL-X model at .*SMPLX_FEMALE\.npz"):
-        load_smplx(tmp_path, gender="female")
-    (tmp_path / "smplx").mkdir()
-    (tmp_path / "smplx" / "SMPLX_NEUTRAL.npz").write_bytes(b"")
-    monkeypatch.setitem(sys.modules, "smplx", None)
-    with pytest.raises(AssetError, match="needs the library smplx"):
-        load_smplx(tmp_path)
-
-
-def test_measures_are_keyword_only():
-    with pytest.raises(TypeError):
-        PersonMeasures(1.7)

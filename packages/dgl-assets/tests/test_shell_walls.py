@@ -41,7 +41,7 @@ def test_a_flat_wall_of_any_winding_fits():
     [(make_cap, sample_cap), (make_bowl_hat, sample_bowl_hat), (make_glove, sample_glove)],
 )
 def test_walls_of_random_shells_fit(make, sample):
-    for seed in range(40, 46):
+    for seed in range(40, 42):
         shell = make(sample(seed))
         assert len(find_folds(shell.vertices, shell.faces, shell.wall_thickness)) == 0
 

@@ -1,4 +1,4 @@
-"""What a caller of this package may want to catch."""
+"""Errors of this package."""
 
 
 class AssetError(Exception):

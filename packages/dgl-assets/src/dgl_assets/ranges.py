@@ -1,26 +1,73 @@
-"""Check that measures are numbers within their ranges."""
+"""Fields of dataclasses with accepted ranges."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import MISSING, field, fields
+from functools import cache
+from typing import Any
 
 
-def check_ranges(values: Mapping[str, object], ranges: Mapping[str, tuple[float, float]]) -> None:
-    """Refuse the first value that is no finite number or out of its range.
+def measure(low: float, high: float, default: Any = MISSING) -> Any:
+    """Declare a numeric field that `check_ranges` holds in [low, high]."""
+    return field(default=default, metadata={"range": (low, high)})
 
-    Args:
-        values: Value of each measure.
-        ranges: Smallest and largest accepted value of each of the measures to check.
+
+@cache
+def get_ranges(kind: type) -> Mapping[str, tuple[float, float]]:
+    """Smallest and largest accepted value of each field that `measure` declares, by name."""
+    return {f.name: f.metadata["range"] for f in fields(kind) if "range" in f.metadata}
+
+
+def check_ranges(measures: object) -> None:
+    """Check every field that `measure` declares.
 
     Raises:
-        ValueError: Naming the measure, what was expected and what came.
+        ValueError: If a value is no finite number or out of its range; the message names the field.
     """
-    for name, (low, high) in ranges.items():
-        value = values[name]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name} must be a finite number; got {value!r}")
-        if not math.isfinite(value):
-            raise ValueError(f"{name} must be a finite number; got {value!r}")
-        if not low <= value <= high:
-            raise ValueError(f"{name} must be in [{low}, {high}]; got {value}")
+    for name, (low, high) in get_ranges(type(measures)).items():
+        check_range(name, getattr(measures, name), low, high)
+
+
+def check_range(name: str, value: object, low: float, high: float) -> None:
+    """Check one number.
+
+    Raises:
+        ValueError: If it is not finite or not in [low, high].
+    """
+    if isinstance(value, bool) or not (isinstance(value, int | float) and math.isfinite(value)):
+        raise ValueError(f"{name} must be a finite number; got {value!r}")
+    if not low <= value <= high:
+        raise ValueError(f"{name} must be in [{low}, {high}]; got {value}")
+
+
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """Check that a value is one of some names.
+
+    Raises:
+        ValueError: If it is not; the message lists them.
+    """
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {choices}; got {value!r}")
+
+
+def check_limit(
+    name: str, value: float, formula: str, *, least: float = -math.inf, most: float = math.inf
+) -> None:
+    """Check a number against a limit that other fields give.
+
+    Args:
+        name: Name of the field.
+        value: Its value.
+        formula: The limit in words or as a formula, for the message.
+        least: Smallest accepted value.
+        most: Largest accepted value.
+
+    Raises:
+        ValueError: If it is beyond the limit.
+    """
+    if value < least:
+        raise ValueError(f"{name} must be at least {formula} ({least:.4g}); got {value:.4g}")
+    if value > most:
+        raise ValueError(f"{name} must be at most {formula} ({most:.4g}); got {value:.4g}")

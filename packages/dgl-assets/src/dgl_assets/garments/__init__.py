@@ -1,4 +1,4 @@
 """Garments: patterns, meshes, correspondence and the catalogue.
 
-`garment`, `sewing`, `meshing`, `correspondence` and `catalogue` are shared; each family has a subpackage.
+Each family has a subpackage; the modules here are shared.
 """

@@ -1,10 +1,10 @@
-"""From panels to a garment: sew, lay flat in layers, give canonical coordinates and landmarks."""
+"""Sew panels to a garment: lay it flat in layers, add canonical coordinates and landmarks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,21 +22,19 @@ from dgl_assets.garments.sewing import (
     measure_area,
     sew_panels,
 )
+from dgl_assets.ranges import check_range
 
 DEFAULT_SPACING = 0.013
 """Edge length of garments of usual size [m]."""
 SPACING_LIMITS = (0.0112, 0.0141)
-"""Edge lengths that small and large garments may get [m]; beyond, too many edges would leave 8 to 18 mm."""
+"""Range of `choose_spacing` [m], which keeps edges in 8 to 18 mm."""
 _SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04)
-"""Factors tried in turn: an edge of an outline may chance to be lost."""
+"""Factors tried in turn where a mesh loses an edge of its outline."""
 _VERTEX_LIMITS = (1650, 7700)  # aimed at, within the 1,500 to 8,000 that a garment may have
-_COUNT_LIMITS = (
-    1620,
-    7850,
-)  # of the estimate from the area; seams and boundaries add or take a few in a hundred
+_COUNT_LIMITS = (1620, 7850)  # of the estimate from the area, which errs by a few per cent
 _BLEND_ROWS = 3.5  # spacings from a seam over which a layer rises to its height
 _UNTANGLING_ROUNDS = 20
-# Moves that a vertex tries, in units of the spread of its neighbours: none, and three lengths in eight directions.
+# Moves of a vertex, in spreads of its neighbours: none; three lengths in eight directions.
 _UNTANGLING_MOVES = np.array(
     [
         (length * math.cos(k * math.pi / 4), length * math.sin(k * math.pi / 4))
@@ -51,59 +49,52 @@ _OVERLAP_BLEND = 0.10  # distance from a seam over which one front rises above t
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """Everything that is sewn into one garment, whatever the family.
-
-    Attributes:
-        curves: Seam lines by name.
-        panels: Panels, later ones decide the canonical coordinates of common vertices.
-        to_canonical: Given a panel's name and its points [m], shape (N, 2), returns (u, v), shape (N, 2).
-        exact: (seam, 0 for u or 1 for v, value): coordinates that are known along whole seams.
-        landmarks: Given the sewn surface, names vertices beyond the pins of the panels.
-        compute_raise: Given points [m], shape (N, 2), and a panel's name, by how many layers the panel is raised there,
-            shape (N,); None where no panel lies over another one of its side.
-    """
+    """Seams, panels and maps of one garment."""
 
     curves: dict[str, Curve]
+    """Seam lines by name."""
     panels: tuple[Panel, ...]
+    """Later panels decide the canonical coordinates of common vertices."""
     to_canonical: Callable[[str, np.ndarray], np.ndarray]
+    """From a panel's name and its points [m], shape (N, 2), to (u, v), shape (N, 2)."""
     exact: Sequence[tuple[str, int, float]]
+    """Coordinates that are known along whole seams: (seam, 0 for u or 1 for v, value)."""
     landmarks: Callable[[SewnSurface], dict[str, int]]
-    compute_raise: Callable[[np.ndarray, str], np.ndarray] | None = field(default=None)
+    """Vertices by landmark, beyond the pins of the panels."""
+    compute_raise: Callable[[np.ndarray, str], np.ndarray] | None = None
+    """From points [m], shape (N, 2), and a panel's name to the layers by which the panel is raised
+    there, shape (N,); None if no panel lies over another one of its side."""
 
 
 def choose_spacing(area: float) -> float:
-    """Choose the edge length for a garment [m].
+    """Choose the edge length for an area of cloth, all layers [m^2].
 
-    It is 13 mm; finer for garments that would have fewer than about 1,650 vertices and coarser for those that would have
-    more than 7,700, within `SPACING_LIMITS`.
-
-    Args:
-        area: Area of the cloth, all layers [m^2].
+    It is 13 mm, adapted within `SPACING_LIMITS` so that garments have about 1,650 to 7,700
+    vertices.
     """
     low, high = (math.sqrt(area / (math.sqrt(0.75) * count)) for count in reversed(_VERTEX_LIMITS))
     return float(np.clip(np.clip(DEFAULT_SPACING, low, high), *SPACING_LIMITS))
 
 
 def check_size(area: float) -> None:
-    """Refuse garments that would have fewer than 1,500 or more than 8,000 vertices at any spacing that may be chosen.
+    """Refuse an area of cloth [m^2] that gives too few or too many vertices at its chosen spacing.
 
     Raises:
-        ValueError: If an estimate from the area of the cloth [m^2] says so.
+        ValueError: If the estimate is outside of `_COUNT_LIMITS`.
     """
     count = area / (math.sqrt(0.75) * choose_spacing(area) ** 2)
     if not _COUNT_LIMITS[0] <= count <= _COUNT_LIMITS[1]:
         raise ValueError(
-            f"a garment must have about {_COUNT_LIMITS[0]} to {_COUNT_LIMITS[1]} vertices; got {count:.0f} "
-            f"from {area:.2f} m^2 of cloth"
+            f"a garment must have about {_COUNT_LIMITS[0]} to {_COUNT_LIMITS[1]} vertices; got "
+            f"{count:.0f} from {area:.2f} m^2 of cloth"
         )
 
 
 def assemble(
     cut: Cut,
-    *,
-    name: str,
     category: str,
     parameters: Any,
+    name: str,
     spacing: float | None,
     layer_gap: float,
 ) -> Garment:
@@ -111,10 +102,10 @@ def assemble(
 
     Args:
         cut: Seams, panels and maps.
-        name: Name of the garment.
         category: Its category.
         parameters: Dataclass of its measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None chooses (`choose_spacing`).
+        name: Name of the garment.
+        spacing: Target edge length [m], 0.006 to 0.025; None for `choose_spacing`.
         layer_gap: Distance between layers while it lies flat [m], 0 to 0.03.
 
     Returns:
@@ -126,10 +117,8 @@ def assemble(
     """
     if spacing is None:
         spacing = choose_spacing(measure_area(cut.curves, cut.panels))
-    if not 0.006 <= spacing <= 0.025:
-        raise ValueError(f"spacing must be in [0.006, 0.025] m; got {spacing}")
-    if not 0.0 <= layer_gap <= 0.03:
-        raise ValueError(f"layer_gap must be in [0, 0.03] m; got {layer_gap}")
+    check_range("spacing", spacing, 0.006, 0.025)
+    check_range("layer_gap", layer_gap, 0.0, 0.03)
     surface, spacing = _sew(cut, spacing)
     low, high = surface.flat.min(axis=0), surface.flat.max(axis=0)
     flat = (surface.flat - (low + high) / 2).astype(np.float32)
@@ -149,13 +138,12 @@ def assemble(
 
 
 def _sew(cut: Cut, spacing: float) -> tuple[SewnSurface, float]:
-    """Sew a cut garment at a spacing, or at the first of those near it at which all panels can be filled [m]."""
+    """Sew at a spacing [m], or at the first one near it at which all panels can be filled."""
     refused: MeshingError | None = None
     for near in (factor * spacing for factor in _SPACINGS):
+        seams = divide_curves(cut.curves, spacing=near)
         try:
-            return sew_panels(
-                divide_curves(cut.curves, spacing=near), cut.panels, spacing=near
-            ), near
+            return sew_panels(seams, cut.panels, spacing=near), near
         except MeshingError as err:
             refused = refused or err
     assert refused is not None
@@ -208,7 +196,7 @@ def _compute_canonical(surface: SewnSurface, cut: Cut) -> np.ndarray:
     for index, panel in enumerate(cut.panels):
         ids = np.unique(surface.faces[surface.face_panels == index])
         canonical[ids, :2] = cut.to_canonical(panel.name, surface.flat[ids])
-    # Resampled seams lie on chords, micrometres off their curves; their coordinate is known exactly.
+    # Resampled seams lie on chords, micrometres off their curves; their exact coordinate is known.
     for seam, axis, value in cut.exact:
         canonical[surface.seams[seam], axis] = value
     _untangle(canonical, surface)
@@ -217,10 +205,10 @@ def _compute_canonical(surface: SewnSurface, cut: Cut) -> np.ndarray:
 
 
 def _untangle(canonical: np.ndarray, surface: SewnSurface) -> None:
-    """Even out (u, v) where the mesh is too coarse for the map, so that no triangle is turned over; in place.
+    """Even out (u, v), in place, where the mesh is too coarse for the map.
 
-    The map itself is injective, but where it is steep, such as beside the corner of a square neckline, the straight edges
-    of a triangle may cross its boundary.
+    The map is injective, but where it is steep, as beside the corner of a square neckline, a
+    triangle of straight edges may be turned over.
     """
     is_fixed = np.zeros(len(canonical), dtype=bool)
     for ids in surface.seams.values():

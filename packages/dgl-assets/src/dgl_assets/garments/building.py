@@ -16,37 +16,33 @@ from dgl_assets.garments.catalogue import check_id, load_garment
 
 @dataclass(frozen=True, kw_only=True)
 class BuiltGarment:
-    """One garment of a build.
-
-    Attributes:
-        id: Its id.
-        vertex_count: How many vertices it has; 0 if it failed.
-        seconds: CPU time that it took to build or read [s].
-        is_cached: Whether it was in the cache already.
-        error: Why it could not be built or read, or None.
-    """
+    """One garment of a build."""
 
     id: str
     vertex_count: int
+    """Number of vertices; 0 if it failed."""
     seconds: float
+    """CPU time of building or reading [s]."""
     is_cached: bool = False
+    """It was in the cache already."""
     error: str | None = None
+    """Reason of a failure."""
 
 
 def build_garments(
     garment_ids: Sequence[str], cache: Path, *, workers: int = 1
 ) -> Generator[BuiltGarment, None, None]:
-    """Build garments into a cache that `load_garment` reads; those that are there are read and checked.
+    """Build garments into a cache that `load_garment` reads; existing ones are read and checked.
 
     Every file appears whole, so an interrupted build is continued by calling this again.
 
     Args:
         garment_ids: Ids of the catalogue.
         cache: Folder of the cache; made if it does not exist.
-        workers: How many processes work; with 1 this one does.
+        workers: Number of processes; 1 for the calling one alone.
 
     Yields:
-        One entry per garment, as they are finished. Closing the generator ends the build, whole files stay.
+        One entry per garment, as it is finished. Closing the generator ends the build.
 
     Raises:
         AssetNotFoundError: If an id does not exist, before anything is built.
@@ -90,15 +86,7 @@ def _build_one(garment_id: str, cache: Path) -> BuiltGarment:
         if garment is None:
             garment = load_garment(garment_id, cache=cache)
     except Exception as err:  # a process boundary: one bad garment must not end the build
-        return BuiltGarment(
-            id=garment_id,
-            vertex_count=0,
-            seconds=time.process_time() - start,
-            error=f"{type(err).__name__}: {err}",
-        )
-    return BuiltGarment(
-        id=garment_id,
-        vertex_count=len(garment.vertices),
-        seconds=time.process_time() - start,
-        is_cached=is_cached,
-    )
+        seconds, text = time.process_time() - start, f"{type(err).__name__}: {err}"
+        return BuiltGarment(id=garment_id, vertex_count=0, seconds=seconds, error=text)
+    count, seconds = len(garment.vertices), time.process_time() - start
+    return BuiltGarment(id=garment_id, vertex_count=count, seconds=seconds, is_cached=is_cached)

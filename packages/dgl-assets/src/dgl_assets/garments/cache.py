@@ -1,7 +1,4 @@
-"""Built garments on disk: one file each, which appears whole or not at all.
-
-A file is a NumPy archive of plain arrays and one JSON text, without pickled objects.
-"""
+"""Built garments on disk: one archive each, of plain arrays and one JSON text."""
 
 from __future__ import annotations
 
@@ -17,16 +14,16 @@ from dgl_assets.errors import CacheError
 from dgl_assets.garments.garment import Garment
 
 GENERATOR_VERSION = 2
-"""Raised whenever an id gives another garment than before; files of other versions are refused."""
+"""Increased whenever an id gives another garment; files of other versions are refused."""
 
 _ARRAYS = ("vertices", "faces", "rest_vertices", "canonical", "face_panels")
 
 
 def find_cached(folder: Path, garment_id: str) -> Garment | None:
-    """Read a garment from a cache, or return None where it has not been built.
+    """Read a garment from a cache; None if it has not been built.
 
     Raises:
-        CacheError: If the file is damaged, of another garment, or of another version of the generator.
+        CacheError: If the file is damaged, of another garment, or of another generator version.
     """
     path = _get_path(folder, garment_id)
     if not path.exists():
@@ -51,11 +48,7 @@ def find_cached(folder: Path, garment_id: str) -> Garment | None:
 
 
 def store_garment(folder: Path, garment: Garment) -> Path:
-    """Write a garment into a cache; the file is written beside and renamed.
-
-    Returns:
-        Where it is.
-    """
+    """Write a garment into a cache and return the path; the file appears whole."""
     path = _get_path(folder, garment.name)
     content = {f.name: getattr(garment, f.name) for f in fields(garment) if f.name not in _ARRAYS}
     text = json.dumps({"generator_version": GENERATOR_VERSION, "garment": content})

@@ -1,4 +1,4 @@
-"""Garments by id: each id is a seed, so the catalogue needs no files."""
+"""Garments by id, which is a seed: the catalogue needs no files."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from dgl_assets.garments.cache import find_cached, store_garment
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.registry import CATEGORIES, Category, get_category
 from dgl_assets.garments.sizes import Sizes
+from dgl_assets.ranges import check_choice
 
 Split = Literal["train", "test"]
 Subset = Literal["paper"]
-
-_SPLITS = ("train", "test")
 
 
 def list_categories() -> tuple[str, ...]:
@@ -55,23 +54,23 @@ def garment_ids(
     Args:
         category: One of `list_categories()`.
         split: "train" or "test". No id is in both.
-        sizes: "reach" for garments that both robots reach, "all" for others from children to XXL. No id is in both.
-        subset: "paper" for as many as the paper used: those it collected with ("train") and the others it evaluated on
-            as well ("test"). None for all.
-        count: Only the first so many of them.
+        sizes: "reach" for garments that both robots reach, "all" for others from children to XXL.
+            No id is in both.
+        subset: "paper" for as many as the paper collected with ("train") and evaluated on besides
+            ("test"); None for all.
+        count: Number of ids from the first on; None for all.
 
     Returns:
-        Ids such as "Tops_LongSleeve/000123": 8,000 for training and 2,000 for testing, for each choice of sizes.
+        Ids such as "Tops_LongSleeve/000123": 8,000 for training and 2,000 for testing, for each
+        choice of sizes.
 
     Raises:
         AssetNotFoundError: If the category does not exist.
-        ValueError: If the split, the sizes or the subset do not exist, or there are fewer than `count` garments.
+        ValueError: If split, sizes or subset do not exist, or there are fewer than `count` ids.
     """
     entry = get_category(category)
-    if split not in _SPLITS:
-        raise ValueError(f"split must be one of {sorted(_SPLITS)}; got {split!r}")
-    if sizes not in ("reach", "all"):
-        raise ValueError(f"sizes must be 'reach' or 'all'; got {sizes!r}")
+    check_choice("split", split, ("test", "train"))
+    check_choice("sizes", sizes, ("reach", "all"))
     if subset not in (None, "paper"):
         raise ValueError(f"subset must be None or 'paper'; got {subset!r}")
     start = 0 if sizes == "reach" else entry.train_count + entry.test_count
@@ -94,8 +93,8 @@ def load_garment(
 
     Args:
         garment_id: Category and six digits, such as "Tops_LongSleeve/000123".
-        spacing: Target edge length [m]; None for 13 mm, adapted to very small and large garments.
-        cache: Folder of built garments, see `build_garments`; a garment that is not there yet is made and added.
+        spacing: Target edge length [m]; None for 13 mm, adapted to the size of the garment.
+        cache: Folder of built garments, see `build_garments`; missing garments are made and added.
 
     Returns:
         The garment; the same arrays each time.
@@ -103,7 +102,7 @@ def load_garment(
     Raises:
         AssetNotFoundError: If the category or the number does not exist.
         CacheError: If the file in the cache is damaged, or of another version of the generator.
-        ValueError: If `spacing` is given together with `cache`, which holds garments of the default spacing.
+        ValueError: If `spacing` is given with a `cache`, which holds the default spacing.
     """
     entry, number = _parse_id(garment_id)
     if cache is None:
@@ -127,7 +126,7 @@ def check_id(garment_id: str) -> None:
 
 
 def _make(entry: Category, number: int, name: str, *, spacing: float | None) -> Garment:
-    # The category takes part in the seed, so that number 7 of two categories is not one body.
+    # The category is part of the seed, so that equal numbers of two categories have other bodies.
     rng = np.random.default_rng([zlib.crc32(entry.name.encode()), number])
     sizes: Sizes = "reach" if number < entry.train_count + entry.test_count else "all"
     return entry.make(entry.sample(rng, sizes), spacing=spacing, name=name)

@@ -1,4 +1,4 @@
-"""The same place on another garment of the category, exact by construction."""
+"""Exact correspondence between garments of a category, by canonical coordinates."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from scipy.spatial import KDTree
 from dgl_assets.garments.garment import Garment
 
 _CANDIDATES = 24  # triangles with the nearest centroids that are searched for the containing one
-_MAX_DISTANCE = 0.05  # how far from the lying-flat garment a source point may be [m]
+_MAX_DISTANCE = 0.05  # of a source point from the lying-flat garment [m]
 
 
 def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarray:
-    """Map places of one garment to the same places of another one.
+    """Map points of one garment to the corresponding points of another one.
 
     Args:
-        source: Garment that the places belong to.
-        places: Vertex ids, shape (N,), integer; or points on the lying-flat source [m], shape (N, 3), float, garment
-            frame.
+        source: Garment that the points belong to.
+        places: Vertex ids, shape (N,), integer; or points on the lying-flat source [m], shape (N,
+            3), float, garment frame.
         target: Garment of the same category.
 
     Returns:
-        For ids: the nearest vertex ids of the target, shape (N,), int32. For points: points on the lying-flat
-        target [m], shape (N, 3), float32.
+        For ids: the nearest vertex ids of the target, shape (N,), int32. For points: points on the
+        lying-flat target [m], shape (N, 3), float32.
 
     Raises:
-        ValueError: If the categories differ, `places` has another shape or dtype, or a point is farther than 0.05 m
-            from the source.
+        ValueError: If the categories differ, `places` has another shape or dtype, or a point is
+            farther than 0.05 m from the source.
 
     Limitations:
-        A place that the target lacks, such as a collar, maps to the edge nearest in canonical coordinates.
+        Points of a part that the target lacks, such as a collar, map to the edge nearest in
+        canonical coordinates.
     """
     if source.category != target.category:
         raise ValueError(
@@ -68,8 +69,8 @@ def correspond(source: Garment, places: np.ndarray, target: Garment) -> np.ndarr
 
 
 def _project(garment: Garment, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nearest places on the lying-flat garment: vertex ids and weights, both (N, 3), and layers, (N,)."""
-    # takes longer to import than all else that a garment needs
+    """Nearest points on the flat garment: vertex ids and weights, (N, 3), and layers, (N,)."""
+    # Slow to import, and needed here only.
     from trimesh.triangles import closest_point, points_to_barycentric
 
     triangles = garment.vertices[garment.faces].astype(np.float64)
@@ -91,7 +92,7 @@ def _project(garment: Garment, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _locate(
     plane: np.ndarray, garment: Garment, queries: np.ndarray, layers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle of the wanted layer that contains each query, in a plane that the layer covers once.
+    """Find the triangle of a layer that contains each query, in a plane that the layer covers once.
 
     Args:
         plane: Coordinates of the garment's vertices in that plane, shape (V, 2).
@@ -123,14 +124,13 @@ def _locate(
 
 
 def _compute_barycentric(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Weights of each point, shape (N, 2), in its candidates, shape (N, C, 3, 2): shape (N, C, 3)."""
+    """Weights of points, shape (N, 2), in their candidates, shape (N, C, 3, 2): (N, C, 3)."""
     first = triangles[..., 1, :] - triangles[..., 0, :]
     second = triangles[..., 2, :] - triangles[..., 0, :]
     offset = points[:, None] - triangles[..., 0, :]
     area = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    area = np.where(
-        np.abs(area) < 1e-15, np.inf, area
-    )  # a triangle on a line holds its first corner only
+    # A triangle on a line holds its first corner only.
+    area = np.where(np.abs(area) < 1e-15, np.inf, area)
     b1 = (offset[..., 0] * second[..., 1] - offset[..., 1] * second[..., 0]) / area
     b2 = (first[..., 0] * offset[..., 1] - first[..., 1] * offset[..., 0]) / area
     return np.stack([1 - b1 - b2, b1, b2], axis=-1)

@@ -1,4 +1,4 @@
-"""Drawing measures at random until they fit together."""
+"""Draw measures at random until they fit together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def draw_until_valid(
     draw: Callable[[np.random.Generator], T],
     check: Callable[[T], object] = lambda _: None,
 ) -> T:
-    """Draw measures until they contradict each other no more.
+    """Draw measures until they are valid.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
@@ -52,3 +52,20 @@ def pick(rng: np.random.Generator, shares: Mapping[str, float]) -> str:
 def span(rng: np.random.Generator, low: float, high: float) -> float:
     """Draw a number between two."""
     return float(rng.uniform(low, high))
+
+
+Style = Mapping[str, tuple[float, float]]
+"""Ranges of measures."""
+
+
+def draw_style(
+    rng: np.random.Generator, styles: Mapping[str, tuple[float, Style]]
+) -> tuple[str, Style]:
+    """Draw one of some named styles, each with its share."""
+    name = pick(rng, {name: share for name, (share, _) in styles.items()})
+    return name, styles[name][1]
+
+
+def draw_ranges(rng: np.random.Generator, style: Style) -> dict[str, float]:
+    """Draw each measure of a style uniformly from its range."""
+    return {name: float(rng.uniform(*bounds)) for name, bounds in style.items()}

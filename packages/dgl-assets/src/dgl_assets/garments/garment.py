@@ -1,4 +1,4 @@
-"""A garment as arrays, whatever made it."""
+"""A garment as arrays."""
 
 from __future__ import annotations
 
@@ -12,36 +12,37 @@ import numpy as np
 class Garment:
     """A garment that lies flat in two layers.
 
-    Garment frame: z up, neck towards +y, "left" at -x, centred in x and y by its bounding box, the seams at z = 0.
-
-    Attributes:
-        name: Catalogue id or a name of the caller's choice.
-        category: Catalogue category, for example "Tops_LongSleeve".
-        vertices: Positions [m], shape (V, 3), float32, garment frame. The front layer is uppermost.
-        faces: Triangles, shape (F, 3), int32, normals outward: up on the front layer, down on the back layer.
-        rest_vertices: Sheet of cloth: positions in the flat panels [m], shape (V, 2), float32. Rest lengths come from
-            these; both layers lie one on the other and seams have one position, so every edge has one rest length.
-            Elastic shell: positions of the mid surface at rest [m], shape (V, 3), float32.
-        canonical: (u, v, side), shape (V, 3), float32: coordinates of the place within the category, equal for equal
-            places on different garments; side is +1 on the front, -1 on the back, 0 on a seam of both.
-        face_panels: Index into `panels` per face, shape (F,), int8.
-        panels: Names of the panels.
-        landmarks: Vertex id of each named point.
-        parameters: The measures that it was made from; lengths in [m], angles in [rad].
-        wall_thickness: None for a sheet of cloth; thickness of the wall [m] of an elastic shell.
+    Garment frame: z up, neck towards +y, "left" at -x, centred in x and y by its bounding box, the
+    seams at z = 0.
     """
 
     name: str
+    """Catalogue id or a name of the caller's choice."""
     category: str
+    """Catalogue category, for example "Tops_LongSleeve"."""
     vertices: np.ndarray
+    """Positions [m], shape (V, 3), float32, garment frame. The front layer is uppermost."""
     faces: np.ndarray
+    """Triangles, shape (F, 3), int32, normals outward: up in front, down on the back layer."""
     rest_vertices: np.ndarray
+    """Positions at rest [m], float32, for rest lengths.
+
+    Cloth: in the flat panels, shape (V, 2); seams have one position, so every edge has one rest
+    length. Elastic shell: of the mid surface, shape (V, 3).
+    """
     canonical: np.ndarray
+    """(u, v, side), shape (V, 3), float32, equal at corresponding points of a category's garments;
+    side is +1 on the front, -1 on the back, 0 on a seam of both."""
     face_panels: np.ndarray
+    """Index into `panels` per face, shape (F,), int8."""
     panels: tuple[str, ...]
+    """Names of the panels."""
     landmarks: dict[str, int]
+    """Vertex id of each named point."""
     parameters: dict[str, float | str] = field(default_factory=dict)
+    """Measures that it was made from [m, rad]."""
     wall_thickness: float | None = None
+    """None for a sheet of cloth; thickness of the wall of an elastic shell [m]."""
 
     def __post_init__(self) -> None:
         count = len(self.vertices)

@@ -1,8 +1,8 @@
 """Fill a planar outline with even triangles, and measure meshes.
 
-The outline is given as points that are already evenly spaced, so that two panels that share a seam share its
-vertices. The inside starts as a hexagonal lattice, the densest even packing; a few rounds of Delaunay triangulation and
-smoothing then fit it to the outline.
+The outline is given as evenly spaced points, so that two panels that share a seam share its
+vertices. The inside starts as a hexagonal lattice; rounds of Delaunay triangulation and smoothing
+fit it to the outline.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def resample_polyline(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def contains_points(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Tell which points lie inside a closed outline (even-odd rule).
+    """Find the points inside a closed outline (even-odd rule).
 
     Args:
         outline: Corners in order [m], shape (B, 2).
@@ -61,17 +61,18 @@ def mesh_outline(
     """Fill a simple outline with triangles of even size.
 
     Args:
-        outline: Boundary vertices in counter-clockwise order, about `spacing` apart [m], shape (B, 2).
+        outline: Boundary vertices, counter-clockwise, about `spacing` apart [m], shape (B, 2).
         spacing: Target edge length [m].
         pins: Points inside that must become vertices [m], shape (K, 2).
 
     Returns:
-        Vertices [m], shape (V, 2), float64: the outline first, then the pins, then the rest; and triangles,
-        counter-clockwise, shape (F, 3), int32. Every outline segment is an edge of exactly one triangle.
+        Vertices [m], shape (V, 2), float64: the outline first, then the pins, then the rest; and
+        triangles, counter-clockwise, shape (F, 3), int32. Every outline segment is an edge of
+        exactly one triangle.
 
     Raises:
-        MeshingError: If a pin lies outside, or an outline segment is lost because the outline is too thin for
-            the spacing.
+        MeshingError: If a pin lies outside, or a segment of an outline too thin for the spacing is
+            lost.
 
     Limitations:
         Corners sharper than about 30 degrees give triangles as sharp.
@@ -101,7 +102,7 @@ def mesh_outline(
 
 
 def compute_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """List the undirected edges of a triangle mesh and how many faces use each.
+    """List the undirected edges of a triangle mesh and the number of faces at each.
 
     Args:
         faces: Triangles, shape (F, 3), int.
@@ -203,7 +204,7 @@ def _lattice(outline: np.ndarray, pins: np.ndarray, spacing: float) -> np.ndarra
 
 def _triangulate(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
     triangles = Delaunay(points).simplices
-    # Only triangles between outline points can lie outside, or be flat along a straight run of them.
+    # Only triangles between outline points can lie outside, or be flat along a straight outline.
     spanning = np.flatnonzero((triangles < len(outline)).all(axis=1))
     first, second = _span(points, triangles[spanning])
     scale = np.abs(first).sum(axis=1) * np.abs(second).sum(axis=1)

@@ -1,6 +1,6 @@
-"""The categories of garments, as data.
+"""The categories of garments.
 
-A family registers by one entry here: how to draw measures, how to make a garment of them, and how many there are.
+A family is added by one entry: its sampler of measures, its maker, and the number of garments.
 """
 
 from __future__ import annotations
@@ -35,27 +35,24 @@ from dgl_assets.garments.trousers.sampling import sample_trousers
 
 @dataclass(frozen=True, kw_only=True)
 class Category:
-    """One category of garments.
-
-    Attributes:
-        name: Such as "Tops_LongSleeve".
-        title: What it holds, in words.
-        sample: Draws measures from a generator, either within reach of the robots or of all sizes.
-        make: Makes a garment: `make(measures, spacing=..., name=...)`.
-        train_count: Garments for training, for each choice of sizes.
-        test_count: Further garments for testing.
-        paper_train: Garments that the paper collects with.
-        paper_all: Garments that the paper evaluates on, which include those.
-    """
+    """One category of garments."""
 
     name: str
+    """Such as "Tops_LongSleeve"."""
     title: str
+    """Content in words."""
     sample: Callable[[np.random.Generator, Sizes], Any]
+    """Draws measures, either within reach of the robots or of all sizes."""
     make: Callable[..., Garment]
+    """Makes a garment: `make(measures, spacing=..., name=...)`."""
     train_count: int = 8000
+    """Garments for training, for each choice of sizes."""
     test_count: int = 2000
+    """Further garments for testing."""
     paper_train: int
+    """Garments that the paper collects with."""
     paper_all: int
+    """Garments that the paper evaluates on, those of `paper_train` included."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.paper_train <= self.paper_all:
@@ -65,89 +62,56 @@ class Category:
         unseen = self.paper_all - self.paper_train
         if self.paper_train > self.train_count or unseen > self.test_count:
             raise ValueError(
-                f"the paper's {self.paper_train} + {unseen} garments must fit into {self.train_count} "
-                f"for training and {self.test_count} for testing"
+                f"the paper's {self.paper_train} + {unseen} garments must fit into "
+                f"{self.train_count} for training and {self.test_count} for testing"
             )
 
 
 _CATEGORIES = (
     Category(
-        name=tops.LONG_SLEEVE,
-        title="long-sleeved tops",
-        sample=lambda rng, sizes: sample_top(rng, sizes=sizes),
-        make=tops.make_top,
-        paper_train=100,
-        paper_all=247,
+        name=tops.LONG_SLEEVE, title="long-sleeved tops", make=tops.make_top,
+        sample=lambda rng, sizes: sample_top(rng, sizes=sizes), paper_train=100, paper_all=247,
     ),
     Category(
-        name=tops.NO_SLEEVE,
-        title="sleeveless tops",
+        name=tops.NO_SLEEVE, title="sleeveless tops", make=tops.make_sleeveless_top,
         sample=lambda rng, sizes: sample_sleeveless_top(rng, sizes=sizes),
-        make=tops.make_sleeveless_top,
-        paper_train=100,
-        paper_all=217,
+        paper_train=100, paper_all=217,
     ),
     Category(
-        name=tops.FRONT_OPEN,
-        title="coats, jackets and cardigans",
+        name=tops.FRONT_OPEN, title="coats, jackets and cardigans", make=tops.make_front_open_top,
         sample=lambda rng, sizes: sample_front_open_top(rng, sizes=sizes),
-        make=tops.make_front_open_top,
-        paper_train=40,
-        paper_all=78,
+        paper_train=40, paper_all=78,
     ),
     Category(
-        name=dresses.CATEGORY,
-        title="dresses, long and short, with long or short sleeves",
-        sample=lambda rng, sizes: sample_dress(rng, sizes=sizes),
-        make=dresses.make_dress,
-        paper_train=26,
-        paper_all=38,
+        name=dresses.CATEGORY, title="dresses, long and short, with long or short sleeves",
+        make=dresses.make_dress, sample=lambda rng, sizes: sample_dress(rng, sizes=sizes),
+        paper_train=26, paper_all=38,
     ),
     Category(
-        name=trousers.CATEGORY,
-        title="trousers and shorts",
-        sample=lambda rng, sizes: sample_trousers(rng, sizes=sizes),
-        make=trousers.make_trousers,
-        paper_train=100,
-        paper_all=317,
+        name=trousers.CATEGORY, title="trousers and shorts", make=trousers.make_trousers,
+        sample=lambda rng, sizes: sample_trousers(rng, sizes=sizes), paper_train=100, paper_all=317,
+    ),
+    # Robots reach all sizes of scarves, hats and gloves.
+    Category(
+        name=scarves.CATEGORY, title="scarves", make=scarves.make_scarf,
+        sample=lambda rng, _: scarves.sample_scarf(rng), paper_train=8, paper_all=8,
     ),
     Category(
-        name=scarves.CATEGORY,
-        title="scarves",
-        sample=lambda rng, sizes: scarves.sample_scarf(rng),
-        make=scarves.make_scarf,
-        paper_train=8,
-        paper_all=8,
-    ),
-    # Hats and gloves have one choice of sizes: any of them can be reached.
-    Category(
-        name=caps.CATEGORY,
-        title="baseball caps",
-        sample=lambda rng, sizes: sample_cap(rng),
-        make=caps.make_cap,
-        paper_train=12,
-        paper_all=12,
+        name=caps.CATEGORY, title="baseball caps", make=caps.make_cap,
+        sample=lambda rng, _: sample_cap(rng), paper_train=12, paper_all=12,
     ),
     Category(
-        name=bowl_hats.CATEGORY,
-        title="hats with a brim all around",
-        sample=lambda rng, sizes: sample_bowl_hat(rng),
-        make=bowl_hats.make_bowl_hat,
-        paper_train=8,
-        paper_all=8,
+        name=bowl_hats.CATEGORY, title="hats with a brim all around", make=bowl_hats.make_bowl_hat,
+        sample=lambda rng, _: sample_bowl_hat(rng), paper_train=8, paper_all=8,
     ),
     Category(
-        name=gloves.CATEGORY,
-        title="five-fingered gloves",
-        sample=lambda rng, sizes: sample_glove(rng),
-        make=gloves.make_glove,
-        paper_train=0,
-        paper_all=17,
+        name=gloves.CATEGORY, title="five-fingered gloves", make=gloves.make_glove,
+        sample=lambda rng, _: sample_glove(rng), paper_train=0, paper_all=17,
     ),
-)
+)  # fmt: skip
 CATEGORIES: dict[str, Category] = {category.name: category for category in _CATEGORIES}
-"""The categories by name. The paper's counts are those of `Category.paper_train` and `paper_all`; its text has 18 dresses
-in one place and 26 in another, and the lists of its code have 245 long-sleeved tops."""
+"""The categories by name. The paper's text has 18 dresses in one place and 26 in another; the lists
+of its code have 245 long-sleeved tops."""
 
 
 def get_category(name: str) -> Category:

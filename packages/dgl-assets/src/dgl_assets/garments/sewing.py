@@ -1,8 +1,8 @@
 """Sew flat panels together into one surface.
 
-Sewing is by identity: a seam is one row of vertices, and every panel that names it uses those very vertices. Seams meet
-at junctions, which are single vertices. A seam named by a front and a back panel therefore closes the garment there; a
-seam named by one panel stays an open edge.
+Sewing is by identity: a seam is one row of vertices, and every panel that names it uses those very
+vertices. Seams meet at junctions, which are single vertices. A seam of a front and a back panel
+closes the garment; a seam of one panel stays an open edge.
 """
 
 from __future__ import annotations
@@ -16,79 +16,65 @@ from dgl_assets.garments.meshing import mesh_outline, resample_polyline
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A seam line as it is drawn, before it is divided into edges.
-
-    Attributes:
-        start: Name of the junction where it begins.
-        end: Name of the junction where it ends.
-        points: Dense polyline [m], shape (N, 2), pattern frame.
-        is_even: Divide into an even number of edges, so that a vertex lies at its middle.
-    """
+    """A seam line as it is drawn, before it is divided into edges."""
 
     start: str
+    """Name of the first junction."""
     end: str
+    """Name of the last junction."""
     points: np.ndarray
+    """Dense polyline [m], shape (N, 2), pattern frame."""
     is_even: bool = False
+    """Divide into an even number of edges, so that a vertex lies at its middle."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Seam:
-    """A row of vertices on the edge of one or more panels.
-
-    Attributes:
-        start: Name of the junction where it begins.
-        end: Name of the junction where it ends.
-        points: Positions [m], shape (N, 2), N >= 2, both junctions included, pattern frame.
-    """
+    """A row of vertices on the edge of one or more panels."""
 
     start: str
+    """Name of the first junction."""
     end: str
+    """Name of the last junction."""
     points: np.ndarray
+    """Positions [m], shape (N, 2), N >= 2, both junctions included, pattern frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """A flat piece of cloth.
-
-    Attributes:
-        name: Unique name.
-        layer: +1 for the front (upper) layer, -1 for the back (lower) layer, +2 for a flap: a piece that is folded over
-            an edge of the front layer and lies on it, face down.
-        edges: Seam names in counter-clockwise order around the panel, seen from above; a leading "-" walks the
-            seam backwards.
-        pins: Named points inside that become vertices [m], each of shape (2,), pattern frame.
-    """
+    """A flat piece of cloth."""
 
     name: str
+    """Unique name."""
     layer: int
+    """+1 front (upper), -1 back (lower), +2 a flap: folded onto the front layer, face down."""
     edges: tuple[str, ...]
+    """Seam names counter-clockwise seen from above; a leading "-" walks the seam backwards."""
     pins: dict[str, np.ndarray]
+    """Named points inside that become vertices [m], each of shape (2,), pattern frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SewnSurface:
-    """The result of sewing.
-
-    Attributes:
-        flat: Vertex positions [m], shape (V, 2), float64, pattern frame.
-        faces: Triangles, shape (F, 3), int32; counter-clockwise from above on the front layer, clockwise on the
-            back layer and on flaps, so that neighbours agree and normals point outward.
-        layers: +1 front or flap, -1 back, 0 shared by front and back, per vertex, shape (V,), int8.
-        face_panels: Index into `panels` per face, shape (F,), int8.
-        panels: Panel names.
-        junctions: Vertex id of each junction.
-        seams: Vertex ids along each seam, junctions included, int32.
-        pins: Vertex id of each pin.
-    """
+    """The result of sewing."""
 
     flat: np.ndarray
+    """Vertex positions [m], shape (V, 2), float64, pattern frame."""
     faces: np.ndarray
+    """Triangles, shape (F, 3), int32, normals outward: counter-clockwise from above on the front
+    layer, clockwise on the back layer and on flaps."""
     layers: np.ndarray
+    """+1 front or flap, -1 back, 0 shared by front and back, per vertex, shape (V,), int8."""
     face_panels: np.ndarray
+    """Index into `panels` per face, shape (F,), int8."""
     panels: tuple[str, ...]
+    """Panel names."""
     junctions: dict[str, int]
+    """Vertex id of each junction."""
     seams: dict[str, np.ndarray]
+    """Vertex ids along each seam, junctions included, int32."""
     pins: dict[str, int]
+    """Vertex id of each pin."""
 
 
 def divide_curves(curves: dict[str, Curve], *, spacing: float) -> dict[str, Seam]:

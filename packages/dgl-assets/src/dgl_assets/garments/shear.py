@@ -15,8 +15,9 @@ class ShearMap:
     Such a map is injective whatever its curves are, and is inverted in closed form.
 
     Args:
-        columns: Given x [m], shape (N,), returns heights y [m] and their v, both of shape (N, K) and rising along K.
-        rows: Given v, shape (N,), returns places x [m] and their u, both of shape (N, J) and rising along J.
+        columns: From x [m], shape (N,), to heights y [m] and their v, both (N, K) and rising along
+            K.
+        rows: From v, shape (N,), to positions x [m] and their u, both (N, J) and rising along J.
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class ShearMap:
 
 
 def interpolate_rows(query: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Interpolate each query, shape (N,), along its own knots, shape (N, K), without extrapolating."""
+    """Interpolate each query, shape (N,), along its own knots, shape (N, K), clamped to them."""
     segment = (query[:, None] > knots[:, 1:-1]).sum(axis=1)[:, None]
     start, end = (np.take_along_axis(knots, segment + k, axis=1)[:, 0] for k in (0, 1))
     low, high = (np.take_along_axis(values, segment + k, axis=1)[:, 0] for k in (0, 1))
@@ -51,10 +52,10 @@ def interpolate_rows(query: np.ndarray, knots: np.ndarray, values: np.ndarray) -
 
 
 def tabulate_edge(curve: np.ndarray, v: np.ndarray, *, what: str) -> Knots:
-    """Table of (v, x) along an edge, for `numpy.interp`.
+    """Tabulate (v, x) along an edge, for `numpy.interp`.
 
     Raises:
-        ValueError: If v does not rise along the curve, so that the region folds over itself; names `what`.
+        ValueError: If v does not rise along the curve, so that the region `what` folds over itself.
     """
     if np.any(np.diff(v) <= 0):
         raise ValueError(f"{what} folds over itself: its measures do not go together")

@@ -1,19 +1,18 @@
-"""Contact sheets: many garments in one picture, drawn without a GPU.
+"""Contact sheets: many garments in one picture of one scale, drawn without a GPU.
 
-Cloth is seen from above as it lies, textured with a fabric at its real scale; hats and gloves obliquely, in the fabric's
-mean colour. A sheet has one scale.
+Cloth is seen from above as it lies, textured with a fabric at its real scale; hats and gloves
+obliquely, in the fabric's mean colour.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dgl_assets._archive import write_whole
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.view import compute_vertex_normals, project
 from dgl_assets.materials import PALE, MaterialMaps, sample_fabric_material
@@ -43,12 +42,12 @@ def draw_garment(
     """Draw one garment: cloth from above, an elastic shell obliquely.
 
     Args:
-        garment: What to draw.
+        garment: A garment.
         fabric: Its cloth.
         size: Width and height of the picture [pixels].
-        metres: What the picture spans [m]; None fits the garment.
-        has_landmarks: Mark the landmarks, those on the side away from the viewer by rings.
-        has_names: Write the names of the landmarks beside them, which takes 800 pixels or more to be read.
+        metres: Width of the picture [m]; None fits the garment.
+        has_landmarks: Mark the landmarks; rings are on the side away from the viewer.
+        has_names: Write the names of the landmarks; legible from 800 pixels.
 
     Returns:
         Picture, shape (size, size, 3), uint8, sRGB; of cloth +x is to the right, +y up.
@@ -87,7 +86,7 @@ def draw_contact_sheet(
     """Draw garments beside each other.
 
     Args:
-        garments: What to draw, row by row.
+        garments: Garments, row by row.
         columns: Garments in a row.
         size: Side of one cell [pixels].
         seed: Seed of the fabrics.
@@ -127,22 +126,15 @@ def save_picture(picture: np.ndarray, path: Path) -> Path:
 
     Args:
         picture: Shape (H, W, 3), uint8, sRGB.
-        path: Where to.
+        path: Path of the file.
 
     Returns:
         The path.
     """
     from PIL import Image
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            Image.fromarray(picture).save(file, format="PNG")
-        Path(beside).replace(path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
+    image = Image.fromarray(picture)
+    write_whole(path, lambda file: image.save(file, format="PNG"))
     return path
 
 

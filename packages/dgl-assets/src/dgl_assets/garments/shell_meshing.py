@@ -1,8 +1,8 @@
 """Even triangles on a curved surface that is shaped like a disk: the crown of a cap, a whole hat.
 
-The surface is given by its meridians, from the pole outward. Triangles are found by Delaunay's rule in a plane onto which
-the surface is mapped with (nearly) the same angles, so that they are also Delaunay on the surface; lengths are always
-measured on the surface. Rings and seams can be fixed: their vertices then lie exactly on them, joined by edges.
+The surface is given by its meridians, from the pole outward. Triangles are Delaunay in a plane onto
+which the surface is mapped with (nearly) the same angles; lengths are measured on the surface. The
+vertices of fixed rings and seams lie exactly on them, joined by edges.
 """
 
 from __future__ import annotations
@@ -29,16 +29,18 @@ _INNERMOST = 1e-3  # row parameter below which the plane's radius is proportiona
 class DiskSurface:
     """A surface swept by meridians from a common pole.
 
-    A place is (row, angle): the row counts the parts of the meridians (crown 0 to 1, brim 1 to 2, ...) and is
-    proportional to arc length within each; the angle [rad] is counter-clockwise from above, 0 at the front (-y).
+    A place is (row, angle): the row counts the parts of the meridians (crown 0 to 1, brim 1 to 2,
+    ...) and is proportional to arc length within each; the angle [rad] is counter-clockwise from
+    above, 0 at the front (-y).
     """
 
     def __init__(self, parts: Sequence[np.ndarray]) -> None:
         """Take the meridians of each part.
 
         Args:
-            parts: Points [m], each of shape (M, J, 3): M along the meridian, outward, of J meridians at even angles from 0.
-                A part begins where the one before ends; all meridians of the first begin at one point.
+            parts: Points [m], each of shape (M, J, 3): M along the meridian, outward, of J
+                meridians at even angles from 0. A part begins at the end of the one before; all
+                meridians of the first begin at one point.
         """
         rows = [_resample_rows(part) for part in parts]
         grid = np.concatenate([rows[0], *(part[1:] for part in rows[1:])])
@@ -84,7 +86,7 @@ class DiskSurface:
         return rows
 
     def _compute_log_radius(self) -> np.ndarray:
-        """Logarithm of the plane's radius at `_sample_rows`: d ln(radius) = d arc / (girth / 2 pi)."""
+        """Log of the plane's radius at `_sample_rows`: d ln(radius) = d arc / (girth / 2 pi)."""
         count = 8 * (len(self._grid) - 1) + 1
         rows = np.linspace(0.0, self.part_count, count)
         rows[0] = _INNERMOST
@@ -105,21 +107,18 @@ class DiskSurface:
 
 @dataclass(frozen=True, kw_only=True)
 class DiskMesh:
-    """Triangles of a disk surface.
-
-    Attributes:
-        rows: Row of each vertex, shape (V,).
-        angles: Angle of each vertex [rad], in (-pi, pi], shape (V,).
-        faces: Triangles, normals to the side from which the angle is counter-clockwise, shape (F, 3), int32.
-        rim: Vertex ids of the outermost ring, from `marks[0]` on, in the direction of the angle.
-        pins: Vertex ids of the pins, in their order.
-    """
+    """Triangles of a disk surface."""
 
     rows: np.ndarray
+    """Row of each vertex, shape (V,)."""
     angles: np.ndarray
+    """Angle of each vertex [rad], in (-pi, pi], shape (V,)."""
     faces: np.ndarray
+    """Triangles, shape (F, 3), int32; from outside, angles grow counter-clockwise."""
     rim: np.ndarray
+    """Vertex ids of the outermost ring, from `marks[0]` on, by growing angle."""
     pins: tuple[int, ...]
+    """Vertex ids of the pins, in their order."""
 
 
 def mesh_disk(
@@ -134,15 +133,15 @@ def mesh_disk(
     """Fill a disk surface with triangles of even size.
 
     Args:
-        surface: What to fill.
+        surface: The surface.
         spacing: Target edge length [m].
         marks: Angles [rad] at which every ring, fixed or outermost, gets a vertex; seams too.
         seams: Angles [rad] of meridians that become rows of edges.
         rings: Rows inside that become rings of edges.
-        pins: Places (row, angle) that become vertices.
+        pins: Points (row, angle) that become vertices.
 
     Returns:
-        The mesh. Its vertices are the pole first, if there are seams, then fixed points, pins and the rest.
+        The mesh. Its vertices: the pole if there are seams, fixed points, pins, the rest.
 
     Raises:
         MeshingError: If a ring or seam is lost, or a vertex unused.
@@ -187,7 +186,7 @@ def _place_fixed(
     seams: Sequence[float],
     rings: Sequence[float],
 ) -> tuple[np.ndarray, list[tuple[int, int]], np.ndarray]:
-    """Places of fixed points, shape (N, 2), pairs that must be edges, and the ids of the rim."""
+    """Place fixed points: (row, angle), shape (N, 2), pairs that must be edges, ids of the rim."""
     places: list[tuple[float, float]] = [(0.0, 0.0)] if len(seams) else []
     segments: list[tuple[int, int]] = []
     corners = sorted({*np.mod(marks, 2 * np.pi), *np.mod(seams, 2 * np.pi)})
@@ -281,7 +280,7 @@ def _refine(
 def _smooth(
     surface: DiskSurface, points: np.ndarray, triangles: np.ndarray, *, spacing: float, fixed: int
 ) -> np.ndarray:
-    """Move each free point towards the mean of its neighbours and to `spacing` from each, on the surface."""
+    """Move free points on the surface to `spacing` from their neighbours."""
     positions = surface.evaluate(*surface.from_plane(points))
     start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     along = points[end] - points[start]
@@ -300,7 +299,7 @@ def _smooth(
 def _clear_segments(
     surface: DiskSurface, points: np.ndarray, segments: list[tuple[int, int]], *, fixed: int
 ) -> np.ndarray:
-    """Drop free points that come so close to the middle of a fixed edge that it would be lost."""
+    """Drop free points so close to the middle of a fixed edge that it would be lost."""
     positions = surface.evaluate(*surface.from_plane(points))
     ends = positions[np.array(segments)]
     half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2

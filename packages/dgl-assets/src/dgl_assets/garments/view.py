@@ -1,4 +1,4 @@
-"""From where a garment is seen in a picture: cloth from above as it lies, shells from in front, to the side and above."""
+"""Views of garments in pictures: cloth from above as it lies, shells obliquely from the front."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dgl_assets.garments.garment import Garment
 _FLAT = 0.25  # height over width below which a shell lies rather than stands
 _AZIMUTH = {"lying": math.radians(15), "standing": math.radians(35)}
 _ELEVATION = {"lying": math.radians(58), "standing": math.radians(28)}
-"""Of the viewer, from the front (-y) towards the right, and above the ground."""
+"""Direction to the viewer: from the front (-y) towards the right, and above the ground [rad]."""
 
 
 def project(garment: Garment) -> np.ndarray:
@@ -21,15 +21,15 @@ def project(garment: Garment) -> np.ndarray:
         garment: A sheet of cloth, or an elastic shell.
 
     Returns:
-        Positions [m], shape (V, 3), float64: x to the right and y up in the picture, z towards the viewer; the bounding
-        box centred.
+        Positions [m], shape (V, 3), float64: x to the right and y up in the picture, z towards the
+        viewer; the bounding box centred.
     """
     turned = garment.vertices.astype(np.float64) @ _make_rotation(garment).T
     return turned - (turned.min(axis=0) + turned.max(axis=0)) / 2
 
 
 def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Mean unit normals of the triangles around each vertex, weighted by area, shape (V, 3)."""
+    """Compute unit normals of vertices, the mean over their triangles by area, shape (V, 3)."""
     corners = vertices[faces]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)

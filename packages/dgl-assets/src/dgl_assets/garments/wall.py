@@ -1,18 +1,21 @@
-"""Whether a wall of some thickness fits behind a shell's surface, so that it becomes valid tetrahedra."""
+"""Check that a wall fits behind a shell's surface, so that it becomes valid tetrahedra."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_STRETCH = 2.0  # most by which a wall is measured longer where the surface is bent
+from dgl_assets.garments.view import compute_vertex_normals
+
+_STRETCH = 2.0  # largest lengthening of the wall where the surface is bent
 _SMALLEST = 0.04  # of a third of a straight prism; smaller tetrahedra count as folded
 
 
 def find_folds(vertices: np.ndarray, faces: np.ndarray, thickness: float) -> np.ndarray:
     """Find triangles behind which a wall would fold over itself.
 
-    The wall's inner side is the surface moved along its vertices' mean normals, farther where the triangles around a vertex
-    are bent, so that it is as thick behind each of them. Each triangle and its inner copy are a prism.
+    The wall's inner side is the surface moved along its vertices' mean normals, farther where the
+    triangles around a vertex are bent, so that it is as thick behind each of them. Each triangle
+    and its inner copy are a prism.
 
     Args:
         vertices: Outer side [m], shape (V, 3).
@@ -25,9 +28,7 @@ def find_folds(vertices: np.ndarray, faces: np.ndarray, thickness: float) -> np.
     outer = vertices.astype(np.float64)
     corners = outer[faces]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal = np.zeros_like(outer)
-    np.add.at(normal, faces.ravel(), np.repeat(area, 3, axis=0))
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-15)
+    normal = compute_vertex_normals(outer, faces)
     size = np.linalg.norm(area, axis=1)
     unit = area / np.maximum(size, 1e-15)[:, None]
     cosine = np.zeros(len(outer))
@@ -35,7 +36,7 @@ def find_folds(vertices: np.ndarray, faces: np.ndarray, thickness: float) -> np.
     cosine /= np.maximum(np.bincount(faces.ravel(), minlength=len(outer)), 1)
     inner = outer - normal * (thickness / np.maximum(cosine, 1 / _STRETCH))[:, None]
 
-    # Three tetrahedra a prism, the diagonals of its sides from the lower index (Dompierre et al. 1999): neighbours agree.
+    # Three tetrahedra a prism, side diagonals from the lower index (Dompierre et al. 1999).
     order = np.argsort(faces, axis=1)
     sign = np.where((order[:, 1] - order[:, 0]) % 3 == 1, 1.0, -1.0)
     i, j, k = (np.take_along_axis(corners, order[:, n, None, None], axis=1)[:, 0] for n in range(3))

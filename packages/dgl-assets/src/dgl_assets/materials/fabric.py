@@ -1,10 +1,10 @@
-"""Fabrics: a construction, a pattern and yarns, drawn from a seed and rendered to maps."""
+"""Fabrics of a weave, a pattern and yarns, drawn from a seed and rendered to maps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -20,71 +20,54 @@ from dgl_assets.materials.colours import (
 )
 from dgl_assets.materials.fields import get_coordinates, make_noise, mix, step
 from dgl_assets.materials.maps import DEFAULT_SIZE, MaterialMaps, get_fine_size, make_maps
-from dgl_assets.materials.weaves import REPEATS, Relief, Weave, count_courses, make_relief
-from dgl_assets.ranges import check_ranges
+from dgl_assets.materials.weaves import REPEATS, ClothRelief, Weave, count_courses, make_relief
+from dgl_assets.ranges import check_choice, check_ranges, measure
 
 Pattern = Literal["plain", "melange", "stripes", "gingham", "tartan", "dots", "chambray"]
-"""How the yarns are coloured; dots are printed."""
+"""Colouring of the yarns; dots are printed."""
 
 TILE_SIZE = 0.24
 """Side of a fabric's tile [m]."""
 THREADS = (20, 160)
-"""Fewest and most threads along a tile: of 12 and 1.5 mm, coarser than most to be seen at all."""
+"""Fewest and most threads along a tile: 12 and 1.5 mm each, coarse enough to be seen."""
 COLOUR_COUNTS: dict[str, int] = {
-    "plain": 1,
-    "melange": 2,
-    "stripes": 2,
-    "gingham": 2,
-    "tartan": 4,
-    "dots": 2,
-    "chambray": 2,
-}
-"""Yarns of each pattern; of chambray, the warp's and the weft's."""
+    "plain": 1, "melange": 2, "stripes": 2, "gingham": 2, "tartan": 4, "dots": 2, "chambray": 2,
+}  # fmt: skip
+"""Number of yarns of each pattern; chambray has one for the warp and one for the weft."""
 _KNITS = ("jersey", "rib")
 _WOVEN_ONLY = ("gingham", "tartan", "chambray")
-_RANGES = {
-    "scale": (1, 40),
-    "width": (0.05, 0.95),
-    "roughness": (0.2, 1.0),
-    "unevenness": (0.0, 1.0),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
 class FabricMaterial:
-    """How a cloth looks."""
+    """The look of a cloth."""
 
     weave: Weave
     pattern: Pattern
     colours: tuple[Rgb, ...]
     """Yarns, sRGB; as many as `COLOUR_COUNTS` says."""
-    threads: int
-    """Threads, or columns of stitches, along a tile; in `THREADS`, a multiple of the repeat."""
-    scale: int = 6
-    """Repeats of the pattern along a tile, in [1, 40]; even for dots."""
-    width: float = 0.5
-    """Share of the second colour in a repeat, in [0.05, 0.95]: of stripes, of a dot's diameter."""
-    roughness: float = 0.85
-    """Mean roughness, in [0.2, 1]; 1 is chalk."""
-    unevenness: float = 0.3
-    """How much yarns differ in thickness and shade, in [0, 1]."""
+    threads: int = measure(*THREADS)
+    """Threads, or columns of stitches, along a tile; a multiple of the repeat."""
+    scale: int = measure(1, 40, 6)
+    """Repeats of the pattern along a tile; even for dots."""
+    width: float = measure(0.05, 0.95, 0.5)
+    """Share of the second colour in a repeat: of stripes, of a dot's diameter."""
+    roughness: float = measure(0.2, 1.0, 0.85)
+    """Mean roughness; 1 is chalk."""
+    unevenness: float = measure(0.0, 1.0, 0.3)
+    """Difference of yarns in thickness and shade."""
     seed: int = 0
     """Of the unevenness."""
     label: str = ""
-    """What the name begins with, such as the yarn's colour."""
+    """Begin of the name, such as the yarn's colour."""
 
     def __post_init__(self) -> None:
-        if self.weave not in REPEATS:
-            raise ValueError(f"weave must be one of {sorted(REPEATS)}; got {self.weave!r}")
-        if self.pattern not in COLOUR_COUNTS:
-            raise ValueError(
-                f"pattern must be one of {sorted(COLOUR_COUNTS)}; got {self.pattern!r}"
-            )
+        check_choice("weave", self.weave, tuple(REPEATS))
+        check_choice("pattern", self.pattern, tuple(COLOUR_COUNTS))
         if self.weave in _KNITS and self.pattern in _WOVEN_ONLY:
             raise ValueError(f"pattern of a knit cannot be {self.pattern!r}, which is woven")
         check_colours("colours", self.colours, COLOUR_COUNTS[self.pattern])
-        check_ranges(vars(self), _RANGES)
-        check_ranges(vars(self), {"threads": THREADS})
+        check_ranges(self)
         if self.threads % REPEATS[self.weave]:
             raise ValueError(
                 f"threads of {self.weave} must be a multiple of {REPEATS[self.weave]}; "
@@ -95,7 +78,7 @@ class FabricMaterial:
 
     @property
     def name(self) -> str:
-        """Colour, pattern and construction, such as "navy stripes jersey"."""
+        """Colour, pattern and weave, such as "navy stripes jersey"."""
         pattern = "" if self.pattern in ("plain", "chambray") else self.pattern
         return " ".join(part for part in (self.label, pattern, self.weave) if part)
 
@@ -130,8 +113,8 @@ class FabricMaterial:
         streaks = share * along_warp + (1 - share) * along_weft
         return self.unevenness * (0.13 * streaks + 0.025 * mottle)
 
-    def _colour(self, relief: Relief, size: int, rng: np.random.Generator) -> np.ndarray:
-        """Colour of what is on top, sRGB in [0, 255], shape (N, N, 3)."""
+    def _colour(self, relief: ClothRelief, size: int, rng: np.random.Generator) -> np.ndarray:
+        """Colour of the upper yarn, sRGB in [0, 255], shape (N, N, 3)."""
         yarns = np.array(self.colours, dtype=np.float64)
         plain = np.broadcast_to(yarns[0], (size, size, 3))
         if self.pattern == "plain":
@@ -173,7 +156,7 @@ _SETT = _make_sett()
 
 
 def _print_dots(size: int, count: int, diameter: float) -> np.ndarray:
-    """Dots in staggered rows, shape (N, N): how far a pixel is printed on."""
+    """Print of dots in staggered rows, 0 to 1, shape (N, N)."""
     u, v = get_coordinates(size)
     row = np.floor(v * count)
     x = (u * count + 0.5 * (row % 2)) % 1.0 - 0.5
@@ -182,84 +165,56 @@ def _print_dots(size: int, count: int, diameter: float) -> np.ndarray:
     return 1.0 - step(np.hypot(x, y), diameter / 2 - edge, diameter / 2 + edge)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Kind:
-    """What is drawn for a construction."""
+class _Kind(NamedTuple):
+    """Ranges of the random fabrics of one weave."""
 
     share: float
     threads: tuple[int, ...]
-    patterns: Mapping[Pattern, float]
     roughness: tuple[float, float]
     unevenness: tuple[float, float]
+    patterns: Mapping[Pattern, float]
 
 
 _KINDS: dict[Weave, _Kind] = {
     "plain": _Kind(
-        share=0.14,
-        threads=(112, 120, 128),
-        patterns={"plain": 2, "stripes": 2, "gingham": 3, "tartan": 1, "dots": 2, "chambray": 2},
-        roughness=(0.75, 0.9),
-        unevenness=(0.15, 0.4),
+        0.14, (112, 120, 128), (0.75, 0.9), (0.15, 0.4),
+        {"plain": 2, "stripes": 2, "gingham": 3, "tartan": 1, "dots": 2, "chambray": 2},
     ),
     "oxford": _Kind(
-        share=0.08,
-        threads=(96, 104, 112),
-        patterns={"plain": 1, "stripes": 2, "chambray": 3},
-        roughness=(0.75, 0.9),
-        unevenness=(0.2, 0.4),
+        0.08, (96, 104, 112), (0.75, 0.9), (0.2, 0.4),
+        {"plain": 1, "stripes": 2, "chambray": 3},
     ),
     "twill": _Kind(
-        share=0.14,
-        threads=(96, 104, 112),
-        patterns={"plain": 2, "tartan": 4, "gingham": 1},
-        roughness=(0.75, 0.9),
-        unevenness=(0.2, 0.45),
+        0.14, (96, 104, 112), (0.75, 0.9), (0.2, 0.45),
+        {"plain": 2, "tartan": 4, "gingham": 1},
     ),
     "denim": _Kind(
-        share=0.1,
-        threads=(88, 96, 104),
-        patterns={"chambray": 1},
-        roughness=(0.85, 0.95),
-        unevenness=(0.6, 1.0),
+        0.1, (88, 96, 104), (0.85, 0.95), (0.6, 1.0),
+        {"chambray": 1},
     ),
     "herringbone": _Kind(
-        share=0.08,
-        threads=(80, 96),
-        patterns={"chambray": 3, "plain": 1},
-        roughness=(0.85, 0.95),
-        unevenness=(0.3, 0.5),
+        0.08, (80, 96), (0.85, 0.95), (0.3, 0.5),
+        {"chambray": 3, "plain": 1},
     ),
     "satin": _Kind(
-        share=0.08,
-        threads=(140, 150, 160),
-        patterns={"plain": 4, "stripes": 1, "dots": 1},
-        roughness=(0.35, 0.5),
-        unevenness=(0.0, 0.12),
+        0.08, (140, 150, 160), (0.35, 0.5), (0.0, 0.12),
+        {"plain": 4, "stripes": 1, "dots": 1},
     ),
     "linen": _Kind(
-        share=0.1,
-        threads=(88, 96, 104),
-        patterns={"plain": 4, "chambray": 2, "stripes": 2},
-        roughness=(0.85, 0.95),
-        unevenness=(0.7, 1.0),
+        0.1, (88, 96, 104), (0.85, 0.95), (0.7, 1.0),
+        {"plain": 4, "chambray": 2, "stripes": 2},
     ),
     "jersey": _Kind(
-        share=0.2,
-        threads=(64, 72, 80),
-        patterns={"plain": 3, "melange": 4, "stripes": 4, "dots": 1},
-        roughness=(0.8, 0.95),
-        unevenness=(0.15, 0.4),
+        0.2, (64, 72, 80), (0.8, 0.95), (0.15, 0.4),
+        {"plain": 3, "melange": 4, "stripes": 4, "dots": 1},
     ),
     "rib": _Kind(
-        share=0.08,
-        threads=(48, 56, 64),
-        patterns={"plain": 3, "melange": 3, "stripes": 1},
-        roughness=(0.85, 0.95),
-        unevenness=(0.2, 0.4),
+        0.08, (48, 56, 64), (0.85, 0.95), (0.2, 0.4),
+        {"plain": 3, "melange": 3, "stripes": 1},
     ),
-}
+}  # fmt: skip
 WEAVES: tuple[Weave, ...] = get_args(Weave)
-"""All constructions."""
+"""All weaves."""
 
 
 def sample_fabric_material(
@@ -272,12 +227,12 @@ def sample_fabric_material(
 
     Args:
         seed: Seed or generator; equal seeds give equal fabrics.
-        weaves: Constructions to choose from.
-        avoid: Names of `YARNS` that must not fill it, such as `PALE` on a light floor; they may
-            still be second colours.
+        weaves: Weaves to choose from.
+        avoid: Names of `YARNS` that must not fill it, such as `PALE` on a light floor; second
+            colours are exempt.
 
     Raises:
-        ValueError: If a construction is unknown, or no yarn is left for the one that was drawn.
+        ValueError: If a weave is unknown, or no yarn is left for the one that was drawn.
     """
     unknown = sorted(set(weaves) - set(WEAVES))
     if unknown or not weaves:
@@ -337,4 +292,4 @@ _SCALES: dict[Pattern, Callable[[np.random.Generator], tuple[int, float]]] = {
     "tartan": lambda rng: (int(rng.choice([1, 2, 2])), 0.5),
     "dots": lambda rng: (int(rng.choice([6, 8, 10, 14])), float(rng.uniform(0.3, 0.55))),
 }
-"""Draw repeats along a tile, and the second colour's share, for each pattern."""
+"""By pattern: draws repeats along a tile, and the second colour's share."""

@@ -1,10 +1,10 @@
-"""Floors: what they are made of, drawn from a seed and rendered to maps."""
+"""Floors, drawn from a seed and rendered to maps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -17,48 +17,41 @@ from dgl_assets.materials.stone import (
     paint_marble,
     paint_terrazzo,
 )
-from dgl_assets.materials.tiling import Surface, paint_parquet, paint_planks, paint_tiles
+from dgl_assets.materials.tiling import FloorSurface, paint_parquet, paint_planks, paint_tiles
 from dgl_assets.materials.wood import SPECIES
-from dgl_assets.ranges import check_ranges
+from dgl_assets.ranges import check_choice, check_ranges, measure
 
 FloorKind = Literal["planks", "parquet", "tiles", "terrazzo", "concrete", "marble", "carpet"]
-_RANGES = {
-    "tile_size": (0.4, 6.0),
-    "divisions": (1, 24),
-    "gloss": (0.0, 1.0),
-    "variation": (0.0, 1.0),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
 class FloorMaterial:
-    """How a floor looks."""
+    """The look of a floor."""
 
     kind: FloorKind
     colours: tuple[Rgb, Rgb, Rgb]
-    """sRGB. Wood: early, late, joints. Tiles: first, second, grout. Terrazzo: ground and two
-    kinds of chips. Concrete: light, dark, pores. Marble: ground, clouds, veins. Carpet: two yarns
-    and what is between the loops."""
-    tile_size: float
-    """Side of a tile [m], in [0.4, 6]."""
-    divisions: int = 4
-    """Rows of planks, or pieces along a side of the tile, in [1, 24]; even for parquet and for
+    """sRGB. Wood: early, late, joints. Tiles: first, second, grout. Terrazzo: ground and two kinds
+    of chips. Concrete: light, dark, pores. Marble: ground, clouds, veins. Carpet: two yarns and the
+    ground between the loops."""
+    tile_size: float = measure(0.4, 6.0)
+    """Side of a tile [m]."""
+    divisions: int = measure(1, 24, 4)
+    """Rows of planks, or pieces along a side of the tile; even for parquet and for
     tiles of two colours. Concrete, terrazzo and carpet have none."""
-    gloss: float = 0.3
+    gloss: float = measure(0.0, 1.0, 0.3)
     """0 is matt, 1 polished."""
-    variation: float = 0.5
-    """How much pieces differ, in [0, 1]."""
+    variation: float = measure(0.0, 1.0, 0.5)
+    """Difference of pieces."""
     is_chequered: bool = False
-    """Whether tiles have the first and the second colour by turns, or the first alone."""
+    """Tiles alternate between the first and the second colour; else all have the first."""
     seed: int = 0
     label: str = ""
-    """What the name begins with, such as the species of wood."""
+    """Begin of the name, such as the species of wood."""
 
     def __post_init__(self) -> None:
-        if self.kind not in _PAINTERS:
-            raise ValueError(f"kind must be one of {sorted(_PAINTERS)}; got {self.kind!r}")
+        check_choice("kind", self.kind, FLOOR_KINDS)
         check_colours("colours", self.colours, 3)
-        check_ranges(vars(self), _RANGES)
+        check_ranges(self)
         needs_even = self.kind == "parquet" or (self.kind == "tiles" and self.is_chequered)
         if needs_even and self.divisions % 2:
             raise ValueError(f"divisions must be even for this floor; got {self.divisions}")
@@ -86,7 +79,7 @@ class FloorMaterial:
         )
 
 
-_PAINTERS: dict[str, Callable[[FloorMaterial, int, np.random.Generator], Surface]] = {
+_PAINTERS: dict[str, Callable[[FloorMaterial, int, np.random.Generator], FloorSurface]] = {
     "planks": lambda f, n, rng: paint_planks(
         f.colours, n, rng, rows=f.divisions, tile_size=f.tile_size, gloss=f.gloss,
         variation=f.variation,
@@ -112,15 +105,6 @@ _PAINTERS: dict[str, Callable[[FloorMaterial, int, np.random.Generator], Surface
 }  # fmt: skip
 FLOOR_KINDS: tuple[FloorKind, ...] = get_args(FloorKind)
 """All kinds of floors."""
-_SHARES: dict[str, float] = {
-    "planks": 0.26,
-    "parquet": 0.1,
-    "tiles": 0.2,
-    "terrazzo": 0.1,
-    "concrete": 0.14,
-    "marble": 0.08,
-    "carpet": 0.12,
-}
 _TILES: dict[str, tuple[Rgb, Rgb, Rgb]] = {
     "white": ((226, 224, 218), (72, 74, 78), (176, 172, 164)),
     "sand": ((206, 190, 164), (150, 126, 98), (168, 156, 138)),
@@ -158,33 +142,25 @@ _WOOD: dict[str, tuple[Rgb, Rgb, Rgb]] = {
     name: (early, late, (late[0] // 3, late[1] // 3, late[2] // 3))
     for name, (early, late) in SPECIES.items()
 }
-_PALETTES: dict[str, dict[str, tuple[Rgb, Rgb, Rgb]]] = {
-    "planks": _WOOD,
-    "parquet": _WOOD,
-    "tiles": _TILES,
-    "terrazzo": _TERRAZZO,
-    "concrete": _CONCRETE,
-    "marble": _MARBLE,
-    "carpet": _CARPET,
-}
-_SIZES: dict[str, tuple[tuple[float, int], ...]] = {
-    "planks": ((1.8, 12), (1.8, 10), (2.0, 16)),
-    "parquet": ((1.6, 4), (1.8, 4), (1.8, 6)),
-    "tiles": ((1.2, 4), (1.2, 6), (1.8, 4), (1.0, 8)),
-    "terrazzo": ((1.0, 1),),
-    "concrete": ((3.0, 1),),
-    "marble": ((2.4, 4), (2.4, 2)),
-    "carpet": ((0.8, 1),),
-}
-"""Sides of a tile [m] with numbers of divisions."""
-_GLOSS: dict[str, tuple[float, float]] = {
-    "planks": (0.2, 0.7),
-    "parquet": (0.4, 0.8),
-    "tiles": (0.3, 0.9),
-    "terrazzo": (0.6, 0.9),
-    "concrete": (0.0, 0.4),
-    "marble": (0.7, 0.95),
-    "carpet": (0.0, 0.0),
+
+
+class _Kind(NamedTuple):
+    """Random floors of one kind: share, palette, (side [m], divisions) of tiles, range of gloss."""
+
+    share: float
+    palette: dict[str, tuple[Rgb, Rgb, Rgb]]
+    sizes: tuple[tuple[float, int], ...]
+    gloss: tuple[float, float]
+
+
+_KINDS: dict[str, _Kind] = {
+    "planks": _Kind(0.26, _WOOD, ((1.8, 12), (1.8, 10), (2.0, 16)), (0.2, 0.7)),
+    "parquet": _Kind(0.1, _WOOD, ((1.6, 4), (1.8, 4), (1.8, 6)), (0.4, 0.8)),
+    "tiles": _Kind(0.2, _TILES, ((1.2, 4), (1.2, 6), (1.8, 4), (1.0, 8)), (0.3, 0.9)),
+    "terrazzo": _Kind(0.1, _TERRAZZO, ((1.0, 1),), (0.6, 0.9)),
+    "concrete": _Kind(0.14, _CONCRETE, ((3.0, 1),), (0.0, 0.4)),
+    "marble": _Kind(0.08, _MARBLE, ((2.4, 4), (2.4, 2)), (0.7, 0.95)),
+    "carpet": _Kind(0.12, _CARPET, ((0.8, 1),), (0.0, 0.0)),
 }
 
 
@@ -211,10 +187,9 @@ def sample_floor_material(
     if unknown or not kinds:
         raise ValueError(f"kinds must be some of {list(FLOOR_KINDS)}; got {unknown or list(kinds)}")
     rng = np.random.default_rng(seed)
-    kind: FloorKind = pick(rng, {k: _SHARES[k] for k in kinds})  # pyright: ignore[reportAssignmentType]
-    palette = _PALETTES[kind]
+    kind: FloorKind = pick(rng, {k: _KINDS[k].share for k in kinds})  # pyright: ignore[reportAssignmentType]
+    _, palette, sizes, gloss = _KINDS[kind]
     label = list(palette)[rng.integers(len(palette))]
-    sizes = _SIZES[kind]
     tile_size, divisions = sizes[rng.integers(len(sizes))]
     first, second, third = _shift_together(palette[label], rng)
     return FloorMaterial(
@@ -222,7 +197,7 @@ def sample_floor_material(
         colours=(first, second, third),
         tile_size=tile_size,
         divisions=divisions,
-        gloss=float(rng.uniform(*_GLOSS[kind])),
+        gloss=float(rng.uniform(*gloss)),
         variation=float(rng.uniform(0.2, 0.8)),
         is_chequered=bool(rng.random() < 0.4) and kind == "tiles",
         seed=int(rng.integers(2**31)),

@@ -1,4 +1,4 @@
-"""Pictures of a material's surface, and how they are made of colour, height and roughness."""
+"""Maps of a material, made from colour, height and roughness."""
 
 from __future__ import annotations
 
@@ -45,8 +45,7 @@ class MaterialMaps:
         """Lay the material on flat panels at its real scale.
 
         Args:
-            positions: Places on the flat surface [m], shape (V, 2), such as a garment's
-                `rest_vertices`.
+            positions: On the flat surface [m], shape (V, 2), such as a garment's `rest_vertices`.
 
         Returns:
             Texture coordinates in tiles, shape (V, 2), float32.
@@ -57,11 +56,11 @@ class MaterialMaps:
         return (positions / self.tile_size).astype(np.float32)
 
     def sample_colour(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Look up the base colour on the surface, between pixels by their distance.
+        """Interpolate the base colour between pixels.
 
         Args:
-            x: Places along u [m], any shape.
-            y: Places along v [m], of the same shape.
+            x: Positions along u [m], any shape.
+            y: Positions along v [m], of the same shape.
 
         Returns:
             sRGB in [0, 255], shape (..., 3), float64.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _BACKGROUND = (244, 242, 238)
 _INK, _TITLE_INK = (96, 92, 88), (52, 50, 48)
 _LIGHT = np.array([-0.48, -0.58, 0.66]) / np.linalg.norm([-0.48, -0.58, 0.66])
-"""To the lamp: x right, y down, z to the viewer."""
+"""Direction to the lamp: x right, y down, z to the viewer."""
 _GAP, _CAPTION, _MARGIN, _HEADING = 26, 30, 44, 54
 _CUT = 0.021  # depth of the pinked edge, a share of the swatch
 _OVERSAMPLING = 2
@@ -30,10 +30,10 @@ def draw_material_sheet(
     """Draw fabrics and floors of a seed beside each other.
 
     Args:
-        seed: Of the sheet; its k-th fabric is that of the seed [seed, 0, k], its k-th floor that
-            of [seed, 1, k].
-        fabrics: How many fabrics.
-        floors: How many floors.
+        seed: Seed of the sheet; its k-th fabric has the seed [seed, 0, k], its k-th floor
+            [seed, 1, k].
+        fabrics: Number of fabrics.
+        floors: Number of floors.
         columns: Swatches in a row.
         size: Side of a swatch [pixels].
 

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from dgl_assets.materials.colours import Rgb
 from dgl_assets.materials.fields import get_coordinates, make_fractal, make_noise, mix, step
-from dgl_assets.materials.tiling import Surface
+from dgl_assets.materials.tiling import FloorSurface
 
 Colours = tuple[Rgb, Rgb, Rgb]
 _CHIPS = 900.0  # a square metre of terrazzo
@@ -16,7 +16,7 @@ _LOOP = 0.0064  # distance of a carpet's loops [m]
 
 def paint_terrazzo(
     colours: Colours, size: int, rng: np.random.Generator, *, tile_size: float, gloss: float
-) -> Surface:
+) -> FloorSurface:
     """Strew chips of two kinds and many sizes into a polished ground."""
     ground, *kinds = np.array(colours, dtype=np.float64)
     count = max(8, round(_CHIPS * tile_size**2))
@@ -30,14 +30,14 @@ def paint_terrazzo(
     found = KDTree(centres, boxsize=1.0).query(places, k=2)
     distance, nearest = (np.asarray(part) for part in found)
     # Cells of the second nearest chip bound the first: straight, broken edges.
-    inside = np.minimum(reach[nearest[:, 0]] - distance[:, 0],
-                        0.35 * (distance[:, 1] - distance[:, 0]) - 0.0006 / tile_size)  # fmt: skip
+    to_border = 0.35 * (distance[:, 1] - distance[:, 0]) - 0.0006 / tile_size
+    inside = np.minimum(reach[nearest[:, 0]] - distance[:, 0], to_border)
     is_chip = step(inside, -0.5 / size, 0.5 / size).reshape(size, size)
     shade = 1.0 + 0.1 * rng.standard_normal((count, 1))
     tint = np.array(kinds)[rng.integers(len(kinds), size=count)] * shade
     speckle = 1.0 + 0.02 * make_fractal(rng, size, (64, 64), octaves=2)
     chips = tint[nearest[:, 0]].reshape(size, size, 3)
-    return Surface(
+    return FloorSurface(
         colour=mix(ground * speckle[..., None], chips, is_chip),
         height=np.zeros((size, size)),
         roughness=0.9 - 0.7 * gloss - 0.06 * is_chip,
@@ -46,7 +46,7 @@ def paint_terrazzo(
 
 def paint_concrete(
     colours: Colours, size: int, rng: np.random.Generator, *, gloss: float
-) -> Surface:
+) -> FloorSurface:
     """Trowel a slab: clouds of many sizes, fine sand and a few pores."""
     light, dark, pore = np.array(colours, dtype=np.float64)
     clouds = make_fractal(rng, size, (3, 3), octaves=6, gain=0.62)
@@ -55,7 +55,7 @@ def paint_concrete(
     sand = make_noise(rng, size, (256, 256))
     colour = mix(np.broadcast_to(light, (size, size, 3)), dark, share)
     is_pore = step(make_noise(rng, size, (170, 170)), 2.5, 3.0)
-    return Surface(
+    return FloorSurface(
         colour=mix(colour * (1.0 + 0.022 * sand)[..., None], pore, 0.8 * is_pore),
         height=3e-4 * clouds + 1.5e-4 * sand - 8e-4 * is_pore,
         roughness=0.92 - 0.5 * gloss + 0.05 * clouds,
@@ -70,7 +70,7 @@ def paint_marble(
     count: int,
     tile_size: float,
     gloss: float,
-) -> Surface:
+) -> FloorSurface:
     """Lay polished slabs, each cut from another place of a veined block."""
     ground, cloud, vein = np.array(colours, dtype=np.float64)
     soft = make_fractal(rng, size, (3, 3), octaves=4)
@@ -89,7 +89,7 @@ def paint_marble(
     edges = (np.abs(p * count - np.round(p * count)) for p in (u, v))
     distance = np.minimum(*edges) / count * tile_size
     is_joint = 1.0 - step(distance, 0.0, 0.002 + tile_size / size)
-    return Surface(
+    return FloorSurface(
         colour=mix(colour, cloud * 0.62, 0.7 * is_joint),
         height=-5e-4 * is_joint,
         roughness=0.8 - 0.7 * gloss + 0.3 * is_joint,
@@ -103,7 +103,7 @@ def paint_carpet(
     *,
     tile_size: float,
     variation: float,
-) -> Surface:
+) -> FloorSurface:
     """Tuft loops in rows, of two yarns twisted together."""
     first, second, below = np.array(colours, dtype=np.float64)
     u, v = get_coordinates(size)
@@ -116,7 +116,7 @@ def paint_carpet(
     share = np.clip(0.5 + (0.2 + 0.3 * variation) * twist, 0.0, 1.0)
     pile = mix(np.broadcast_to(first, (size, size, 3)), second, share)
     trodden = 1.0 + 0.03 * make_noise(rng, size, (5, 5))
-    return Surface(
+    return FloorSurface(
         colour=mix(np.broadcast_to(below, pile.shape), pile, loop) * trodden[..., None],
         height=0.003 * loop + 4e-4 * twist,
         roughness=np.full((size, size), 0.97),

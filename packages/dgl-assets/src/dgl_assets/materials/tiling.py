@@ -23,7 +23,7 @@ _STRIPS = 5  # of a block of parquet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class FloorSurface:
     """A floor's fields, each of shape (N, N) or (N, N, 3)."""
 
     colour: np.ndarray
@@ -42,7 +42,7 @@ def paint_planks(
     tile_size: float,
     gloss: float,
     variation: float,
-) -> Surface:
+) -> FloorSurface:
     """Lay planks along u, each row of one or two a tile, butt joints at random."""
     u, v = get_coordinates(size)
     row = np.floor(v * rows).astype(int).ravel()
@@ -70,7 +70,7 @@ def paint_parquet(
     tile_size: float,
     gloss: float,
     variation: float,
-) -> Surface:
+) -> FloorSurface:
     """Lay square blocks of five strips, turned by turns."""
     u, v = get_coordinates(size)
     x, y = np.broadcast_to(u * blocks, (size, size)), np.broadcast_to(v * blocks, (size, size))
@@ -96,7 +96,7 @@ def paint_tiles(
     gloss: float,
     variation: float,
     is_chequered: bool,
-) -> Surface:
+) -> FloorSurface:
     """Lay square tiles with grout between them."""
     u, v = get_coordinates(size)
     column, row = np.floor(u * count).astype(int), np.floor(v * count).astype(int)
@@ -111,7 +111,7 @@ def paint_tiles(
     is_tile = step(distance, _GROUT - pixel, _GROUT + pixel)
     sand = 1.0 + 0.02 * make_noise(rng, size, (256, 256))
     bevel = step(distance, _GROUT, _GROUT + 0.004)
-    return Surface(
+    return FloorSurface(
         colour=mix(grout * sand[..., None], colour, is_tile),
         height=0.0015 * bevel + 1.2e-4 * cloud * is_tile,
         roughness=0.9 + is_tile * (-0.05 - 0.7 * gloss + 0.03 * cloud),
@@ -143,7 +143,7 @@ def _finish_wood(
     size: int,
     gloss: float,
     variation: float,
-) -> Surface:
+) -> FloorSurface:
     early, late, joint = np.array(colours, dtype=np.float64)
     tone = rng.standard_normal(int(piece.max()) + 1)[piece]
     share = np.clip(grain + 0.16 * variation * tone, 0.0, 1.0)
@@ -152,7 +152,7 @@ def _finish_wood(
     # A joint narrower than a pixel darkens it in part.
     pixel = max(float(np.diff(np.unique(distance[:1])).min(initial=_JOINT)), 1e-9)
     is_joint = 1.0 - step(distance, 0.0, 2 * _JOINT + pixel)
-    return Surface(
+    return FloorSurface(
         colour=mix(colour, joint, 0.85 * is_joint),
         height=0.001 * step(distance, 0.0, 0.004) - 1e-4 * grain,
         roughness=get_wood_roughness(grain, gloss) + 0.2 * is_joint,

@@ -1,4 +1,4 @@
-"""Relief of woven and knitted cloth: where yarns lie on top, and how high.
+"""Relief of woven and knitted cloth: the upper yarn, and its height.
 
 Woven cloth is a table of crossings: +1 where the warp (along v) is on top, -1 where the weft
 (along u) is. Knitted cloth is columns of V-shaped stitches.
@@ -16,17 +16,17 @@ from dgl_assets.materials.fields import get_coordinates, step
 Weave = Literal[
     "plain", "oxford", "twill", "denim", "herringbone", "satin", "linen", "jersey", "rib"
 ]
-"""Constructions of cloth; the last two are knitted."""
+"""Weaves; the last two are knitted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Relief:
-    """A piece of cloth without colour."""
+class ClothRelief:
+    """The surface of a cloth, without colour."""
 
     height: np.ndarray
     """In yarn diameters, about 0 to 1, shape (N, N)."""
     is_warp: np.ndarray | None
-    """How far the warp is what is seen, 0 to 1, shape (N, N); None for knits."""
+    """Visible share of the warp, 0 to 1, shape (N, N); None for knits."""
 
 
 def _twill(over: int, under: int) -> np.ndarray:
@@ -62,26 +62,26 @@ REPEATS: dict[str, int] = {name: max(table.shape) for name, table in CROSSINGS.i
 """Numbers of threads or stitches that a tile must be divisible by."""
 
 
-def make_relief(weave: Weave, threads: int, size: int) -> Relief:
+def make_relief(weave: Weave, threads: int, size: int) -> ClothRelief:
     """Compute the relief of a cloth.
 
     Args:
-        weave: Its construction.
+        weave: Its weave.
         threads: Threads along a side of the tile; for knits, columns of stitches.
         size: Pixels along a side.
     """
     if weave == "jersey":
-        return Relief(height=_make_stitches(threads, size), is_warp=None)
+        return ClothRelief(height=_make_stitches(threads, size), is_warp=None)
     if weave == "rib":
         u, _ = get_coordinates(size)
         wave = np.cos(2 * np.pi * u * threads / 4)  # two columns out, two in
         out = step(wave, -0.6, 0.6)
-        return Relief(height=0.55 * out + (0.2 + 0.25 * out) * _make_stitches(threads, size),
-                      is_warp=None)  # fmt: skip
+        height = 0.55 * out + (0.2 + 0.25 * out) * _make_stitches(threads, size)
+        return ClothRelief(height=height, is_warp=None)
     return _interlace(CROSSINGS[weave], threads, size)
 
 
-def _interlace(crossings: np.ndarray, threads: int, size: int) -> Relief:
+def _interlace(crossings: np.ndarray, threads: int, size: int) -> ClothRelief:
     u, v = get_coordinates(size)
     x, y = u * threads, v * threads
     across, down = np.floor(x).astype(int), np.floor(y).astype(int)  # nearest warp and weft
@@ -89,16 +89,16 @@ def _interlace(crossings: np.ndarray, threads: int, size: int) -> Relief:
     weft = _profile(y) - 0.6 * _rise(crossings.T, down.ravel(), x.ravel())
     is_warp = step(warp - weft, -0.25, 0.25)
     height = np.maximum(warp, weft)
-    return Relief(height=np.clip(0.1 + 0.56 * height, 0.0, 1.0), is_warp=is_warp)
+    return ClothRelief(height=np.clip(0.1 + 0.56 * height, 0.0, 1.0), is_warp=is_warp)
 
 
 def _profile(place: np.ndarray) -> np.ndarray:
-    """Roundness of a thread: 1 along its middle, 0 at its edges."""
+    """Compute the roundness of threads: 1 along their middles, 0 at their edges."""
     return np.sin(np.pi * (place % 1.0)) ** 0.7
 
 
 def _rise(crossings: np.ndarray, threads: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Let threads run smoothly from crossing to crossing, shape (threads, places)."""
+    """Height of threads, smooth from crossing to crossing, shape (threads, len(place))."""
     own, others = crossings.shape
     before = np.floor(place - 0.5).astype(int)
     t = step(place - 0.5 - before, 0.0, 1.0)
@@ -107,7 +107,7 @@ def _rise(crossings: np.ndarray, threads: np.ndarray, place: np.ndarray) -> np.n
 
 
 def _make_stitches(wales: int, size: int) -> np.ndarray:
-    """Stockinette: columns of V, each stitch lower at its edges, a quarter more rows than columns."""
+    """Height of stockinette: columns of V, a quarter more rows than columns."""
     u, v = get_coordinates(size)
     courses = count_courses(wales)
     x, y = (u * wales) % 1.0, v * courses

@@ -9,7 +9,7 @@ import numpy as np
 from dgl_assets.materials.colours import Rgb, check_colours
 from dgl_assets.materials.fields import get_coordinates, make_fractal, make_noise, mix
 from dgl_assets.materials.maps import DEFAULT_SIZE, MaterialMaps, get_fine_size, make_maps
-from dgl_assets.ranges import check_ranges
+from dgl_assets.ranges import check_ranges, measure
 
 SPECIES: dict[str, tuple[Rgb, Rgb]] = {
     "oak": ((206, 172, 128), (156, 116, 76)),
@@ -23,7 +23,6 @@ SPECIES: dict[str, tuple[Rgb, Rgb]] = {
     "pine": ((226, 190, 136), (190, 136, 82)),
 }
 """Early and late wood, sRGB."""
-_RANGES = {"tile_size": (0.1, 4.0), "gloss": (0.0, 1.0), "rings": (2.0, 60.0)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,18 +31,18 @@ class WoodMaterial:
 
     colours: tuple[Rgb, Rgb]
     """Early and late wood, sRGB, such as `SPECIES["oak"]`."""
-    tile_size: float = 0.6
-    """Side of a tile [m], in [0.1, 4]."""
-    rings: float = 14.0
-    """Year rings across a tile, about, in [2, 60]."""
-    gloss: float = 0.45
+    tile_size: float = measure(0.1, 4.0, 0.6)
+    """Side of a tile [m]."""
+    rings: float = measure(2.0, 60.0, 14.0)
+    """Approximate number of year rings across a tile."""
+    gloss: float = measure(0.0, 1.0, 0.45)
     """0 for raw, 1 for polished wood."""
     seed: int = 0
     name: str = "wood"
 
     def __post_init__(self) -> None:
         check_colours("colours", self.colours, 2)
-        check_ranges(vars(self), _RANGES)
+        check_ranges(self)
 
     def render(self, size: int = DEFAULT_SIZE) -> MaterialMaps:
         """Compute the maps of one tile.

@@ -10,4 +10,3 @@ from dgl_assets.people.person import POSES as POSES
 from dgl_assets.people.person import Person as Person
 from dgl_assets.people.person import make_person as make_person
 from dgl_assets.people.skeleton import Skeleton as Skeleton
-from dgl_assets.people.smplx_import import load_smplx as load_smplx

@@ -14,9 +14,20 @@ def make_leg(
     side: str,
     sign: float,
     joints: dict[str, np.ndarray],
-    places: dict[str, np.ndarray],
+    points: dict[str, np.ndarray],
 ) -> Blend:
-    """Lay out a leg, and add its joints and places; sign is 1 for the left leg, -1 for the right."""
+    """Lay out a leg, and add its joints and named points.
+
+    Args:
+        m: Measures.
+        side: "left" or "right".
+        sign: 1 for the left leg, -1 for the right.
+        joints: Positions of joints [m] by name; the leg's are added.
+        points: Named points near the surface [m]; the leg's are added.
+
+    Returns:
+        Solids of leg and foot.
+    """
     size = m.stature / 1.756
     thigh, calf = m.thigh_girth / (2 * np.pi), m.calf_girth / (2 * np.pi)
     hip_half = compute_half_axes(m.hip_girth, 1.40)[0]
@@ -27,80 +38,34 @@ def make_leg(
     hip = np.array([sign * x * 0.98, 0.006 * size, m.crotch_height + 0.085 * size])
     knee = np.array([sign * x * 1.09, -0.004 * size, knee_z])
     ankle = np.array([sign * x * 1.17, 0.018 * size, ankle_z])
-    joints[f"{side}_hip"], joints[f"{side}_knee"], joints[f"{side}_ankle"] = hip, knee, ankle
     heel_y = ankle[1] + 0.20 * foot
     ball = np.array([ankle[0] + sign * 0.02 * foot, heel_y - 0.73 * foot, 0.085 * foot])
     toe = np.array([ball[0], heel_y - 0.93 * foot, 0.065 * foot])
-    joints[f"{side}_toes"] = ball
-    bones = {k: f"{side}_{k}" for k in ("hip", "knee", "ankle", "toes")}
+    bones = [f"{side}_{name}" for name in ("hip", "knee", "ankle", "toes")]
+    joints |= dict(zip(bones, (hip, knee, ankle, ball), strict=True))
+    on_hip, on_knee, on_ankle, on_toes = bones
 
     def between(a: np.ndarray, b: np.ndarray, share: float, back: float = 0.0) -> np.ndarray:
         return a + share * (b - a) + np.array([0, back * size, 0])
 
+    mid_thigh, mid_calf = between(hip, knee, 0.45, -0.008), between(knee, ankle, 0.30, 0.016)
+    heel = np.array([ankle[0], heel_y - 0.12 * foot, 0.11 * foot])
+    sole = np.array([ankle[0], heel_y - 0.13 * foot, 0.10 * foot])
+    instep = ankle - np.array([0, 0.02 * size, 0.05 * foot])
     up = np.array([0.0, 0.0, 1.0])
-    leg = Blend(
-        parts=(
-            Cone(
-                bone=bones["hip"],
-                start=between(hip, knee, 0.10),
-                end=between(hip, knee, 0.45, -0.008),
-                radii=(thigh, 0.92 * thigh),
-            ),
-            Cone(
-                bone=bones["hip"],
-                start=between(hip, knee, 0.45, -0.008),
-                end=knee,
-                radii=(0.92 * thigh, 0.97 * calf),
-            ),
-            Cone(
-                bone=bones["knee"],
-                start=knee,
-                end=between(knee, ankle, 0.30, 0.016),
-                radii=(0.93 * calf, 1.0 * calf),
-            ),
-            Cone(
-                bone=bones["knee"],
-                start=between(knee, ankle, 0.30, 0.016),
-                end=between(knee, ankle, 0.95),
-                radii=(calf, 0.58 * calf),
-            ),
-        ),
-        radius=0.010 * size,
-    )
-    low = Blend(
-        parts=(
-            Cone(
-                bone=bones["ankle"],
-                start=ankle,
-                end=np.array([ankle[0], heel_y - 0.12 * foot, 0.11 * foot]),
-                radii=(0.60 * calf, 0.125 * foot),
-            ),
-            Cone(
-                bone=bones["ankle"],
-                start=ankle - np.array([0, 0.02 * size, 0.05 * foot]),
-                end=ball,
-                radii=(0.58 * calf, 0.115 * foot),
-            ),
-            Cone(
-                bone=bones["ankle"],
-                start=np.array([ankle[0], heel_y - 0.13 * foot, 0.10 * foot]),
-                end=ball,
-                radii=(0.115 * foot, 0.13 * foot),
-                flatness=0.2,
-                thin=up,
-            ),
-            Cone(
-                bone=bones["toes"],
-                start=ball,
-                end=toe,
-                radii=(0.15 * foot, 0.115 * foot),
-                flatness=0.40,
-                thin=up,
-            ),
-        ),
-        radius=0.03 * size,
-    )
-    places[f"{side}_heel"] = np.array([ankle[0], heel_y, 0.08 * foot])
-    places[f"{side}_toe_tip"] = np.array([toe[0], heel_y - foot, 0.06 * foot])
-    places[f"{side}_knee_front"] = knee - np.array([0, calf, 0])
-    return Blend(parts=(leg, low), radius=0.015 * size)
+    leg = [
+        Cone(on_hip, between(hip, knee, 0.10), mid_thigh, (thigh, 0.92 * thigh)),
+        Cone(on_hip, mid_thigh, knee, (0.92 * thigh, 0.97 * calf)),
+        Cone(on_knee, knee, mid_calf, (0.93 * calf, 1.0 * calf)),
+        Cone(on_knee, mid_calf, between(knee, ankle, 0.95), (calf, 0.58 * calf)),
+    ]
+    low = [
+        Cone(on_ankle, ankle, heel, (0.60 * calf, 0.125 * foot)),
+        Cone(on_ankle, instep, ball, (0.58 * calf, 0.115 * foot)),
+        Cone(on_ankle, sole, ball, (0.115 * foot, 0.13 * foot), 0.2, up),
+        Cone(on_toes, ball, toe, (0.15 * foot, 0.115 * foot), 0.40, up),
+    ]
+    points[f"{side}_heel"] = np.array([ankle[0], heel_y, 0.08 * foot])
+    points[f"{side}_toe_tip"] = np.array([toe[0], heel_y - foot, 0.06 * foot])
+    points[f"{side}_knee_front"] = knee - np.array([0, calf, 0])
+    return Blend(0.015 * size, [Blend(0.010 * size, leg), Blend(0.03 * size, low)])

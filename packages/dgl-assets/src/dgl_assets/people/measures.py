@@ -1,4 +1,4 @@
-"""The measures of a person, some typical people, and random ones."""
+"""Measures of people: typical and random ones."""
 
 from __future__ import annotations
 
@@ -6,136 +6,75 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from dgl_assets.ranges import check_ranges
-
-MEASURE_RANGES: dict[str, tuple[float, float]] = {
-    "stature": (0.8, 2.1),
-    "crotch_height": (0.3, 1.05),
-    "shoulder_height": (0.6, 1.78),
-    "shoulder_breadth": (0.18, 0.48),
-    "chest_girth": (0.45, 1.45),
-    "waist_girth": (0.42, 1.45),
-    "hip_girth": (0.45, 1.5),
-    "neck_girth": (0.20, 0.52),
-    "head_girth": (0.44, 0.64),
-    "arm_length": (0.24, 0.76),
-    "upper_arm_girth": (0.13, 0.46),
-    "forearm_girth": (0.13, 0.38),
-    "hand_length": (0.09, 0.23),
-    "hand_breadth": (0.04, 0.105),
-    "thigh_girth": (0.25, 0.85),
-    "calf_girth": (0.17, 0.52),
-    "foot_length": (0.12, 0.32),
-    "bust": (0.0, 1.0),
-}
-"""Smallest and largest accepted value of each measure."""
+from dgl_assets.ranges import check_ranges, measure
 
 
 @dataclass(frozen=True, kw_only=True)
 class PersonMeasures:
-    """Measures of a standing person at life size.
+    """Measures of a standing person at life size [m]."""
 
-    Lengths and girths are in metres. Ranges are in `MEASURE_RANGES`.
-
-    Attributes:
-        stature: Floor to the top of the head.
-        crotch_height: Floor to the crotch.
-        shoulder_height: Floor to the top of the shoulder (acromion).
-        shoulder_breadth: Between the tops of the shoulders (biacromial).
-        chest_girth: Around the chest.
-        waist_girth: Around the waist at the navel.
-        hip_girth: Around the buttocks.
-        neck_girth: Around the neck.
-        head_girth: Around the head over the brow: the size of a hat.
-        arm_length: Top of the shoulder to the wrist.
-        upper_arm_girth: Around the relaxed upper arm.
-        forearm_girth: Around the forearm at its thickest.
-        hand_length: Wrist to the tip of the middle finger.
-        hand_breadth: Across the knuckles.
-        thigh_girth: Around the thigh at its thickest.
-        calf_girth: Around the calf at its thickest.
-        foot_length: Heel to the tip of the toes.
-        bust: Share by which the chest is formed as a woman's, 0 to 1.
-    """
-
-    stature: float
-    crotch_height: float
-    shoulder_height: float
-    shoulder_breadth: float
-    chest_girth: float
-    waist_girth: float
-    hip_girth: float
-    neck_girth: float
-    head_girth: float
-    arm_length: float
-    upper_arm_girth: float
-    forearm_girth: float
-    hand_length: float
-    hand_breadth: float
-    thigh_girth: float
-    calf_girth: float
-    foot_length: float
-    bust: float = 0.0
+    stature: float = measure(0.8, 2.1)
+    """Floor to the top of the head."""
+    crotch_height: float = measure(0.3, 1.05)
+    """Floor to the crotch."""
+    shoulder_height: float = measure(0.6, 1.78)
+    """Floor to the top of the shoulder (acromion)."""
+    shoulder_breadth: float = measure(0.18, 0.48)
+    """Between the tops of the shoulders (biacromial)."""
+    chest_girth: float = measure(0.45, 1.45)
+    waist_girth: float = measure(0.42, 1.45)
+    """Around the waist at the navel."""
+    hip_girth: float = measure(0.45, 1.5)
+    """Around the buttocks."""
+    neck_girth: float = measure(0.2, 0.52)
+    head_girth: float = measure(0.44, 0.64)
+    """Around the head over the brow: the size of a hat."""
+    arm_length: float = measure(0.24, 0.76)
+    """Top of the shoulder to the wrist."""
+    upper_arm_girth: float = measure(0.13, 0.46)
+    forearm_girth: float = measure(0.13, 0.38)
+    """At its thickest."""
+    hand_length: float = measure(0.09, 0.23)
+    """Wrist to the tip of the middle finger."""
+    hand_breadth: float = measure(0.04, 0.105)
+    """Across the knuckles."""
+    thigh_girth: float = measure(0.25, 0.85)
+    """At its thickest."""
+    calf_girth: float = measure(0.17, 0.52)
+    """At its thickest."""
+    foot_length: float = measure(0.12, 0.32)
+    """Heel to the tip of the toes."""
+    bust: float = measure(0.0, 1.0, 0.0)
+    """Shape of the chest from a man's (0) to a woman's (1)."""
 
     def __post_init__(self) -> None:
-        check_ranges(asdict(self), MEASURE_RANGES)
-        if not 0.38 * self.stature < self.crotch_height < 0.54 * self.stature:
-            raise ValueError(
-                f"crotch_height must be 0.38 to 0.54 of the stature ({self.stature} m); got "
-                f"{self.crotch_height}"
-            )
-        if not 0.72 * self.stature < self.shoulder_height < 0.86 * self.stature:
-            raise ValueError(
-                f"shoulder_height must be 0.72 to 0.86 of the stature ({self.stature} m); got "
-                f"{self.shoulder_height}"
-            )
+        check_ranges(self)
+        for name, low, high in (("crotch_height", 0.38, 0.54), ("shoulder_height", 0.72, 0.86)):
+            if not low * self.stature < getattr(self, name) < high * self.stature:
+                raise ValueError(
+                    f"{name} must be {low} to {high} of the stature ({self.stature} m); got "
+                    f"{getattr(self, name)}"
+                )
         neck = self.stature - self.shoulder_height - 0.41 * self.head_girth
         if neck < 0.012 * self.stature:
             raise ValueError(
-                f"shoulder_height must leave room for neck and head ({self.head_girth} m around); got "
-                f"{self.shoulder_height} m of {self.stature} m"
+                f"shoulder_height must leave room for neck and head ({self.head_girth} m around); "
+                f"got {self.shoulder_height} m of {self.stature} m"
             )
 
 
 _MAN = PersonMeasures(
-    stature=1.756,
-    crotch_height=0.846,
-    shoulder_height=1.440,
-    shoulder_breadth=0.416,
-    chest_girth=1.03,
-    waist_girth=0.90,
-    hip_girth=1.01,
-    neck_girth=0.392,
-    head_girth=0.574,
-    arm_length=0.605,
-    upper_arm_girth=0.325,
-    forearm_girth=0.295,
-    hand_length=0.193,
-    hand_breadth=0.088,
-    thigh_girth=0.61,
-    calf_girth=0.385,
-    foot_length=0.271,
-)
+    stature=1.756, crotch_height=0.846, shoulder_height=1.440, shoulder_breadth=0.416,
+    chest_girth=1.03, waist_girth=0.90, hip_girth=1.01, neck_girth=0.392, head_girth=0.574,
+    arm_length=0.605, upper_arm_girth=0.325, forearm_girth=0.295, hand_length=0.193,
+    hand_breadth=0.088, thigh_girth=0.61, calf_girth=0.385, foot_length=0.271,
+)  # fmt: skip
 _WOMAN = PersonMeasures(
-    stature=1.629,
-    crotch_height=0.775,
-    shoulder_height=1.335,
-    shoulder_breadth=0.365,
-    chest_girth=0.94,
-    waist_girth=0.82,
-    hip_girth=1.02,
-    neck_girth=0.330,
-    head_girth=0.561,
-    arm_length=0.555,
-    upper_arm_girth=0.295,
-    forearm_girth=0.25,
-    hand_length=0.181,
-    hand_breadth=0.079,
-    thigh_girth=0.61,
-    calf_girth=0.37,
-    foot_length=0.246,
-    bust=1.0,
-)
+    stature=1.629, crotch_height=0.775, shoulder_height=1.335, shoulder_breadth=0.365,
+    chest_girth=0.94, waist_girth=0.82, hip_girth=1.02, neck_girth=0.330, head_girth=0.561,
+    arm_length=0.555, upper_arm_girth=0.295, forearm_girth=0.25, hand_length=0.181,
+    hand_breadth=0.079, thigh_girth=0.61, calf_girth=0.37, foot_length=0.246, bust=1.0,
+)  # fmt: skip
 
 PEOPLE: dict[str, PersonMeasures] = {
     "man": _MAN,
@@ -178,23 +117,17 @@ PEOPLE: dict[str, PersonMeasures] = {
 """Typical people by name.
 
 Source:
-    "man" and "woman" are near the means of ANSUR II (Gordon et al. 2014, NATICK/TR-15/007), which surveys soldiers; girths
-    of trunk and limbs are a little less, as of civilians of usual weight. Children by age after Snyder et al. 1977
-    (UM-HSRI-77-17) and the growth charts of WHO and CDC. All from memory, not copied from the reports' tables. "slim" and
+    From memory: "man" and "woman" are near the means of ANSUR II (Gordon et al. 2014,
+    NATICK/TR-15/007), a survey of soldiers, with a little less girth of trunk and limbs. Children
+    by age after Snyder et al. 1977 (UM-HSRI-77-17) and the growth charts of WHO and CDC. "slim" and
     "heavy" change girths by about one and a half standard deviations.
 """
 
 
 def sample_person(rng: np.random.Generator | int) -> PersonMeasures:
-    """Draw the measures of a random adult.
+    """Draw the measures of a random adult from a generator, which is advanced, or a seed.
 
-    A woman's or a man's mean measures; stature, girths, legs, shoulders and head vary independently.
-
-    Args:
-        rng: Generator, advanced by this call, or a seed.
-
-    Returns:
-        Valid measures.
+    Stature, girths, legs, shoulders and head vary independently about a woman's or a man's mean.
     """
     rng = np.random.default_rng(rng) if isinstance(rng, int | np.integer) else rng
     base = asdict(_WOMAN if rng.uniform() < 0.5 else _MAN)

@@ -1,16 +1,16 @@
-"""A person: skin, skeleton, and what tasks need to know of them in any pose."""
+"""A person: skin, skeleton, landmarks, frames and capsules in any pose."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from dgl_assets.people.body_plan import BodyPlan, make_plan
 from dgl_assets.people.measures import PEOPLE, PersonMeasures
-from dgl_assets.people.plan import Plan, make_plan
 from dgl_assets.people.skeleton import Skeleton
 from dgl_assets.people.skin import compute_weights, make_skin
 from dgl_assets.people.solids import Cone, Ellipsoid
@@ -37,35 +37,34 @@ POSES: dict[str, dict[str, float]] = {
         "right_elbow_pronation": 1.45,
     },
 }
-"""Angles [rad] of named poses. "standing" is for hats and scarves; "reach_right" holds the right hand out, palm down, for
-a glove."""
+"""Angles [rad] of named poses. "standing" is for hats and scarves; "reach_right" holds the right
+hand out, palm down, for a glove."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Person:
     """A person with a skin that follows a skeleton.
 
-    Person frame: standing on z = 0, z up, facing -y; the person's own left is +x. Everything is at rest in the rest pose.
-
-    Attributes:
-        vertices: Skin in the rest pose [m], shape (V, 3), float32.
-        faces: Triangles, counter-clockwise from outside, shape (F, 3), int32: a closed manifold.
-        weights: How much each vertex follows each bone, shape (V, J), float32; rows sum to 1.
-        skeleton: Joints, their limits and places.
-        landmarks: Vertex id of each named point.
-        frames: Rest poses of named frames: bone's index, then transform_frame_to_person, shape (4, 4). The z of "head_top",
-            "brow" and "neck" is up, their -y to the front. Of "left_hand" and "right_hand" x is along the fingers, y out
-            of the palm, z = x cross y, as of the robots' hands.
-        capsules: Of each bone: its index, then both ends [m], shape (2, 3), and the radius [m], rest pose.
+    Person frame: standing on z = 0, z up, facing -y; the person's own left is +x.
     """
 
     vertices: np.ndarray
+    """Skin in the rest pose [m], shape (V, 3), float32."""
     faces: np.ndarray
+    """Triangles, counter-clockwise from outside, shape (F, 3), int32: a closed manifold."""
     weights: np.ndarray
+    """Weight of each bone for each vertex, shape (V, J), float32; rows sum to 1."""
     skeleton: Skeleton
     landmarks: dict[str, int]
+    """Vertex id of each named point."""
     frames: dict[str, tuple[int, np.ndarray]]
+    """Frames in the rest pose: index of the bone and transform_frame_to_person, shape (4, 4).
+
+    "head_top", "brow", "neck": z up, -y to the front. "left_hand", "right_hand":
+    x along the fingers, y out of the palm, z = x cross y, as the robots' hands.
+    """
     capsules: tuple[tuple[int, np.ndarray, float], ...]
+    """In the rest pose: index of the bone, both ends [m], shape (2, 3), and the radius [m]."""
 
     def __post_init__(self) -> None:
         count, joints = len(self.vertices), len(self.skeleton.joints)
@@ -106,13 +105,13 @@ class Person:
     def compute_frames(
         self, angles: Mapping[str, float] | str = "rest"
     ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Compute where the named frames are.
+        """Compute the named frames in a pose.
 
         Args:
             angles: As for `pose`.
 
         Returns:
-            By name: position [m], shape (3,), and orientation, quaternion wxyz, shape (4,), in the person frame.
+            By name: position [m], shape (3,), and quaternion wxyz, shape (4,), person frame.
         """
         transforms = self.skeleton.compute_transforms(_get_angles(angles))
         result = {}
@@ -178,19 +177,14 @@ def make_person(measures: PersonMeasures | str = "man", *, scale: float = 1.0) -
     plan = make_plan(measures)
     vertices, faces = make_skin(plan)
     weights = compute_weights(plan, vertices, faces)
-    _, nearest = KDTree(vertices).query(np.stack(list(plan.places.values())))
-    skeleton = Skeleton(
-        joints=plan.skeleton.joints,
-        positions=scale * plan.skeleton.positions,
-        frames=plan.skeleton.frames,
-    )
+    _, nearest = KDTree(vertices).query(np.stack(list(plan.points.values())))
     return Person(
         vertices=(scale * vertices).astype(np.float32),
         faces=faces,
         weights=weights.astype(np.float32),
-        skeleton=skeleton,
+        skeleton=replace(plan.skeleton, positions=scale * plan.skeleton.positions),
         landmarks={
-            name: int(k) for name, k in zip(plan.places, np.atleast_1d(nearest), strict=True)
+            name: int(k) for name, k in zip(plan.points, np.atleast_1d(nearest), strict=True)
         },
         frames=_make_frames(plan, vertices, scale),
         capsules=_make_capsules(plan, scale),
@@ -206,52 +200,48 @@ def _get_angles(angles: Mapping[str, float] | str) -> Mapping[str, float]:
 
 
 def _make_frames(
-    plan: Plan, vertices: np.ndarray, scale: float
+    plan: BodyPlan, vertices: np.ndarray, scale: float
 ) -> dict[str, tuple[int, np.ndarray]]:
-    names = plan.skeleton.names
+    names, points = plan.skeleton.names, plan.points
     frames = {}
+
+    def add(name: str, bone: str, origin: np.ndarray, axes: np.ndarray) -> None:
+        transform = np.eye(4)
+        transform[:3, :3], transform[:3, 3] = axes, scale * origin
+        frames[name] = (names.index(bone), transform)
+
     top = vertices[np.argmax(vertices[:, 2])]
-    brow = 0.25 * sum(plan.places[k] for k in ("brow", "occiput", "left_temple", "right_temple"))
-    neck = 0.25 * sum(plan.places[f"neck_{k}"] for k in ("front", "back", "left", "right"))
-    for name, bone, origin in (
-        ("head_top", "head", np.array([0.0, top[1], top[2]])),
-        ("brow", "head", np.asarray(brow)),
-        ("neck", "neck", np.asarray(neck)),
-    ):
-        frames[name] = (names.index(bone), _make_transform(np.eye(3), scale * origin))
+    brow = 0.25 * sum(points[k] for k in ("brow", "occiput", "left_temple", "right_temple"))
+    neck = 0.25 * sum(points[f"neck_{k}"] for k in ("front", "back", "left", "right"))
+    add("head_top", "head", np.array([0.0, top[1], top[2]]), np.eye(3))
+    add("brow", "head", np.asarray(brow), np.eye(3))
+    add("neck", "neck", np.asarray(neck), np.eye(3))
     for side, sign in (("left", 1.0), ("right", -1.0)):
         turn = plan.arm_frames[side]
         along, out = turn @ np.array([0.0, 0.0, -1.0]), turn @ np.array([-sign, 0.0, 0.0])
         axes = np.column_stack([along, out, np.cross(along, out)])
-        origin = 0.5 * (plan.places[f"{side}_palm_centre"] + plan.places[f"{side}_hand_back"])
-        frames[f"{side}_hand"] = (
-            names.index(f"{side}_wrist"),
-            _make_transform(axes, scale * origin),
-        )
+        origin = 0.5 * (points[f"{side}_palm_centre"] + points[f"{side}_hand_back"])
+        add(f"{side}_hand", f"{side}_wrist", origin, axes)
     return frames
 
 
-def _make_transform(axes: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = axes, origin
-    return transform
-
-
-def _make_capsules(plan: Plan, scale: float) -> tuple[tuple[int, np.ndarray, float], ...]:
-    """One capsule a cone and ellipsoid; the trunk's sections as capsules from side to side."""
-    index = {name: k for k, name in enumerate(plan.skeleton.names)}
+def _make_capsules(plan: BodyPlan, scale: float) -> tuple[tuple[int, np.ndarray, float], ...]:
+    """Make one capsule a cone and ellipsoid; the trunk's sections as capsules from side to side."""
     capsules = []
+
+    def add(bone: str, start: np.ndarray, end: np.ndarray, radius: float) -> None:
+        line = scale * np.stack([start, end])
+        capsules.append((plan.skeleton.names.index(bone), line, scale * radius))
+
     for solid in plan.body.list_solids():
         if isinstance(solid, Cone):
             radius = float(np.mean(solid.radii)) * (1 - 0.5 * solid.flatness)
-            line = np.stack([solid.start, solid.end])
-            bone = solid.bone
+            add(solid.bone, solid.start, solid.end, radius)
         elif isinstance(solid, Ellipsoid):
-            longest = int(np.argmax(solid.radii))
             radius = float(np.sort(solid.radii)[1])
-            reach = (float(solid.radii.max()) - radius) * np.eye(3)[longest]
-            line = np.stack([solid.centre - reach, solid.centre + reach])
-            bone = solid.bone
+            longest = np.eye(3)[int(np.argmax(solid.radii))]
+            reach = (float(solid.radii.max()) - radius) * longest
+            add(solid.bone, solid.centre - reach, solid.centre + reach, radius)
         else:
             for level in np.linspace(0.08, 0.92, 9):
                 z = solid.heights[0] + level * (solid.heights[-1] - solid.heights[0])
@@ -259,9 +249,6 @@ def _make_capsules(plan: Plan, scale: float) -> tuple[tuple[int, np.ndarray, flo
                 b = float(np.interp(z, solid.heights, solid.half_depths))
                 centre = np.array([0, float(np.interp(z, solid.heights, solid.centres)), z])
                 reach = np.array([max(a - b, 0.0), 0, 0])
-                part = int(np.searchsorted(np.array(solid.borders), z))
-                line = np.stack([centre - reach, centre + reach])
-                capsules.append((index[solid.bones[part]], scale * line, scale * min(a, b)))
-            continue
-        capsules.append((index[bone], scale * line, scale * radius))
+                bone = solid.bones[int(np.searchsorted(np.array(solid.borders), z))]
+                add(bone, centre - reach, centre + reach, min(a, b))
     return tuple(capsules)

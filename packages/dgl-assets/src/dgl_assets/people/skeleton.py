@@ -1,4 +1,4 @@
-"""Joints of a person, their motions and limits, and where they are after rotating."""
+"""Joints of a person, their motions and limits, and forward kinematics."""
 
 from __future__ import annotations
 
@@ -16,51 +16,42 @@ REST_ABDUCTION = 0.80
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """One rotation of a joint.
-
-    Attributes:
-        name: Such as "flexion".
-        axis: Unit axis while the person stands with hanging arms, palms inward, person frame, shape (3,).
-        low: Smallest angle [rad]; 0 is standing with hanging arms.
-        high: Largest angle [rad].
-        rest: Angle in the rest pose [rad].
-    """
+    """One rotation of a joint."""
 
     name: str
+    """Such as "flexion"."""
     axis: tuple[float, float, float]
+    """Unit axis for hanging arms and palms inward, person frame."""
     low: float
+    """Smallest angle [rad]; 0 is standing with hanging arms."""
     high: float
+    """Largest angle [rad]."""
     rest: float = 0.0
+    """Angle in the rest pose [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A joint, and the bone that it moves.
-
-    Attributes:
-        name: Such as "left_elbow".
-        parent: Name of the joint whose bone it is on; None for the pelvis.
-        motions: Applied to the bone last to first: the first turns the axes of those after it.
-    """
+    """A joint, and the bone that it moves."""
 
     name: str
+    """Such as "left_elbow"."""
     parent: str | None
+    """Joint of the bone that carries it; None for the pelvis."""
     motions: tuple[Motion, ...]
+    """The first is the outermost: it turns the axes of those after it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skeleton:
-    """Joints with their places in the rest pose.
-
-    Attributes:
-        joints: Parents before children.
-        positions: Places in the rest pose [m], shape (J, 3), person frame.
-        frames: Rotations that take axes from hanging arms to the rest pose, shape (J, 3, 3).
-    """
+    """Joints with their positions in the rest pose."""
 
     joints: tuple[Joint, ...]
+    """Parents before children."""
     positions: np.ndarray
+    """In the rest pose [m], shape (J, 3), person frame."""
     frames: np.ndarray
+    """Rotations that take axes from hanging arms to the rest pose, shape (J, 3, 3)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,7 +74,7 @@ class Skeleton:
         }
 
     def compute_transforms(self, angles: Mapping[str, float]) -> np.ndarray:
-        """Compute how each bone moves from the rest pose.
+        """Compute the motion of each bone from the rest pose.
 
         Args:
             angles: Angle [rad] of motions by "<joint>_<motion>"; those not named keep their rest.
@@ -128,114 +119,88 @@ def make_joints() -> tuple[Joint, ...]:
     """List the joints of a person, parents first.
 
     Source:
-        Limits are usual ranges of motion: American Academy of Orthopaedic Surgeons (1965) for trunk, arms and legs, from
-        memory; of the hand, the reference values of the Electronic Textbook of Hand Surgery (MCP 45/90, PIP 0/100,
-        DIP 0/80, thumb 10/55 and 15/80 degrees). The spine's range is shared by two joints, the neck's by two, and
-        raising the arm is shared by clavicle and shoulder.
+        From memory: American Academy of Orthopaedic Surgeons (1965) for trunk, arms and legs; the
+        Electronic Textbook of Hand Surgery for the hand (MCP 45/90, PIP 0/100, DIP 0/80, thumb
+        10/55 and 15/80 degrees). Two joints share the spine's range, two the neck's; clavicle and
+        shoulder share the raising of the arm.
     """
     joints = [
-        _joint("pelvis", None, flexion=(-40, 40), bending=(-30, 30), twist=(-180, 180)),
-        _joint("spine", "pelvis", flexion=(-15, 45), bending=(-20, 20), twist=(-20, 20)),
-        _joint("chest", "spine", flexion=(-10, 35), bending=(-15, 15), twist=(-25, 25)),
-        _joint("neck", "chest", flexion=(-25, 25), bending=(-25, 25), twist=(-35, 35)),
-        _joint("head", "neck", flexion=(-20, 20), bending=(-20, 20), twist=(-25, 25)),
+        _trunk("pelvis", None, flexion=(-40, 40), bending=(-30, 30), twist=(-180, 180)),
+        _trunk("spine", "pelvis", flexion=(-15, 45), bending=(-20, 20), twist=(-20, 20)),
+        _trunk("chest", "spine", flexion=(-10, 35), bending=(-15, 15), twist=(-25, 25)),
+        _trunk("neck", "chest", flexion=(-25, 25), bending=(-25, 25), twist=(-35, 35)),
+        _trunk("head", "neck", flexion=(-20, 20), bending=(-20, 20), twist=(-25, 25)),
     ]
     for side, sign in (("left", 1), ("right", -1)):
-        joints += _make_arm(side, sign)
-        joints += _make_leg(side, sign)
+        joints += _make_limbs(side, sign)
     return tuple(joints)
 
 
-def _joint(name: str, parent: str | None, **motions: tuple[float, float]) -> Joint:
-    """A joint of the trunk; forward, to the left and towards the left are positive [degrees]."""
+def _joint(
+    name: str,
+    parent: str | None,
+    *motions: tuple[str, tuple[float, float, float], float, float],
+    **rest: float,
+) -> Joint:
+    """Make a joint of motions: name, axis, and limits [degrees]; `rest` [rad] by name."""
+    made = (
+        Motion(
+            name=key,
+            axis=axis,
+            low=math.radians(low),
+            high=math.radians(high),
+            rest=rest.get(key, 0.0),
+        )
+        for key, axis, low, high in motions
+    )
+    return Joint(name=name, parent=parent, motions=tuple(made))
+
+
+def _trunk(name: str, parent: str | None, **motions: tuple[float, float]) -> Joint:
+    """Make a joint of the trunk; forward, to the left and towards the left are positive."""
     axes = {"flexion": (1.0, 0.0, 0.0), "bending": (0.0, 1.0, 0.0), "twist": (0.0, 0.0, 1.0)}
-    made = tuple(_motion(key, axes[key], *limits) for key, limits in motions.items())
-    return Joint(name=name, parent=parent, motions=made)
+    return _joint(name, parent, *((key, axes[key], *limits) for key, limits in motions.items()))
 
 
-def _motion(
-    name: str, axis: tuple[float, float, float], low: float, high: float, rest: float = 0.0
-) -> Motion:
-    return Motion(name=name, axis=axis, low=math.radians(low), high=math.radians(high), rest=rest)
-
-
-def _make_arm(side: str, sign: int) -> list[Joint]:
+def _make_limbs(side: str, sign: int) -> list[Joint]:
     forward, outward = (-1.0, 0.0, 0.0), (0.0, -1.0 * sign, 0.0)
     palmward, inward = (0.0, 1.0 * sign, 0.0), (0.0, 0.0, -1.0 * sign)
+    backward = (1.0, 0.0, 0.0)
     joints = [
-        Joint(
-            name=f"{side}_clavicle",
-            parent="chest",
-            motions=(
-                _motion("elevation", outward, -5, 40),
-                _motion("protraction", inward, -20, 20),
-            ),
+        _joint(
+            f"{side}_clavicle", "chest",
+            ("elevation", outward, -5, 40), ("protraction", inward, -20, 20),
         ),
-        Joint(
-            name=f"{side}_shoulder",
-            parent=f"{side}_clavicle",
-            motions=(
-                _motion("flexion", forward, -60, 180),
-                _motion("abduction", outward, -10, 150, REST_ABDUCTION),
-                _motion("rotation", inward, -90, 70),
-            ),
+        _joint(
+            f"{side}_shoulder", f"{side}_clavicle",
+            ("flexion", forward, -60, 180), ("abduction", outward, -10, 150),
+            ("rotation", inward, -90, 70), abduction=REST_ABDUCTION,
         ),
-        Joint(
-            name=f"{side}_elbow",
-            parent=f"{side}_shoulder",
-            motions=(_motion("flexion", forward, 0, 145), _motion("pronation", inward, -85, 90)),
+        _joint(
+            f"{side}_elbow", f"{side}_shoulder",
+            ("flexion", forward, 0, 145), ("pronation", inward, -85, 90),
         ),
-        Joint(
-            name=f"{side}_wrist",
-            parent=f"{side}_elbow",
-            motions=(_motion("flexion", palmward, -70, 75), _motion("deviation", forward, -35, 20)),
+        _joint(
+            f"{side}_wrist", f"{side}_elbow",
+            ("flexion", palmward, -70, 75), ("deviation", forward, -35, 20),
         ),
-    ]
+    ]  # fmt: skip
     for finger in FINGERS:
-        limits = (
-            ((-15, 45), (-10, 55), (-15, 80))
-            if finger == "thumb"
-            else (
-                (-45, 90),
-                (0, 100),
-                (0, 80),
-            )
-        )
+        is_thumb = finger == "thumb"
+        limits = ((-15, 45), (-10, 55), (-15, 80)) if is_thumb else ((-45, 90), (0, 100), (0, 80))
+        spread = ("spread", forward, -20, 45 if is_thumb else 20)
         for k, (low, high) in enumerate(limits, start=1):
-            motions = [_motion("flexion", palmward, low, high)]
-            if k == 1:
-                motions.append(_motion("spread", forward, -20, 45 if finger == "thumb" else 20))
             parent = f"{side}_wrist" if k == 1 else f"{side}_{finger}{k - 1}"
-            joints.append(Joint(name=f"{side}_{finger}{k}", parent=parent, motions=tuple(motions)))
-    return joints
-
-
-def _make_leg(side: str, sign: int) -> list[Joint]:
-    forward, outward = (-1.0, 0.0, 0.0), (0.0, -1.0 * sign, 0.0)
-    backward, inward = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0 * sign)
+            motions = [("flexion", palmward, low, high), *([spread] if k == 1 else [])]
+            joints.append(_joint(f"{side}_{finger}{k}", parent, *motions))
     return [
-        Joint(
-            name=f"{side}_hip",
-            parent="pelvis",
-            motions=(
-                _motion("flexion", forward, -30, 120),
-                _motion("abduction", outward, -30, 45),
-                _motion("rotation", inward, -45, 45),
-            ),
+        *joints,
+        _joint(
+            f"{side}_hip", "pelvis",
+            ("flexion", forward, -30, 120), ("abduction", outward, -30, 45),
+            ("rotation", inward, -45, 45),
         ),
-        Joint(
-            name=f"{side}_knee",
-            parent=f"{side}_hip",
-            motions=(_motion("flexion", backward, 0, 135),),
-        ),
-        Joint(
-            name=f"{side}_ankle",
-            parent=f"{side}_knee",
-            motions=(_motion("flexion", forward, -50, 20),),
-        ),
-        Joint(
-            name=f"{side}_toes",
-            parent=f"{side}_ankle",
-            motions=(_motion("flexion", forward, -40, 70),),
-        ),
-    ]
+        _joint(f"{side}_knee", f"{side}_hip", ("flexion", backward, 0, 135)),
+        _joint(f"{side}_ankle", f"{side}_knee", ("flexion", forward, -50, 20)),
+        _joint(f"{side}_toes", f"{side}_ankle", ("flexion", forward, -40, 70)),
+    ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The skin of a person: a closed mesh, how its vertices follow the bones, and where its landmarks are."""
+"""The skin of a person: a closed mesh and the weights by which it follows the bones."""
 
 from __future__ import annotations
 
@@ -10,17 +10,12 @@ from scipy.sparse.linalg import splu
 
 from dgl_assets.errors import MeshingError
 from dgl_assets.garments.meshing import compute_edges
-from dgl_assets.people.plan import Plan
-from dgl_assets.people.solids import Cone, Loft
+from dgl_assets.people.body_plan import BodyPlan
+from dgl_assets.people.solids import Loft
 from dgl_assets.people.surface_nets import evaluate_on_grid, extract_surface, project, separate
 
 _COARSE, _MIDDLE, _FINE = 0.017, 0.011, 0.0048  # grid of a man [m]
-_FINENESS = (
-    1.0,
-    0.88,
-    1.1,
-    0.78,
-)  # of the fine parts, tried in turn: a bridge between fingers may be chance
+_FINENESS = (1.0, 0.88, 1.1, 0.78)  # of the fine parts, tried in turn until fingers are separate
 _MARGIN = 0.03
 _RAMP = 0.06  # over which the grid bends into the direction of the arms [m]
 _CARVING_EDGE = 0.010  # [m]
@@ -28,18 +23,15 @@ _MOST_BONES = 6
 _SPREAD = 0.8  # how far weights of two bones mix, of the radius of the limb
 
 
-def make_skin(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+def make_skin(plan: BodyPlan) -> tuple[np.ndarray, np.ndarray]:
     """Mesh the surface of a body.
 
-    Args:
-        plan: The body.
-
     Returns:
-        Vertices [m], shape (V, 3), rest pose, and triangles, counter-clockwise from outside, shape (F, 3), int32: one
-        closed manifold.
+        Vertices [m], shape (V, 3), rest pose, and triangles, counter-clockwise from outside, shape
+        (F, 3), int32: one closed manifold.
 
     Raises:
-        MeshingError: If the surface is not a closed manifold without handles, as where fingers touch.
+        MeshingError: If the surface is no closed manifold without handles, as where fingers touch.
     """
     failure = ""
     for fineness in _FINENESS:
@@ -55,7 +47,7 @@ def make_skin(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     raise MeshingError(f"the skin must be closed and without handles; got {failure}")
 
 
-def _mesh(plan: Plan, fineness: float) -> tuple[np.ndarray, np.ndarray]:
+def _mesh(plan: BodyPlan, fineness: float) -> tuple[np.ndarray, np.ndarray]:
     slope, start = _find_bend(plan)
 
     def unbend(grid: np.ndarray) -> np.ndarray:
@@ -72,8 +64,8 @@ def _mesh(plan: Plan, fineness: float) -> tuple[np.ndarray, np.ndarray]:
     return _keep_largest(vertices, faces)
 
 
-def _find_bend(plan: Plan) -> tuple[float, float]:
-    """Fall of the arms over their run, and where they begin [m]."""
+def _find_bend(plan: BodyPlan) -> tuple[float, float]:
+    """Slope of the arms, and the x of their beginning [m]."""
     names = plan.skeleton.names
     shoulder = plan.skeleton.positions[names.index("left_shoulder")]
     wrist = plan.skeleton.positions[names.index("left_wrist")]
@@ -88,17 +80,17 @@ def _ramp(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def _make_axes(
-    plan: Plan, slope: float, start: float, fineness: float
+    plan: BodyPlan, slope: float, start: float, fineness: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     names, positions = plan.skeleton.names, plan.skeleton.positions
     low, high = plan.body.bounds()
     margin, scale = _MARGIN * plan.scale, plan.scale
     wrist = positions[names.index("left_wrist")]
     level = wrist[2] + slope * float(_ramp(np.array(wrist[0] - start), _RAMP * scale))
-    hand = [plan.places[name] for name in plan.places if name.startswith("left_") and "tip" in name]
+    hand = [plan.points[name] for name in plan.points if name.startswith("left_") and "tip" in name]
     fingers = np.stack([p for p in hand if p[2] < wrist[2] and p[0] > wrist[0]])
-    chin = plan.places["chin"][2]
-    face = 0.6 * (plan.places["left_temple"][0] - plan.places["right_temple"][0])
+    chin = plan.points["chin"][2]
+    face = 0.6 * (plan.points["left_temple"][0] - plan.points["right_temple"][0])
 
     def size_x(x: float) -> float:
         if abs(x) > wrist[0] - 0.02 * scale:
@@ -118,15 +110,15 @@ def _make_axes(
             return fineness * _FINE
         return 0.75 * _MIDDLE if z > chin - 0.02 * scale else _COARSE
 
-    half = [_divide(0.0, float(high[0] + margin), size_x, scale)]
-    x = np.concatenate([-half[0][:0:-1], half[0]])
+    half = _divide(0.0, float(high[0] + margin), size_x, scale)
+    x = np.concatenate([-half[:0:-1], half])
     y = _divide(float(low[1] - margin), float(high[1] + margin), size_y, scale)
     z = _divide(-margin, float(high[2] + margin), size_z, scale)
     return x, y, z
 
 
 def _divide(low: float, high: float, size: Callable[[float], float], scale: float) -> np.ndarray:
-    """Nodes whose distance follows `size` without jumps."""
+    """Place nodes whose distance follows `size` without jumps."""
     nodes, step = [low], size(low)
     while nodes[-1] < high:
         ahead = min(size(nodes[-1] + k * step * scale) for k in (0, 2, 4))
@@ -135,7 +127,7 @@ def _divide(low: float, high: float, size: Callable[[float], float], scale: floa
     return np.array(nodes)
 
 
-def _carve(plan: Plan, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _carve(plan: BodyPlan, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Press hollows into the surface along its normals."""
     normals = compute_normals(vertices, faces)
     depth = np.zeros(len(vertices))
@@ -162,24 +154,19 @@ def compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def _keep_largest(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(vertices)
-    graph = sparse.coo_matrix(
-        (np.ones(len(faces)), (faces[:, 0], faces[:, 1])), shape=(count, count)
-    )
-    graph = graph + sparse.coo_matrix(
-        (np.ones(len(faces)), (faces[:, 1], faces[:, 2])), shape=(count, count)
-    )
+    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
     _, labels = sparse.csgraph.connected_components(graph, directed=False)
-    largest = np.argmax(np.bincount(labels))
-    kept = labels == largest
+    kept = labels == np.argmax(np.bincount(labels))
     index = np.cumsum(kept) - 1
     return vertices[kept], index[faces[kept[faces[:, 0]]]].astype(np.int32)
 
 
-def compute_weights(plan: Plan, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute how much each vertex follows each bone.
+def compute_weights(plan: BodyPlan, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Compute skinning weights.
 
-    Each vertex begins with the bone of the solid that it is nearest to; weights then diffuse over the surface, as far as
-    the limb is thick, so that no weight jumps from one finger to the next.
+    Each vertex begins with the bone of the nearest solid. Weights then diffuse over the surface, as
+    far as the limb is thick, so that no weight jumps from one finger to the next.
 
     Args:
         plan: The body.
@@ -211,7 +198,7 @@ def compute_weights(plan: Plan, vertices: np.ndarray, faces: np.ndarray) -> np.n
     return sparse_weights / sparse_weights.sum(axis=1, keepdims=True)
 
 
-def _assign_bones(plan: Plan, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _assign_bones(plan: BodyPlan, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bone of each vertex, shape (V,), and the radius of the limb there [m], shape (V,)."""
     index = {name: k for k, name in enumerate(plan.skeleton.names)}
     best = np.full(len(vertices), np.inf)
@@ -223,10 +210,8 @@ def _assign_bones(plan: Plan, vertices: np.ndarray) -> tuple[np.ndarray, np.ndar
             own = np.array([index[name] for name in solid.bones])
             bone = own[np.searchsorted(np.array(solid.borders), vertices[:, 2])]
             radius = np.interp(vertices[:, 2], solid.heights, solid.half_depths)
-        elif isinstance(solid, Cone):
-            bone, radius = np.full(len(vertices), index[solid.bone]), float(np.mean(solid.radii))
         else:
-            bone, radius = np.full(len(vertices), index[solid.bone]), float(solid.radii.mean())
+            bone, radius = np.full(len(vertices), index[solid.bone]), float(np.mean(solid.radii))
         nearer = distance < best
         best = np.where(nearer, distance, best)
         bones = np.where(nearer, bone, bones)

@@ -1,37 +1,35 @@
-"""Solids that a body is blended from, by their distance.
+"""Signed distances of the solids that a body is blended from.
 
-Distances are negative inside. Those of ellipsoids and lofts are approximate, right near their surfaces.
+Distances are negative inside. Those of ellipsoids and lofts are approximate away from the surface.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Cone:
-    """A capsule whose radius changes linearly.
-
-    Attributes:
-        bone: Joint whose bone it moves with.
-        start: First end [m], shape (3,).
-        end: Second end [m], shape (3,).
-        radii: Radius at either end [m].
-        flatness: Share by which it is thinner along `thin`.
-        thin: Unit direction in which it is thin, shape (3,).
-    """
+    """A capsule whose radius changes linearly."""
 
     bone: str
+    """Joint whose bone it moves with."""
     start: np.ndarray
+    """First end [m], shape (3,)."""
     end: np.ndarray
+    """Second end [m], shape (3,)."""
     radii: tuple[float, float]
+    """Radius at either end [m]."""
     flatness: float = 0.0
+    """Share by which it is thinner along `thin`."""
     thin: np.ndarray | None = None
+    """Unit direction in which it is thin, shape (3,)."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of a box around it [m], each of shape (3,)."""
+        """Corners of the bounding box [m], each of shape (3,)."""
         radius = max(self.radii)
         return np.minimum(self.start, self.end) - radius, np.maximum(self.start, self.end) + radius
 
@@ -48,22 +46,19 @@ class Cone:
         return np.linalg.norm(away, axis=-1) - radius
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """An ellipsoid with axes along those of the person.
-
-    Attributes:
-        bone: Joint whose bone it moves with.
-        centre: [m], shape (3,).
-        radii: Half axes [m], shape (3,).
-    """
+    """An ellipsoid with axes along those of the person."""
 
     bone: str
+    """Joint whose bone it moves with."""
     centre: np.ndarray
+    """[m], shape (3,)."""
     radii: np.ndarray
+    """Half axes [m], shape (3,)."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of a box around it [m], each of shape (3,)."""
+        """Corners of the bounding box [m], each of shape (3,)."""
         return self.centre - self.radii, self.centre + self.radii
 
     def distance(self, points: np.ndarray) -> np.ndarray:
@@ -76,28 +71,25 @@ class Ellipsoid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loft:
-    """Superellipses stacked along z.
-
-    Attributes:
-        bones: Joints whose bones it moves with, from below.
-        borders: Heights between their parts [m], one fewer.
-        heights: Of the sections [m], increasing, shape (S,).
-        half_widths: Along x [m], shape (S,).
-        half_depths: Along y [m], shape (S,).
-        centres: y of the sections' centres [m], shape (S,).
-        exponent: 2 is an ellipse; larger is squarer.
-    """
+    """Superellipses stacked along z."""
 
     bones: tuple[str, ...]
+    """Joints whose bones it moves with, from below."""
     borders: tuple[float, ...]
+    """Heights between the bones' parts [m], one fewer than bones."""
     heights: np.ndarray
+    """Heights of the sections [m], increasing, shape (S,)."""
     half_widths: np.ndarray
+    """Along x [m], shape (S,)."""
     half_depths: np.ndarray
+    """Along y [m], shape (S,)."""
     centres: np.ndarray
-    exponent: float = 2.3
+    """y of the sections' centres [m], shape (S,)."""
+    exponent: float
+    """2 is an ellipse; larger is squarer."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of a box around it [m], each of shape (3,)."""
+        """Corners of the bounding box [m], each of shape (3,)."""
         width = self.half_widths.max()
         low = [-width, (self.centres - self.half_depths).min(), self.heights[0]]
         high = [width, (self.centres + self.half_depths).max(), self.heights[-1]]
@@ -121,29 +113,37 @@ class Loft:
 Solid = Cone | Ellipsoid | Loft
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Blend:
-    """Solids joined with rounded transitions.
+    """Solids joined with rounded transitions."""
 
-    Attributes:
-        parts: In the order in which they are joined.
-        radius: How far from a joint the transition reaches [m].
-    """
-
-    parts: tuple[Solid | Blend, ...]
     radius: float
+    """Reach of a transition from the joint of two parts [m]."""
+    parts: Sequence[Solid | Blend]
+    """In the order in which they are joined."""
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of a box around it [m], each of shape (3,)."""
+        """Corners of the bounding box [m], each of shape (3,)."""
         low, high = zip(*(part.bounds() for part in self.parts), strict=True)
         return np.min(low, axis=0), np.max(high, axis=0)
 
     def list_solids(self) -> list[Solid]:
-        """All solids, of blends within too."""
+        """List all solids, nested blends included."""
         found: list[Solid] = []
         for part in self.parts:
             found += part.list_solids() if isinstance(part, Blend) else [part]
         return found
+
+
+def chain(
+    bones: Sequence[str], points: Sequence[np.ndarray], radii: Sequence[float], radius: float
+) -> Blend:
+    """Join one cone a bone along a line of points, with the radius [m] at each point."""
+    cones = [
+        Cone(bone, points[k], points[k + 1], (radii[k], radii[k + 1]))
+        for k, bone in enumerate(bones)
+    ]
+    return Blend(radius, cones)
 
 
 def blend(first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:

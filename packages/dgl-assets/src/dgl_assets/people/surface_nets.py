@@ -1,8 +1,8 @@
 """The surface of blended solids as even quadrilaterals, cut into triangles.
 
-Surface nets: one vertex in each cell of a grid that the surface passes, one quadrilateral around each edge of the grid that
-it crosses. Unlike marching cubes they give no slivers. The grid is rectilinear, so that hands and face can be finer, and
-bent, so that it follows the arms.
+Surface nets: one vertex in each cell of a grid that the surface passes, one quadrilateral around
+each grid edge that it crosses. Unlike marching cubes they give no slivers. The grid is rectilinear,
+so that hands and face can be finer, and bent, so that it follows the arms.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dgl_assets.errors import MeshingError
-from dgl_assets.people.solids import Blend, Solid, blend
+from dgl_assets.people.solids import Blend, blend
 
 _FAR = 1.0  # distance where no solid is near [m]
 _PROJECTIONS = 4
@@ -28,34 +28,23 @@ def evaluate_on_grid(
     """Compute the distance of grid nodes from a body.
 
     Args:
-        body: What to evaluate.
+        body: Solids.
         axes: Coordinates of the nodes along each axis [m], shapes (X,), (Y,), (Z,).
-        unbend: From grid coordinates to the person frame, shape (..., 3) to (..., 3); it keeps x and y and shifts z.
+        unbend: From grid coordinates to the person frame, shape (..., 3) both; shifts z only.
 
     Returns:
         Distances [m], shape (X, Y, Z); `_FAR` where nothing is near.
     """
-    shape = tuple(len(axis) for axis in axes)
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    points = unbend(grid)
-    return _evaluate(body, points, tuple(slice(0, n) for n in shape))
+    return _evaluate(body, unbend(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)))
 
 
-def _evaluate(part: Solid | Blend, points: np.ndarray, box: tuple[slice, ...]) -> np.ndarray:
-    """Distances within a box of the grid, in an array of the whole grid."""
+def _evaluate(body: Blend, points: np.ndarray) -> np.ndarray:
     result = np.full(points.shape[:3], _FAR)
-    if not isinstance(part, Blend):
-        result[box] = part.distance(points[box])
-        return result
-    for child in part.parts:
-        inner = _find_box(points, *child.bounds(), margin=part.radius + 0.03)
-        if isinstance(child, Blend):
-            sub = _evaluate(
-                child, points[inner], tuple(slice(0, n) for n in points[inner].shape[:3])
-            )
-        else:
-            sub = child.distance(points[inner])
-        result[inner] = blend(result[inner], sub, part.radius)
+    for child in body.parts:
+        box = _find_box(points, *child.bounds(), margin=body.radius + 0.03)
+        inner = points[box]
+        sub = _evaluate(child, inner) if isinstance(child, Blend) else child.distance(inner)
+        result[box] = blend(result[box], sub, body.radius)
     return result
 
 
@@ -72,10 +61,10 @@ def _find_box(
 
 
 def separate(values: np.ndarray) -> np.ndarray:
-    """Give way where two sheets of the surface would meet in one cell.
+    """Separate two sheets of the surface that would meet in one cell.
 
-    On a face of a cell whose diagonal corners are inside and the others outside, and in a cell with only two opposite
-    corners inside, the shallower node becomes an outside one.
+    The shallower of two inside nodes becomes an outside one where they are opposite corners of a
+    cell's face or of a cell and all other corners are outside.
 
     Args:
         values: At the nodes of a grid, negative inside, shape (X, Y, Z).
@@ -84,7 +73,7 @@ def separate(values: np.ndarray) -> np.ndarray:
         Values of a surface that is a manifold, shape (X, Y, Z).
 
     Raises:
-        MeshingError: If that does not come to an end.
+        MeshingError: If sheets still meet after `_SEPARATIONS` rounds.
     """
     values = values.copy()
     wrong = _find_ambiguous(values)
@@ -117,15 +106,11 @@ def _find_ambiguous(values: np.ndarray) -> np.ndarray:
     count = sum(at(corner, inside).astype(int) for corner in corners)
     for corner in corners[:4]:
         other = 1 - corner
-        for is_wrong, sign in (
-            ((count == 2) & at(corner, inside) & at(other, inside), 1),
-            ((count == 6) & ~at(corner, inside) & ~at(other, inside), -1),
-        ):
-            cells = np.argwhere(is_wrong)
-            if sign > 0:
-                found += _pick_shallow(values, cells, corner, other)
-            elif len(cells):  # open the cell from one outside corner to the other
-                found.append(cells + np.array([corner[0], corner[1], other[2]]))
+        two = (count == 2) & at(corner, inside) & at(other, inside)
+        found += _pick_shallow(values, np.argwhere(two), corner, other)
+        six = np.argwhere((count == 6) & ~at(corner, inside) & ~at(other, inside))
+        if len(six):  # open the cell from one outside corner to the other
+            found.append(six + np.array([corner[0], corner[1], other[2]]))
     return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 3), dtype=int)
 
 
@@ -149,7 +134,8 @@ def extract_surface(
         axes: Coordinates of the nodes along each axis.
 
     Returns:
-        Vertices in grid coordinates, shape (V, 3), and triangles, counter-clockwise from outside, shape (F, 3), int32.
+        Vertices in grid coordinates, shape (V, 3), and triangles, counter-clockwise from outside,
+        shape (F, 3), int32.
 
     Raises:
         MeshingError: If the surface leaves the grid.
@@ -169,16 +155,15 @@ def extract_surface(
         crossed = (a < 0) != (b < 0)
         share = np.where(crossed, a / np.where(crossed, a - b, 1.0), 0.0)
         others = [k for k in range(3) if k != axis]
-        for first in (0, 1):
-            for second in (0, 1):
-                pick: list[slice] = [slice(None)] * 3
-                pick[others[0]] = slice(first, values.shape[others[0]] - 1 + first)
-                pick[others[1]] = slice(second, values.shape[others[1]] - 1 + second)
-                hit = crossed[tuple(pick)]
-                count += hit
-                total[..., axis] += np.where(hit, share[tuple(pick)], 0.0)
-                total[..., others[0]] += first * hit
-                total[..., others[1]] += second * hit
+        for first, second in np.ndindex(2, 2):
+            pick: list[slice] = [slice(None)] * 3
+            pick[others[0]] = slice(first, values.shape[others[0]] - 1 + first)
+            pick[others[1]] = slice(second, values.shape[others[1]] - 1 + second)
+            hit = crossed[tuple(pick)]
+            count += hit
+            total[..., axis] += np.where(hit, share[tuple(pick)], 0.0)
+            total[..., others[0]] += first * hit
+            total[..., others[1]] += second * hit
     ids = np.full(cells, -1)
     used = np.argwhere(count > 0)
     ids[tuple(used.T)] = np.arange(len(used))
@@ -220,7 +205,7 @@ def project(body: Blend, vertices: np.ndarray, *, step: float) -> np.ndarray:
     """Move vertices onto the surface of a body along its gradient.
 
     Args:
-        body: What they belong to.
+        body: Solids.
         vertices: Near its surface [m], shape (V, 3), person frame.
         step: Distance over which gradients are measured, and half of the largest move [m].
 
@@ -245,7 +230,7 @@ def project(body: Blend, vertices: np.ndarray, *, step: float) -> np.ndarray:
 
 
 def distance_to(body: Blend, points: np.ndarray) -> np.ndarray:
-    """Distances of points [m], shape (N, 3), from a body [m], shape (N,); right where they are small."""
+    """Distances of points [m], shape (N, 3), from a body [m], shape (N,); exact near it."""
     result = np.full(len(points), _FAR)
     for part in body.parts:
         low, high = part.bounds()

@@ -13,7 +13,7 @@ _GROWN = 1.6  # stature [m] above which the chest has muscles that show
 
 
 def compute_half_axes(girth: float, ratio: float) -> tuple[float, float]:
-    """Compute half width and half depth [m] of a section, given its girth [m] and its width over its depth."""
+    """Half width and half depth [m] of a section of a girth [m] and a ratio of width to depth."""
     turn = np.arange(360) * (2 * np.pi / 360)
     n = _EXPONENT
     radius = ((np.abs(np.cos(turn))) ** n + (np.abs(np.sin(turn)) * ratio) ** n) ** (-1 / n)
@@ -23,9 +23,9 @@ def compute_half_axes(girth: float, ratio: float) -> tuple[float, float]:
 
 
 def make_trunk(
-    m: PersonMeasures, joints: dict[str, np.ndarray], places: dict[str, np.ndarray]
+    m: PersonMeasures, joints: dict[str, np.ndarray], points: dict[str, np.ndarray]
 ) -> Blend:
-    """Lay out the trunk, and add its joints and places."""
+    """Lay out the trunk, and add its joints and named points."""
     low, high = m.crotch_height, m.shoulder_height
     size = m.stature / 1.756
 
@@ -69,23 +69,14 @@ def make_trunk(
     parts: list[Solid] = [loft]
     for sign in (1.0, -1.0):
         seat = np.array([sign * 0.46 * hip[0], 0.42 * hip[1], at(0.08)])
-        parts.append(
-            Ellipsoid(bone="pelvis", centre=seat, radii=np.array([0.44, 0.62, 0.62]) * hip[1])
-        )
+        parts.append(Ellipsoid("pelvis", seat, np.array([0.44, 0.62, 0.62]) * hip[1]))
         if m.bust > 0.05:
-            centre_y = -0.66 * chest[1]
-            breast = np.array([sign * 0.47 * chest[0], centre_y, at(0.70)])
+            breast = np.array([sign * 0.47 * chest[0], -0.66 * chest[1], at(0.70)])
             radius = m.bust**0.5 * 0.44 * chest[1]
-            parts.append(
-                Ellipsoid(bone="chest", centre=breast, radii=radius * np.array([1.08, 1.05, 1.0]))
-            )
+            parts.append(Ellipsoid("chest", breast, radius * np.array([1.08, 1.05, 1.0])))
         elif m.stature > _GROWN:
             breast = np.array([sign * 0.42 * chest[0], -0.62 * chest[1], at(0.76)])
-            parts.append(
-                Ellipsoid(
-                    bone="chest", centre=breast, radii=np.array([0.50, 0.36, 0.42]) * chest[1]
-                )
-            )
+            parts.append(Ellipsoid("chest", breast, np.array([0.50, 0.36, 0.42]) * chest[1]))
     joints["pelvis"] = np.array([0.0, 0.01 * size, at(0.10)])
     joints["spine"] = np.array([0.0, 0.02 * size, at(0.34)])
     joints["chest"] = np.array([0.0, 0.025 * size, at(0.60)])
@@ -96,5 +87,5 @@ def make_trunk(
         ("upper_back", 1.0, 0.8),
     ):
         depth_here = float(np.interp(level, fine, depth))
-        places[name] = np.array([0.0, y * depth_here, at(level)])
-    return Blend(parts=tuple(parts), radius=0.03 * size)
+        points[name] = np.array([0.0, y * depth_here, at(level)])
+    return Blend(0.03 * size, parts)

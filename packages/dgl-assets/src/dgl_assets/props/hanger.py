@@ -10,10 +10,10 @@ from scipy.interpolate import CubicSpline
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood, sweep
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import PropShape, make_box, make_capsules
-from dgl_assets.ranges import check_ranges
-from dgl_assets.robots._solids import Solid, along_x, cylinder, rounded_box
+from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.robots._solids import along_x, cylinder, rounded_box
 
-_TIP = 0.0145  # how far a shoulder's rounding goes beyond the arms' middle line [m]
+_TIP = 0.0145  # reach of a shoulder's rounding beyond the arms' middle line [m]
 CABLE_TOP = 2.6
 """Height that cables hang from, above what the film's camera sees [m]."""
 
@@ -26,19 +26,17 @@ class HangerParameters:
     only, are cables here.
     """
 
-    length: float = 0.75
-    """Along x [m], in [0.3, 1.5] (original code)."""
-    thickness: float = 0.02
-    """Width and height of the bar's section [m], in [0.012, 0.06] (original code)."""
-    height: float = 0.80
-    """Height of the bar's middle [m], in [0.3, 1.8] (original code)."""
+    length: float = measure(0.3, 1.5, 0.75)
+    """Along x [m] (original code)."""
+    thickness: float = measure(0.012, 0.06, 0.02)
+    """Width and height of the bar's section [m] (original code)."""
+    height: float = measure(0.3, 1.8, 0.80)
+    """Height of the bar's middle [m] (original code)."""
     wood: str = "oak"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(
-            vars(self), {"length": (0.3, 1.5), "thickness": (0.012, 0.06), "height": (0.3, 1.8)}
-        )
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,30 +46,21 @@ class CoatHangerParameters:
     Not among the original's props. Sizes are those of ordinary hangers at 85 %, as the garments.
     """
 
-    width: float = 0.38
-    """From shoulder to shoulder [m], in [0.26, 0.5]."""
-    drop: float = 0.075
-    """How far the shoulders lie below the neck [m], in [0.03, 0.14]."""
-    sweep: float = 0.022
-    """How far the shoulders bend to the front, -y [m], in [0, 0.06]."""
-    hook_radius: float = 0.021
-    """Inner radius of the hook [m], in [0.012, 0.04]."""
-    height: float = 1.0
-    """Height of the wire at the top of the hook's bend [m], in [0.4, 2]."""
+    width: float = measure(0.26, 0.5, 0.38)
+    """From shoulder to shoulder [m]."""
+    drop: float = measure(0.03, 0.14, 0.075)
+    """Fall of the shoulders below the neck [m]."""
+    sweep: float = measure(0.0, 0.06, 0.022)
+    """Bend of the shoulders to the front, -y [m]."""
+    hook_radius: float = measure(0.012, 0.04, 0.021)
+    """Inner radius of the hook [m]."""
+    height: float = measure(0.4, 2.0, 1.0)
+    """Height of the wire at the top of the hook's bend [m]."""
     wood: str = "beech"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(
-            vars(self),
-            {
-                "width": (0.26, 0.5),
-                "drop": (0.03, 0.14),
-                "sweep": (0.0, 0.06),
-                "hook_radius": (0.012, 0.04),
-                "height": (0.4, 2.0),
-            },
-        )
+        check_ranges(self)
 
 
 def make_hanger(parameters: HangerParameters | None = None) -> Prop:
@@ -85,15 +74,15 @@ def make_hanger(parameters: HangerParameters | None = None) -> Prop:
         for side in (-1, 1)
     ]  # fmt: skip
     at = half - 0.025
-    cables = [_move(cylinder("steel", 0.003, r, CABLE_TOP - z, segments=8), side * at, 0.0, z)
-              for side in (-1, 1)]  # fmt: skip
-    ferrules = [_move(cylinder("brass", 0.0042, r, r + 0.022, bevel=0.0012, segments=16),
-                      side * at, 0.0, z) for side in (-1, 1)]  # fmt: skip
+    cable = cylinder("steel", 0.003, r, CABLE_TOP - z, segments=8)
+    cables = [cable.shifted(side * at, 0.0, z) for side in (-1, 1)]
+    ferrule = cylinder("brass", 0.0042, r, r + 0.022, bevel=0.0012, segments=16)
+    ferrules = [ferrule.shifted(side * at, 0.0, z) for side in (-1, 1)]
     return assemble(
         "hanger",
         [
-            make_part("bar", _lift(bar, z), make_wood(p.wood, seed=1)),
-            make_part("caps", [_lift(cap, z) for cap in caps], FINISHES["brass"]),
+            make_part("bar", bar.shifted(z=z), make_wood(p.wood, seed=1)),
+            make_part("caps", [cap.shifted(z=z) for cap in caps], FINISHES["brass"]),
             make_part("cables", cables, FINISHES["steel"], is_solid=False),
             make_part("ferrules", ferrules, FINISHES["brass"], is_solid=False),
         ],
@@ -180,13 +169,3 @@ def _bend_hook(radius: float, stem: float, neck: float) -> np.ndarray:
 
 def _find_on(line: np.ndarray, x: float) -> np.ndarray:
     return np.array([np.interp(x, line[:, 0], line[:, axis]) for axis in range(3)])
-
-
-def _lift(solid: Solid, z: float) -> Solid:
-    return _move(solid, 0.0, 0.0, z)
-
-
-def _move(solid: Solid, x: float, y: float, z: float) -> Solid:
-    T = np.eye(4)
-    T[:3, 3] = (x, y, z)
-    return solid.moved(T)

@@ -1,4 +1,4 @@
-"""Meshes of props: from solids to parts with normals and texture coordinates."""
+"""Turn solids into parts of props, with normals and texture coordinates."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def sweep(
 
     Args:
         material: Name of the finish.
-        path: Places along the line [m], shape (N, 3), without sharp turns.
+        path: Points of the line [m], shape (N, 3), without sharp turns.
         half_sizes: Half axes of the ellipse [m], across and along `up`, shape (N, 2) or (2,).
-        up: Direction of the second axis; it must not be along the line.
+        up: Direction of the second axis, not along the line.
         segments: Corners of the ellipse.
     """
     path = np.asarray(path, dtype=float)
@@ -105,7 +105,7 @@ def make_part(
     """Join solids of one finish to a part.
 
     Texture coordinates are those of the box around each solid: u runs along its longest axis, as
-    the grain of a board does, and solids begin at different places of the board.
+    the grain of a board, and each solid has an offset of its own.
     """
     vertices, normals, uvs, faces, count = [], [], [], [], 0
     for index, solid in enumerate([solids] if isinstance(solids, Solid) else solids):
@@ -140,7 +140,7 @@ def assemble(
         kind=kind,
         parts=tuple(parts),
         shapes=tuple(shapes),
-        landmarks={name: np.array(place, dtype=float) for name, place in landmarks.items()},
+        landmarks={name: np.array(point, dtype=float) for name, point in landmarks.items()},
         mass=sum(part.finish.density * _measure_volume(part) for part in parts if part.is_solid),
         parameters=dict(parameters),
     )

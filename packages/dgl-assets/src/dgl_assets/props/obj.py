@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from dgl_assets._archive import write_whole
 from dgl_assets.props.prop import Prop
 
 
@@ -15,8 +14,8 @@ def save_obj(prop: Prop, path: Path) -> Path:
     """Write a prop's mesh as OBJ and its plain colours as MTL beside it; both appear whole.
 
     Args:
-        prop: What to write; all its parts, one group each.
-        path: Where to, ending in ".obj".
+        prop: A prop; each part becomes one group.
+        path: Path of the file, ending in ".obj".
 
     Returns:
         The path.
@@ -44,18 +43,7 @@ def save_obj(prop: Prop, path: Path) -> Path:
             f"Pr {finish.roughness:.3f}",
             f"Pm {finish.metallic:.3f}",
         ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _write(path.with_suffix(".mtl"), materials)
-    _write(path, lines)
+    for target, text in ((path.with_suffix(".mtl"), materials), (path, lines)):
+        content = ("\n".join(text) + "\n").encode()
+        write_whole(target, lambda file, content=content: file.write(content))
     return path
-
-
-def _write(path: Path, lines: list[str]) -> None:
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write("\n".join(lines) + "\n")
-        Path(beside).replace(path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise

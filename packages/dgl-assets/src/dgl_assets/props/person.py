@@ -1,4 +1,4 @@
-"""A person as a prop: one who stands still while garments are put on."""
+"""A person as a prop, standing still while garments are put on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dgl_assets.people import PEOPLE, POSES, Person, make_person
 from dgl_assets.props.meshes import assemble
 from dgl_assets.props.prop import Finish, Prop, PropPart
 from dgl_assets.props.shapes import PropShape
-from dgl_assets.ranges import check_ranges
+from dgl_assets.ranges import check_ranges, measure
 
 logger = logging.getLogger(__name__)
 
@@ -32,22 +32,22 @@ FINISHES: dict[str, Finish] = {
         ("shoes", (0.03, 0.03, 0.03), 0.7),
     )
 }
-"""What is seen of a person: skin, and clothes that are painted on."""
+"""Finishes of skin and painted clothes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PersonParameters:
-    """Who stands there, and how."""
+    """Size and pose of a person."""
 
     measures: str = "woman"
     """One of `dgl_assets.people.PEOPLE`."""
-    scale: float = 0.85
-    """Factor of all lengths, in [0.3, 1.5]; garments of this package are made for 0.85."""
+    scale: float = measure(0.3, 1.5, 0.85)
+    """Factor of all lengths; garments of this package are made for 0.85."""
     pose: str = "standing"
     """One of `dgl_assets.people.POSES`."""
 
     def __post_init__(self) -> None:
-        check_ranges({"scale": self.scale}, {"scale": (0.3, 1.5)})
+        check_ranges(self)
         for name, value, known in (("measures", self.measures, PEOPLE), ("pose", self.pose, POSES)):
             if value not in known:
                 raise ValueError(f"{name} must be one of {sorted(known)}; got {value!r}")
@@ -73,12 +73,12 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
             finish=finish,
         )
         parts.append(part)
-    places = {name: tuple(float(v) for v in place) for name, place in frames.items()}
+    landmarks = {name: tuple(map(float, origin)) for name, origin in frames.items()}
     return assemble(
         "person",
         parts,
         [PropShape(kind="mesh", points=vertices, faces=faces)],
-        {"target": places["head_top"], **places},  # pyright: ignore[reportArgumentType]
+        {"target": landmarks["head_top"], **landmarks},  # pyright: ignore[reportArgumentType]
         asdict(parameters),
     )
 
@@ -86,9 +86,12 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
 def _load_body(
     parameters: PersonParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Skin [m] with the finish of each triangle, and frames [m], of a posed person whose head's top is above the origin.
+    """Load or make the body of a posed person whose head's top is above the origin.
 
-    They are kept on disk, as making them takes seconds.
+    Making it takes seconds, so it is kept on disk.
+
+    Returns:
+        Vertices [m], triangles, the finish of each triangle, and the origins of frames [m].
     """
     text = json.dumps([GENERATOR_VERSION, asdict(parameters)], sort_keys=True)
     path = get_cache_folder("people") / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
@@ -99,14 +102,10 @@ def _load_body(
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
             logger.warning("%s cannot be read (%s); it is made again", path, err)
         else:
-            return (
-                kept["vertices"],
-                kept["faces"],
-                kept["regions"],
-                {name: kept[name] for name in names},
-            )
+            frames = {name: kept[name] for name in names}
+            return kept["vertices"], kept["faces"], kept["regions"], frames
     person = make_person(parameters.measures, scale=parameters.scale)
-    frames = {name: place for name, (place, _) in person.compute_frames(parameters.pose).items()}
+    frames = {name: origin for name, (origin, _) in person.compute_frames(parameters.pose).items()}
     moved = np.array([*frames["head_top"][:2], 0.0])
     vertices = (person.pose(parameters.pose) - moved).astype(np.float32)
     frames = {name: frames[name] - moved for name in names}
@@ -120,7 +119,7 @@ def _load_body(
 
 
 def _find_regions(person: Person) -> np.ndarray:
-    """Number of the finish of each triangle, shape (F,), int8: that of the bone that it follows most."""
+    """Index into `FINISHES` of each triangle, shape (F,), int8, by the bone of largest weight."""
     names = list(FINISHES)
     of_bone = []
     for bone in person.skeleton.names:

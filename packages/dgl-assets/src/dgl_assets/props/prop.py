@@ -1,4 +1,4 @@
-"""What a prop is: parts to be seen, shapes to be touched, and named places."""
+"""Props: parts for pictures, shapes for collisions, and landmarks."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class PropPart:
     material's tile size."""
     finish: Finish
     is_solid: bool = True
-    """Whether collision shapes cover it; other parts are picture only."""
+    """Covered by collision shapes; other parts are for pictures only."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prop:
-    """A thing that garments are hung on, laid on or put on.
+    """An object that garments are hung on, laid on or put on.
 
     Its frame has z up, z = 0 on the ground, and the target at x = y = 0, so that a pose on the
     ground is where the target is.
@@ -61,9 +61,9 @@ class Prop:
     kind: str
     parts: tuple[PropPart, ...]
     shapes: tuple[PropShape, ...]
-    """What cloth and robots collide with."""
+    """Collision shapes for cloth and robots."""
     landmarks: Mapping[str, np.ndarray]
-    """Places by name [m], shape (3,), prop's frame; "target" is what motions are relative to."""
+    """Named points [m], shape (3,), prop's frame; motions are relative to "target"."""
     mass: float
     """[kg], of the solid parts."""
     parameters: Mapping[str, object] = field(default_factory=dict)
@@ -75,19 +75,19 @@ class Prop:
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def compute_landmarks(self, pose: np.ndarray) -> dict[str, np.ndarray]:
-        """Compute where the landmarks are when the prop stands somewhere.
+        """Compute the landmarks of a prop at a pose.
 
         Args:
             pose: xyz [m] + quaternion wxyz, shape (7,).
 
         Returns:
-            Places by name [m], shape (3,), frame of the pose.
+            Positions by name [m], shape (3,), frame of the pose.
         """
         pose = np.asarray(pose, dtype=float)
         if pose.shape != (7,):
             raise ValueError(f"pose must have shape (7,); got {pose.shape}")
         R = rotation_from_quaternion(pose[3:])
-        return {name: R @ place + pose[:3] for name, place in self.landmarks.items()}
+        return {name: R @ point + pose[:3] for name, point in self.landmarks.items()}
 
     def compute_distance(self, points: np.ndarray) -> np.ndarray:
         """Distances to the nearest collision shape [m], shape (N,), negative inside."""

@@ -35,7 +35,7 @@ PropParameters = (
     | TableParameters
     | PersonParameters
 )
-"""What props are made from."""
+"""Parameters of any kind of prop."""
 _MAKERS: dict[str, tuple[type[Any], Callable[[Any], Prop]]] = {
     "hanger": (HangerParameters, make_hanger),
     "coat_hanger": (CoatHangerParameters, make_coat_hanger),

@@ -15,13 +15,6 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _NEAR_FACES = 12  # of a mesh, in which the nearest is looked for
-_S = float(np.sqrt(0.5))
-ALONG: dict[str, Quaternion] = {
-    "x": (_S, 0.0, _S, 0.0),
-    "y": (_S, -_S, 0.0, 0.0),
-    "z": (1.0, 0.0, 0.0, 0.0),
-}
-"""Orientations that turn the local z axis onto an axis of the prop, wxyz."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,18 +29,19 @@ class PropShape:
     half_size: Vector3 = (0.0, 0.0, 0.0)
     """Half sizes [m] of a box along its local axes."""
     points: np.ndarray | None = None
-    """Of a convex: points [m] whose hull it is, shape (N, 3), local frame; of a mesh its vertices."""
+    """Vertices of a mesh, or points whose hull is a convex [m], shape (N, 3), local frame."""
     faces: np.ndarray | None = None
-    """Of a mesh, which is closed: triangles, counter-clockwise from outside, shape (F, 3)."""
+    """Triangles of a closed mesh, counter-clockwise from outside, shape (F, 3)."""
     xyz: Vector3 = (0.0, 0.0, 0.0)
     """Centre [m] in the prop's frame."""
     wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Orientation in the prop's frame."""
 
     def __post_init__(self) -> None:
+        round_ = (self.radius, self.half_length)
         sizes = {
-            "capsule": (self.radius, self.half_length),
-            "cylinder": (self.radius, self.half_length),
+            "capsule": round_,
+            "cylinder": round_,
             "box": self.half_size,
             "convex": (),
             "mesh": (),
@@ -67,11 +61,11 @@ class PropShape:
         """Compute signed distances, negative inside.
 
         Args:
-            points: Places [m], shape (N, 3), prop's frame.
+            points: Positions [m], shape (N, 3), prop's frame.
 
         Returns:
-            Distances [m], shape (N,). Outside of a convex beside its edges and corners they are
-            too small: those to the farthest plane.
+            Distances [m], shape (N,). Outside of a convex, beside its edges and corners, they are
+            those to the farthest plane, which is too small.
         """
         R = rotation_from_quaternion(np.array(self.wxyz))
         local = (np.asarray(points, dtype=float) - self.xyz) @ R
@@ -85,20 +79,15 @@ class PropShape:
             local[:, 2] -= np.clip(local[:, 2], -self.half_length, self.half_length)
             return np.linalg.norm(local, axis=1) - self.radius
         if self.kind == "cylinder":
-            beyond = np.stack(
-                [
-                    np.hypot(local[:, 0], local[:, 1]) - self.radius,
-                    np.abs(local[:, 2]) - self.half_length,
-                ],
-                axis=1,
-            )
+            across = np.hypot(local[:, 0], local[:, 1]) - self.radius
+            beyond = np.stack([across, np.abs(local[:, 2]) - self.half_length], axis=1)
         else:
             beyond = np.abs(local) - self.half_size
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return outside + np.minimum(beyond.max(axis=1), 0.0)
 
     def _compute_mesh_distance(self, local: np.ndarray) -> np.ndarray:
-        """Distance to the nearest of the triangles with the nearest middles, signed by the side of it."""
+        """Signed distance to the nearest triangle among those of the nearest middles."""
         from trimesh.triangles import closest_point  # takes a second to import
 
         assert self.points is not None
@@ -121,22 +110,15 @@ class PropShape:
 
 def make_box(low: Vector3, high: Vector3) -> PropShape:
     """Make an upright box from its corners [m]."""
-    middle, half = (np.array(low) + high) / 2, (np.array(high) - low) / 2
-    return PropShape(
-        kind="box",
-        half_size=(float(half[0]), float(half[1]), float(half[2])),
-        xyz=(float(middle[0]), float(middle[1]), float(middle[2])),
-    )
+    x, y, z = ((np.array(low) + high) / 2).tolist()
+    half_x, half_y, half_z = ((np.array(high) - low) / 2).tolist()
+    return PropShape(kind="box", half_size=(half_x, half_y, half_z), xyz=(x, y, z))
 
 
 def make_cylinder(radius: float, low: float, high: float) -> PropShape:
     """Make an upright cylinder about the z axis between two heights [m]."""
-    return PropShape(
-        kind="cylinder",
-        radius=radius,
-        half_length=(high - low) / 2,
-        xyz=(0.0, 0.0, (low + high) / 2),
-    )
+    middle, half = (low + high) / 2, (high - low) / 2
+    return PropShape(kind="cylinder", radius=radius, half_length=half, xyz=(0.0, 0.0, middle))
 
 
 def make_capsules(path: np.ndarray, radii: np.ndarray | float) -> tuple[PropShape, ...]:
@@ -149,15 +131,16 @@ def make_capsules(path: np.ndarray, radii: np.ndarray | float) -> tuple[PropShap
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(path))
     shapes = []
     for a, b, r, s in zip(path[:-1], path[1:], radii[:-1], radii[1:], strict=True):
-        axis, middle = (b - a) / np.linalg.norm(b - a), (a + b) / 2
-        q = _turn_z_onto(axis)
+        length = np.linalg.norm(b - a)
+        x, y, z = ((a + b) / 2).tolist()
+        q0, q1, q2, q3 = _turn_z_onto((b - a) / length).tolist()
         shapes.append(
             PropShape(
                 kind="capsule",
                 radius=float((r + s) / 2),
-                half_length=float(np.linalg.norm(b - a) / 2),
-                xyz=(float(middle[0]), float(middle[1]), float(middle[2])),
-                wxyz=(float(q[0]), float(q[1]), float(q[2]), float(q[3])),
+                half_length=float(length / 2),
+                xyz=(x, y, z),
+                wxyz=(q0, q1, q2, q3),
             )
         )
     return tuple(shapes)

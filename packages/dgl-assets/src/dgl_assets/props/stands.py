@@ -12,9 +12,8 @@ from dgl_assets.props.hanger import CABLE_TOP
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import PropShape, make_box, make_cylinder
-from dgl_assets.ranges import check_ranges
+from dgl_assets.ranges import check_ranges, measure
 from dgl_assets.robots._solids import (
-    Solid,
     along_x,
     along_y,
     cylinder,
@@ -33,30 +32,21 @@ class PothookParameters:
     picture only. Source: the original code's figures; its post is picture only, too.
     """
 
-    height: float = 1.0
-    """Height of arm and cross-bar [m], in [0.5, 1.8] (original code)."""
-    reach: float = 0.20
-    """Length of the arm [m], in [0.1, 0.4] (original code)."""
-    bar_length: float = 0.12
-    """Of the cross-bar, along x [m], in [0.04, 0.3] (original code)."""
-    thickness: float = 0.025
-    """Of arm and cross-bar [m], in [0.012, 0.05] (original code)."""
-    post: float = 0.05
-    """Width of the post [m], in [0.03, 0.1] (original code)."""
+    height: float = measure(0.5, 1.8, 1.0)
+    """Height of arm and cross-bar [m] (original code)."""
+    reach: float = measure(0.1, 0.4, 0.20)
+    """Length of the arm [m] (original code)."""
+    bar_length: float = measure(0.04, 0.3, 0.12)
+    """Of the cross-bar, along x [m] (original code)."""
+    thickness: float = measure(0.012, 0.05, 0.025)
+    """Of arm and cross-bar [m] (original code)."""
+    post: float = measure(0.03, 0.1, 0.05)
+    """Width of the post [m] (original code)."""
     wood: str = "walnut"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(
-            vars(self),
-            {
-                "height": (0.5, 1.8),
-                "reach": (0.1, 0.4),
-                "bar_length": (0.04, 0.3),
-                "thickness": (0.012, 0.05),
-                "post": (0.03, 0.1),
-            },
-        )
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,38 +57,26 @@ class HatStandParameters:
     on an invisible plate of 0.5 m; here the seat carries them and leaves the brim free.
     """
 
-    height: float = 0.6
-    """Of the seat [m], in [0.2, 1.6] (original code)."""
-    column: float = 0.07
-    """Largest width of the column [m], in [0.03, 0.12] (original code)."""
-    seat_radius: float = 0.082
-    """[m], in [0.04, 0.2]."""
-    dome_radius: float = 0.056
-    """Of the dome at the seat [m], in [0.02, 0.12], less than that of the seat."""
-    dome_height: float = 0.05
-    """Above the seat [m], in [0.01, 0.15]."""
-    foot_radius: float = 0.14
-    """[m], in [0.06, 0.3]."""
+    height: float = measure(0.2, 1.6, 0.6)
+    """Of the seat [m] (original code)."""
+    column: float = measure(0.03, 0.12, 0.07)
+    """Largest width of the column [m] (original code)."""
+    seat_radius: float = measure(0.04, 0.2, 0.082)
+    """[m]."""
+    dome_radius: float = measure(0.02, 0.12, 0.056)
+    """Of the dome at the seat [m], less than that of the seat."""
+    dome_height: float = measure(0.01, 0.15, 0.05)
+    """Above the seat [m]."""
+    foot_radius: float = measure(0.06, 0.3, 0.14)
+    """[m]."""
     wood: str = "cherry"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(
-            vars(self),
-            {
-                "height": (0.2, 1.6),
-                "column": (0.03, 0.12),
-                "seat_radius": (0.04, 0.2),
-                "dome_radius": (0.02, 0.12),
-                "dome_height": (0.01, 0.15),
-                "foot_radius": (0.06, 0.3),
-            },
-        )
+        check_ranges(self)
         if not self.dome_radius < self.seat_radius:
-            raise ValueError(
-                f"dome_radius must be less than seat_radius {self.seat_radius}; "
-                f"got {self.dome_radius}"
-            )
+            text = f"dome_radius must be less than seat_radius {self.seat_radius}"
+            raise ValueError(f"{text}; got {self.dome_radius}")
 
 
 def make_pothook(parameters: PothookParameters | None = None) -> Prop:
@@ -120,13 +98,13 @@ def make_pothook(parameters: PothookParameters | None = None) -> Prop:
     return assemble(
         "pothook",
         [
-            make_part("arm", _move(arm, 0.0, (near + far) / 2, z), wood),
-            make_part("cross_bar", _move(bar, 0.0, 0.0, z), wood),
+            make_part("arm", arm.shifted(0.0, (near + far) / 2, z), wood),
+            make_part("cross_bar", bar.shifted(0.0, 0.0, z), wood),
             make_part("post", post, wood),
-            make_part("plate", _move(plate, 0.0, middle - w - 0.006, z), FINISHES["brass"],
+            make_part("plate", plate.shifted(0.0, middle - w - 0.006, z), FINISHES["brass"],
                       is_solid=False),
-            make_part("rod", _move(rod, 0.0, middle, 0.0), FINISHES["steel"], is_solid=False),
-            make_part("ferrule", _move(ferrule, 0.0, middle, 0.0), FINISHES["brass"],
+            make_part("rod", rod.shifted(0.0, middle, 0.0), FINISHES["steel"], is_solid=False),
+            make_part("ferrule", ferrule.shifted(0.0, middle, 0.0), FINISHES["brass"],
                       is_solid=False),
         ],
         [
@@ -188,9 +166,3 @@ def make_hat_stand(parameters: HatStandParameters | None = None) -> Prop:
         },
         asdict(p),
     )
-
-
-def _move(solid: Solid, x: float, y: float, z: float) -> Solid:
-    T = np.eye(4)
-    T[:3, 3] = (x, y, z)
-    return solid.moved(T)

@@ -9,7 +9,7 @@ import numpy as np
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import Vector3, make_box
-from dgl_assets.ranges import check_ranges
+from dgl_assets.ranges import check_ranges, measure
 from dgl_assets.robots._solids import Section, Solid, loft, rounded_box
 
 
@@ -20,17 +20,17 @@ class PlatformParameters:
     Source: the original code's figures: a box of 0.5 x 0.5 x 0.1 m, half of it below the ground.
     """
 
-    width: float = 0.5
-    """Along x [m], in [0.2, 1.5] (original code)."""
-    depth: float = 0.5
-    """Along y [m], in [0.2, 1.5] (original code)."""
-    height: float = 0.05
-    """Of its top [m], in [0.03, 0.5] (original code)."""
+    width: float = measure(0.2, 1.5, 0.5)
+    """Along x [m] (original code)."""
+    depth: float = measure(0.2, 1.5, 0.5)
+    """Along y [m] (original code)."""
+    height: float = measure(0.03, 0.5, 0.05)
+    """Of its top [m] (original code)."""
     wood: str = "ash"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(vars(self), {"width": (0.2, 1.5), "depth": (0.2, 1.5), "height": (0.03, 0.5)})
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,21 +40,21 @@ class TableParameters:
     Source: the original code's figures: 1.0 x 1.0 x 0.1 m, a solid box there.
     """
 
-    width: float = 1.0
-    """Along x [m], in [0.4, 2.4] (original code)."""
-    depth: float = 1.0
-    """Along y [m], in [0.4, 2.4] (original code)."""
-    height: float = 0.1
-    """Of its top [m], in [0.08, 1.2] (original code)."""
+    width: float = measure(0.4, 2.4, 1.0)
+    """Along x [m] (original code)."""
+    depth: float = measure(0.4, 2.4, 1.0)
+    """Along y [m] (original code)."""
+    height: float = measure(0.08, 1.2, 0.1)
+    """Of its top [m] (original code)."""
     wood: str = "oak"
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(vars(self), {"width": (0.4, 2.4), "depth": (0.4, 2.4), "height": (0.08, 1.2)})
+        check_ranges(self)
 
 
 def make_platform(parameters: PlatformParameters | None = None) -> Prop:
-    """Make the platform of Store Tops; the target is the middle of the original's box, on the ground."""
+    """Make the platform of Store Tops; the target is the middle of its footprint."""
     p = parameters or PlatformParameters()
     x, y, h = p.width / 2, p.depth / 2, p.height
     plinth, inset = 0.35 * h, 0.012
@@ -108,7 +108,7 @@ def make_table(parameters: TableParameters | None = None) -> Prop:
 
 
 def _corners(x: float, y: float, h: float) -> dict[str, tuple[float, float, float]]:
-    """Places of a level top: its middle and its corners as seen by the robots."""
+    """Landmarks of a level top: its middle, and its corners as seen by the robots."""
     return {
         "top": (0.0, 0.0, h),
         "near_left": (-x, -y, h),
@@ -119,15 +119,10 @@ def _corners(x: float, y: float, h: float) -> dict[str, tuple[float, float, floa
 
 
 def _make_beam(low: Vector3, high: Vector3) -> Solid:
-    middle, half = (np.array(low) + high) / 2, (np.array(high) - low) / 2
-    return rounded_box(
-        "wood",
-        (float(half[0]), float(half[1]), float(half[2])),
-        (float(middle[0]), float(middle[1]), float(middle[2])),
-        radius=0.001,
-        power=40.0,
-        segments=32,
-    )
+    x, y, z = ((np.array(low) + high) / 2).tolist()
+    half_x, half_y, half_z = ((np.array(high) - low) / 2).tolist()
+    half = (half_x, half_y, half_z)
+    return rounded_box("wood", half, (x, y, z), radius=0.001, power=40.0, segments=32)
 
 
 def _taper(x: float, y: float, half: float, height: float) -> Solid:

@@ -1,4 +1,4 @@
-"""Rotations and rigid transforms as plain arrays (matrices inside, wxyz quaternions at the edge)."""
+"""Rotations and rigid transforms as plain arrays; quaternions are wxyz."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,4 @@
-"""Small solids for pictures: turned profiles, lofted sections, rounded boxes, with shaded normals."""
+"""Small solids for pictures: turned profiles, lofted sections, rounded boxes; smooth normals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +23,10 @@ class Solid:
         """Apply a rigid transform (4, 4)."""
         vertices = self.vertices @ T[:3, :3].T + T[:3, 3]
         return Solid(material=self.material, vertices=vertices, faces=self.faces)
+
+    def shifted(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+        """Translate [m]."""
+        return self.moved(transform((x, y, z)))
 
     def mirrored_x(self) -> "Solid":
         """Reflect in x, turning the faces so that they stay outward."""

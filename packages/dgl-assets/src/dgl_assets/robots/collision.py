@@ -1,4 +1,4 @@
-"""Collision shapes in link frames, and those of the arm and the hand: capsules, boxes and spheres.
+"""Collision shapes of the arm and the hand in link frames: capsules, boxes and spheres.
 
 The same shapes are written into the URDF and handed to the cloth contact. Sizes follow MuJoCo
 Menagerie's models where those use primitives; the fingertips, which are meshes there, become
@@ -69,14 +69,8 @@ _ALONG: dict[str, Quaternion] = {
 def _capsule(
     link: str, radius: float, half_length: float, centre: Vector3, axis: str = "z"
 ) -> CollisionShape:
-    return CollisionShape(
-        link=link,
-        kind="capsule",
-        radius=radius,
-        half_length=half_length,
-        xyz=centre,
-        wxyz=_ALONG[axis],
-    )
+    shape = CollisionShape(link=link, kind="capsule", radius=radius, half_length=half_length)
+    return replace(shape, xyz=centre, wxyz=_ALONG[axis])
 
 
 def _sphere(link: str, radius: float, centre: Vector3 = (0.0, 0.0, 0.0)) -> CollisionShape:
@@ -187,7 +181,7 @@ def collision_shapes(side: Side) -> tuple[CollisionShape, ...]:
 
 
 def hand_link_extent(side: Side, link: str) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the axis-aligned bounds [m] of a link's shapes, (low, high), each (3,), link frame."""
+    """Compute the bounds [m] of a link's shapes, low and high, each (3,), link frame."""
     lows, highs = [], []
     for shape in link_shapes(side, link):
         R = rotation_from_quaternion(np.array(shape.wxyz))

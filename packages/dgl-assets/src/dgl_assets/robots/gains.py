@@ -1,4 +1,4 @@
-"""Drive gains of the arm and the hand: those published, and those that the tasks drive them with.
+"""Drive gains of the arm and the hand: published ones, and those of the tasks.
 
 Source of the published ones: MuJoCo Menagerie's UR10e and Shadow Hand models.
 """
@@ -11,7 +11,7 @@ from dgl_assets.robots.hand import SHADOW_HAND
 
 @dataclass(frozen=True, kw_only=True)
 class JointGains:
-    """Proportional-derivative drive of one joint; N and m in place of N m and rad where it slides."""
+    """Proportional-derivative drive of one joint; a sliding one has N and m for N m and rad."""
 
     stiffness: float
     """Proportional gain [N m / rad]."""
@@ -30,13 +30,10 @@ def _arm(stiffness: float, damping: float, force_limit: float) -> JointGains:
 
 
 def _hand(stiffness: float, damping: float, force_limit: float) -> JointGains:
-    return JointGains(
-        stiffness=stiffness,
-        damping=damping,
-        force_limit=force_limit,
-        armature=0.0002,
-        friction=0.01,
+    gains = JointGains(
+        stiffness=stiffness, damping=damping, force_limit=force_limit, armature=0.0002
     )
+    return replace(gains, friction=0.01)
 
 
 _ARM_GAINS = (
@@ -89,7 +86,7 @@ DRIVE_GAINS: dict[str, JointGains] = {
         for joint, (stiffness, damping) in zip(UR10E, _ARM_DRIVES, strict=True)
     },
     **{
-        # The weakest published joints would need half a second to close; a hand pose takes 20 steps.
+        # The weakest published joints would need half a second; a hand pose takes 20 steps.
         joint.name: replace(
             PUBLISHED_GAINS[joint.name],
             stiffness=max(1.0, PUBLISHED_GAINS[joint.name].stiffness),
@@ -97,4 +94,4 @@ DRIVE_GAINS: dict[str, JointGains] = {
         for joint in SHADOW_HAND
     },
 }
-"""What the tasks drive the joints with, by joint name without the side prefix."""
+"""Gains in the tasks by joint name without the side prefix."""

@@ -16,7 +16,7 @@ def arm_joint_names(side: Side) -> tuple[str, ...]:
 
 
 def hand_joint_names(side: Side) -> tuple[str, ...]:
-    """List the 24 hand joints of a side, finger-wise: WRJ2-1, FFJ4-1, MFJ4-1, RFJ4-1, LFJ5-1, THJ5-1."""
+    """List the 24 hand joints of a side: WRJ2-1, FFJ4-1, MFJ4-1, RFJ4-1, LFJ5-1, THJ5-1."""
     return tuple(f"{side}_{joint.name}" for joint in SHADOW_HAND)
 
 
@@ -27,7 +27,7 @@ JOINT_NAMES: tuple[str, ...] = tuple(
 
 
 def joint_slice(side: Side, part: str) -> slice:
-    """Give the place of `part` ("arm", "hand" or "all") of a side in the 60-vector."""
+    """Give the slice of `part` ("arm", "hand" or "all") of a side in the 60-vector."""
     start = SIDES.index(side) * SIDE_DOF
     spans = {
         "arm": slice(start, start + ARM_DOF),
@@ -56,8 +56,7 @@ HOME_CONFIGURATION: np.ndarray = _frozen(
 )
 """Start of every episode [rad], shape (60,), in the order of JOINT_NAMES, read-only."""
 
-# Columns open, close, pinch, cradle, smooth: poses of one person's hand, shared by both sides; and flat, which is the open
-# hand with the thumb beside the palm instead of under it.
+# Poses of one person's hand, shared by both sides; "flat" is "open" with the thumb beside the palm.
 _POSE_NAMES = ("open", "close", "pinch", "cradle", "smooth", "flat")
 _POSE_ROWS = {
     "WRJ2": (-0.061508, 0.079341, -0.135955, -0.160608, -0.066714, -0.061508),

@@ -1,4 +1,4 @@
-"""A robot as the tasks use it: an arm and a hand, twice, with what is known about driving them."""
+"""Robots of two equal arms with mirrored hands, with their homes, poses and drive gains."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -39,13 +39,13 @@ class ArmPart:
     tree: KinematicTree
     """From its base to the frame `ee` (`tree.EE_LINK`); names without a side."""
     home: Mapping[Side, np.ndarray]
-    """Where each side starts [rad or m], shape (n,), with the fingers forward and the palm down."""
+    """Start of each side [rad or m], shape (n,), with the fingers forward and the palm down."""
     parked: Mapping[Side, np.ndarray]
-    """Where each side is out of the cameras' way [rad or m], shape (n,)."""
+    """Pose of each side out of the cameras' way [rad or m], shape (n,)."""
     gains: tuple[JointGains, ...]
     """Drives of the moving joints in the order of the tree."""
     load_meshes: Callable[[], LinkMeshes]
-    """Gives the files that it shows and collides with; link names without a side."""
+    """Load its mesh files; link names without a side."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +60,7 @@ class HandPart:
     poses: Mapping[str, np.ndarray]
     """Joint values [rad or m] of open, close, pinch, cradle, smooth and flat, shape (n,)."""
     grasp_point: tuple[float, float, float]
-    """Place between the fingers that tasks lead, right hand, in axes of `ee` [m]; left: z negated."""
+    """Grasp point between the fingers, right hand, in axes of `ee` [m]; left: z negated."""
     ground_links: frozenset[str]
     """Links that the ground stops; the others, at the wrist, pass through it."""
     thumb_links: frozenset[str]
@@ -68,7 +68,7 @@ class HandPart:
     gains: tuple[JointGains, ...]
     """Drives of the moving joints in the order of the tree."""
     load_meshes: Callable[[Side], LinkMeshes]
-    """Gives the files of one hand; link names without a side."""
+    """Load the mesh files of one hand; link names without a side."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ class Robot:
         return tuple(f"{side}_{joint.name}" for side in SIDES for joint in both)
 
     def joint_slice(self, side: Side, part: str) -> slice:
-        """Give the place of `part` ("arm", "hand" or "all") of a side in the vector."""
+        """Give the slice of `part` ("arm", "hand" or "all") of a side in the vector."""
         if side not in SIDES:
             raise ValueError(f"side must be one of {SIDES}; got {side!r}")
         start, middle = SIDES.index(side) * self.dof // 2, len(self.arm_joints)
@@ -154,7 +154,7 @@ class Robot:
         return self.hand.poses[name]
 
     def get_grasp_offset(self, side: Side) -> np.ndarray:
-        """Give the place between the fingers that tasks lead, in axes of `ee` [m], shape (3,)."""
+        """Give the grasp point between the fingers, in axes of `ee` [m], shape (3,)."""
         if side not in SIDES:
             raise ValueError(f"side must be one of {SIDES}; got {side!r}")
         return np.array(self.hand.grasp_point) * (1, 1, 1 if side == "right" else -1)
@@ -178,8 +178,8 @@ class Robot:
     ) -> Path:
         """Write both sides as one URDF under a world-fixed root.
 
-        The file lies in a folder named after the hash of its content, which appears whole: several
-        processes may build the same robot at once, and a robot that exists is reused.
+        The folder is named after the hash of its content and appears whole: several processes may
+        build the same robot at once, and a robot that exists is reused.
 
         Args:
             directory: Folder that holds generated robots; made when missing.
@@ -220,14 +220,14 @@ class Robot:
 
 
 def _park(side: Side) -> np.ndarray:
-    """Home with the arm swung outwards, so that no camera above sees it over the garment."""
+    """Give home with the arm swung outwards, out of the view of the cameras above."""
     q = HOME_CONFIGURATION[joint_slice(side, "arm")].copy()
     q[0] += PARK_ANGLE if side == "left" else -PARK_ANGLE
     return q
 
 
 PARK_ANGLE = 0.9
-"""How far an arm swings outwards about the vertical to be out of the cameras' way [rad]."""
+"""Outward swing of an arm about the vertical, out of the cameras' way [rad]."""
 
 _SHADOW_TREES: dict[Side, KinematicTree] = {side: build_shadow_tree(side) for side in SIDES}
 
@@ -246,7 +246,7 @@ SHADOW_HAND_PART = HandPart(
     trees=_SHADOW_TREES,
     mounts={side: transform((0, 0, 0), ROTATION_HAND_TO_EE) for side in SIDES},
     poses=HAND_POSES,
-    # original code: beyond the knuckles, between first and middle finger, over the proximal phalanges
+    # original code: beyond the knuckles, between first and middle finger
     grasp_point=(0.37, 0.025, 0.025),
     ground_links=frozenset(
         link.name

@@ -18,7 +18,7 @@ from dgl_assets.robots.hand import (
 )
 
 BasePlacement = tuple[float, float, float, float]
-"""Where an arm's base stands: x, y, z [m] and yaw [rad], world frame."""
+"""Placement of an arm's base: x, y, z [m] and yaw [rad], world frame."""
 
 ROOT_LINK = "root"
 EE_LINK = "ee"
@@ -31,7 +31,7 @@ DEFAULT_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.5, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class TreeLink:
-    """A rigid link: its inertia and what it collides with."""
+    """A rigid link with its inertia and collision shapes."""
 
     name: str
     mass: float
@@ -54,7 +54,7 @@ class TreeJoint:
     """Constant transform from the joint frame to the parent link, shape (4, 4)."""
     axis: tuple[float, float, float] | None = None
     kind: Literal["revolute", "prismatic"] = "revolute"
-    """How a joint with an axis moves."""
+    """Motion of a joint with an axis."""
     lower: float = 0.0
     """Lower limit [rad or m]."""
     upper: float = 0.0
@@ -135,41 +135,29 @@ def join_side(
     links = list(arm.links)
     if hand is not None:
         assert hand_to_ee is not None
-        joints.append(
-            TreeJoint(
-                name="hand_mount",
-                parent=EE_LINK,
-                child=hand.links[0].name,
-                joint_to_parent=hand_to_ee,
-            )
+        mount = TreeJoint(
+            name="hand_mount",
+            parent=EE_LINK,
+            child=hand.links[0].name,
+            joint_to_parent=hand_to_ee,
         )
-        joints += hand.joints
+        joints += [mount, *hand.joints]
         links += hand.links
 
     def prefixed(name: str) -> str:
         return name if name == ROOT_LINK else f"{side}_{name}"
 
+    def prefix_link(link: TreeLink) -> TreeLink:
+        shapes = tuple(replace(s, link=prefixed(s.link)) for s in link.collision)
+        return replace(link, name=prefixed(link.name), collision=shapes)
+
+    def prefix_joint(joint: TreeJoint) -> TreeJoint:
+        ends = {"parent": prefixed(joint.parent), "child": prefixed(joint.child)}
+        return replace(joint, name=prefixed(joint.name), **ends)
+
     return KinematicTree(
-        links=(
-            make_frame_link(ROOT_LINK),
-            *(
-                replace(
-                    link,
-                    name=prefixed(link.name),
-                    collision=tuple(replace(s, link=prefixed(s.link)) for s in link.collision),
-                )
-                for link in links
-            ),
-        ),
-        joints=tuple(
-            replace(
-                joint,
-                name=prefixed(joint.name),
-                parent=prefixed(joint.parent),
-                child=prefixed(joint.child),
-            )
-            for joint in joints
-        ),
+        links=(make_frame_link(ROOT_LINK), *map(prefix_link, links)),
+        joints=tuple(map(prefix_joint, joints)),
     )
 
 
@@ -184,17 +172,12 @@ def build_side_tree(side: Side, base: BasePlacement, *, with_hand: bool = True) 
     Args:
         side: "left" or "right".
         base: Placement of the arm's base; ROS convention, the arm's zero pose points along +x.
-        with_hand: Whether the Shadow Hand is mounted.
+        with_hand: Mount the Shadow Hand.
     """
     if not with_hand:
         return join_side(side, base, build_ur10e_tree())
-    return join_side(
-        side,
-        base,
-        build_ur10e_tree(),
-        build_shadow_tree(side),
-        hand_to_ee=transform((0, 0, 0), ROTATION_HAND_TO_EE),
-    )
+    mount = transform((0, 0, 0), ROTATION_HAND_TO_EE)
+    return join_side(side, base, build_ur10e_tree(), build_shadow_tree(side), hand_to_ee=mount)
 
 
 def build_bimanual_tree(
@@ -286,13 +269,9 @@ def build_shadow_tree(side: Side) -> KinematicTree:
         )
         links.append(_hand_link(side, spec.child))
     for tip, (distal, offset) in HAND_TIPS.items():
+        frame = transform((0, 0, offset))
         joints.append(
-            TreeJoint(
-                name=f"{tip}_joint",
-                parent=distal,
-                child=tip,
-                joint_to_parent=transform((0, 0, offset)),
-            )
+            TreeJoint(name=f"{tip}_joint", parent=distal, child=tip, joint_to_parent=frame)
         )
         links.append(make_frame_link(tip))
     return KinematicTree(links=tuple(links), joints=tuple(joints))

@@ -1,4 +1,4 @@
-"""Writing the robots as URDF files with their meshes, content-addressed."""
+"""Write robots as URDF files with their meshes into content-addressed folders."""
 
 import hashlib
 import logging
@@ -31,7 +31,7 @@ def write_robot(
         directory: Folder that holds generated robots; made when missing.
         name: Name of the robot and its file.
         tree: Its links and joints.
-        meshes: What it shows; None for neither pictures nor collision shapes.
+        meshes: Its meshes; None for neither pictures nor collision shapes.
 
     Returns:
         Path of the URDF; its meshes lie in `meshes/` beside it.
@@ -120,21 +120,11 @@ def _add_collision(element: ET.Element, shape: CollisionShape) -> None:
         ET.SubElement(geometry, "sphere", radius=_numbers(shape.radius))
     elif shape.kind == "mesh":
         ET.SubElement(geometry, "mesh", filename=f"meshes/{shape.mesh}")
-    elif shape.kind == "cylinder":
-        ET.SubElement(
-            geometry,
-            "cylinder",
-            radius=_numbers(shape.radius),
-            length=_numbers(2 * shape.half_length),
-        )
     else:
-        # Not in the URDF standard, but read by SAPIEN, Isaac and MuJoCo; length excludes the caps.
-        ET.SubElement(
-            geometry,
-            "capsule",
-            radius=_numbers(shape.radius),
-            length=_numbers(2 * shape.half_length),
-        )
+        # Capsules are not in the URDF standard, but read by SAPIEN, Isaac and MuJoCo; their length
+        # excludes the caps.
+        size = {"radius": _numbers(shape.radius), "length": _numbers(2 * shape.half_length)}
+        ET.SubElement(geometry, shape.kind, size)
 
 
 def _add_joint(robot: ET.Element, joint: TreeJoint) -> None:
@@ -145,11 +135,6 @@ def _add_joint(robot: ET.Element, joint: TreeJoint) -> None:
     ET.SubElement(element, "child", link=joint.child)
     if joint.axis is not None:
         ET.SubElement(element, "axis", xyz=_numbers(*joint.axis))
-        ET.SubElement(
-            element,
-            "limit",
-            lower=_numbers(joint.lower),
-            upper=_numbers(joint.upper),
-            effort=_numbers(joint.effort),
-            velocity=_numbers(joint.speed),
-        )
+        limits = {"lower": joint.lower, "upper": joint.upper, "effort": joint.effort}
+        limits["velocity"] = joint.speed
+        ET.SubElement(element, "limit", {key: _numbers(value) for key, value in limits.items()})

@@ -17,37 +17,25 @@ if TYPE_CHECKING:
     from trimesh.visual.material import PBRMaterial
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finish:
-    """Surface of a material."""
-
-    rgb: tuple[float, float, float]
-    """Base colour, linear, each in [0, 1]."""
-    metallic: float
-    """0 for plastic, 1 for bare metal."""
-    roughness: float
-    """0 for a mirror, 1 for chalk."""
-
-
-FINISHES: dict[str, Finish] = {
-    "aluminium": Finish(rgb=(0.52, 0.54, 0.56), metallic=0.35, roughness=0.42),
-    "tube": Finish(rgb=(0.62, 0.63, 0.65), metallic=0.35, roughness=0.35),
-    "cap": Finish(rgb=(0.12, 0.36, 0.52), metallic=0.0, roughness=0.45),
-    "seal": Finish(rgb=(0.015, 0.015, 0.017), metallic=0.0, roughness=0.8),
-    "dark": Finish(rgb=(0.035, 0.036, 0.040), metallic=0.1, roughness=0.55),
-    "steel": Finish(rgb=(0.46, 0.47, 0.49), metallic=0.5, roughness=0.30),
-    "plate": Finish(rgb=(0.58, 0.59, 0.60), metallic=0.4, roughness=0.38),
-    "shell": Finish(rgb=(0.030, 0.031, 0.035), metallic=0.05, roughness=0.45),
-    "trim": Finish(rgb=(0.11, 0.115, 0.125), metallic=0.2, roughness=0.45),
-    "pad": Finish(rgb=(0.60, 0.42, 0.38), metallic=0.0, roughness=0.75),
-    "pedestal": Finish(rgb=(0.10, 0.105, 0.115), metallic=0.1, roughness=0.6),
+FINISHES: dict[str, tuple[tuple[float, float, float], float, float]] = {
+    "aluminium": ((0.52, 0.54, 0.56), 0.35, 0.42),
+    "tube": ((0.62, 0.63, 0.65), 0.35, 0.35),
+    "cap": ((0.12, 0.36, 0.52), 0.0, 0.45),
+    "seal": ((0.015, 0.015, 0.017), 0.0, 0.8),
+    "dark": ((0.035, 0.036, 0.040), 0.1, 0.55),
+    "steel": ((0.46, 0.47, 0.49), 0.5, 0.30),
+    "plate": ((0.58, 0.59, 0.60), 0.4, 0.38),
+    "shell": ((0.030, 0.031, 0.035), 0.05, 0.45),
+    "trim": ((0.11, 0.115, 0.125), 0.2, 0.45),
+    "pad": ((0.60, 0.42, 0.38), 0.0, 0.75),
+    "pedestal": ((0.10, 0.105, 0.115), 0.1, 0.6),
 }
-"""Materials by the names that the solids use."""
+"""Base colour (linear), metallic (1 is bare metal) and roughness (1 is chalk), by material."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkMeshes:
-    """Mesh files and which links show them, both at the link frame."""
+    """Mesh files by link, in link frames."""
 
     files: dict[str, bytes]
     """Content by file name: binary glTF, and the hulls of collision meshes."""
@@ -55,7 +43,7 @@ class LinkMeshes:
     """Names of the binary glTF files that a link shows."""
 
     def with_prefix(self, prefix: str) -> LinkMeshes:
-        """The same files for links whose names have a prefix."""
+        """Give the same files to links whose names have a prefix."""
         by_link = {f"{prefix}{link}": names for link, names in self.by_link.items()}
         return LinkMeshes(files=self.files, by_link=by_link)
 
@@ -85,7 +73,7 @@ def build_shadow_meshes(side: Side) -> LinkMeshes:
 
 
 def build_pedestal_mesh(base_link: str, height: float) -> LinkMeshes:
-    """Build what the arm stands on, shown with its base; nothing for a base on the ground.
+    """Build the pedestal of an arm, shown with its base; nothing for a base on the ground.
 
     Args:
         base_link: Name of the arm's first link.
@@ -157,10 +145,10 @@ def _encode(solids: list[Solid]) -> bytes:
 def _pbr(name: str) -> PBRMaterial:
     from trimesh.visual.material import PBRMaterial
 
-    finish = FINISHES[name]
+    rgb, metallic, roughness = FINISHES[name]
     return PBRMaterial(
         name=name,
-        baseColorFactor=[*finish.rgb, 1.0],
-        metallicFactor=finish.metallic,
-        roughnessFactor=finish.roughness,
+        baseColorFactor=[*rgb, 1.0],
+        metallicFactor=metallic,
+        roughnessFactor=roughness,
     )

@@ -21,16 +21,8 @@ _WRIST_1, _WRIST_2, _FLANGE = UR10E[3].d, UR10E[4].d, UR10E[5].d
 def _housing(radius: float, low: float, high: float) -> list[Solid]:
     """Make a cast joint housing along z: a body with a narrow groove and a black seal at `low`."""
     b = 0.10 * radius
-    body = turn(
-        "aluminium",
-        [
-            (0, low + 0.003),
-            (radius, low + 0.003),
-            (radius, high - b),
-            (radius - b, high),
-            (0, high),
-        ],
-    )
+    profile = [(0, low + 0.003), (radius, low + 0.003), (radius, high - b), (radius - b, high)]
+    body = turn("aluminium", [*profile, (0, high)])
     seal = cylinder("seal", radius - 0.004, low - 0.001, low + 0.004)
     return [body, seal]
 
@@ -38,68 +30,35 @@ def _housing(radius: float, low: float, high: float) -> list[Solid]:
 def _cap(radius: float, z: float, sign: int) -> list[Solid]:
     """Make the blue cap of a joint on a face at `z`, facing `sign` along z, with its dark rim."""
     r = 0.93 * radius
-    rim = turn(
-        "seal",
-        _order(
-            [
-                (0, z - sign * 0.004),
-                (r, z - sign * 0.004),
-                (r, z + sign * 0.001),
-                (0, z + sign * 0.001),
-            ]
-        ),
-    )
-    cap = turn(
-        "cap",
-        _order(
-            [
-                (0, z - sign * 0.002),
-                (r - 0.003, z - sign * 0.002),
-                (r - 0.003, z + sign * 0.004),
-                (r - 0.009, z + sign * 0.008),
-                (0, z + sign * 0.010),
-            ]
-        ),
+
+    def build(material: str, *profile: tuple[float, float]) -> Solid:
+        """Turn (radius, height above the face), rising along z so that faces point outward."""
+        return turn(material, [(radius, z + sign * up) for radius, up in profile[::sign]])
+
+    rim = build("seal", (0, -0.004), (r, -0.004), (r, 0.001), (0, 0.001))
+    cap = build(
+        "cap", (0, -0.002), (r - 0.003, -0.002), (r - 0.003, 0.004), (r - 0.009, 0.008), (0, 0.010)
     )
     return [rim, cap]
-
-
-def _order(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Sort a profile so that it rises along z, which makes faces point outward."""
-    return profile if profile[0][1] <= profile[-1][1] else profile[::-1]
 
 
 def _capped(radius: float, low: float, high: float, *, cap_at: int) -> list[Solid]:
     """Make a housing whose blue cap is at its `high` (+1) or `low` (-1) end."""
     if cap_at > 0:
         return [*_housing(radius, low, high), *_cap(radius, high, 1)]
-    flipped = [_flip(s) for s in _housing(radius, -high, -low)]
-    return [*flipped, *_cap(radius, low, -1)]
-
-
-def _flip(solid: Solid) -> Solid:
-    return solid.moved(transform((0, 0, 0), np.diag([1.0, -1.0, -1.0])))
+    flip = transform((0, 0, 0), np.diag([1.0, -1.0, -1.0]))
+    return [*(s.moved(flip) for s in _housing(radius, -high, -low)), *_cap(radius, low, -1)]
 
 
 def _shift(solids: list[Solid], xyz: tuple[float, float, float]) -> list[Solid]:
-    return [s.moved(transform(xyz)) for s in solids]
+    return [s.shifted(*xyz) for s in solids]
 
 
 def _tube(radius: float, start: float, end: float, collar: float) -> list[Solid]:
     """Make a tube along +x between two joints, with a collar at each end."""
-    body = turn(
-        "tube",
-        [
-            (0, start),
-            (collar, start),
-            (collar, start + 0.045),
-            (radius, start + 0.075),
-            (radius, end - 0.060),
-            (0.97 * collar, end - 0.035),
-            (0.97 * collar, end),
-            (0, end),
-        ],
-    )
+    profile = [(0, start), (collar, start), (collar, start + 0.045), (radius, start + 0.075)]
+    profile += [(radius, end - 0.060), (0.97 * collar, end - 0.035), (0.97 * collar, end)]
+    body = turn("tube", [*profile, (0, end)])
     bands = [
         cylinder("seal", collar + 0.0006, start + 0.038, start + 0.042),
         cylinder("seal", 0.97 * collar + 0.0006, end - 0.033, end - 0.029),
@@ -146,7 +105,7 @@ def _base() -> list[Solid]:
     )
     connector = rounded_box("dark", (0.022, 0.030, 0.020), (-0.076, 0, 0.050), radius=0.004)
     bolts = [
-        cylinder("steel", 0.006, 0.016, 0.022, segments=6).moved(transform((x, y, 0)))
+        cylinder("steel", 0.006, 0.016, 0.022, segments=6).shifted(x, y)
         for x in (-0.062, 0.062)
         for y in (-0.062, 0.062)
     ]
@@ -177,13 +136,9 @@ def build_pedestal_solids(height: float) -> list[Solid]:
     """Build a column that carries a base `height` [m] above the ground; empty below 5 cm."""
     if height < 0.05:
         return []
+    column = (0.075, 0.075, (height - 0.030) / 2)
     return [
         rounded_box("pedestal", (0.17, 0.17, 0.0075), (0, 0, 0.0085 - height), radius=0.003),
-        rounded_box(
-            "pedestal",
-            (0.075, 0.075, (height - 0.030) / 2),
-            (0, 0, -(height + 0.002) / 2),
-            radius=0.003,
-        ),
+        rounded_box("pedestal", column, (0, 0, -(height + 0.002) / 2), radius=0.003),
         rounded_box("dark", (0.11, 0.11, 0.0075), (0, 0, -0.0075), radius=0.003),
     ]

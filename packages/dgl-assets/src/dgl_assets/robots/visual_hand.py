@@ -25,10 +25,6 @@ from dgl_assets.robots.hand import (
 )
 
 
-def _at(solid: Solid, x: float, y: float, z: float) -> Solid:
-    return solid.moved(transform((x, y, z)))
-
-
 def _hinge(radius: float, half: float) -> list[Solid]:
     """Make a finger joint about x: a metal barrel with darker pin heads."""
     return [
@@ -53,14 +49,8 @@ def _phalanx(length: float, radius: float, *, start: float = 0.005) -> list[Soli
         10,
     )
     half = (end - start) / 2 - 0.003
-    pad = rounded_box(
-        "pad",
-        (0.62 * r, 0.30 * r, half),
-        (0, -0.72 * r, (start + end) / 2),
-        radius=0.0012,
-        power=3,
-        segments=8,
-    )
+    size, centre = (0.62 * r, 0.30 * r, half), (0, -0.72 * r, (start + end) / 2)
+    pad = rounded_box("pad", size, centre, radius=0.0012, power=3, segments=8)
     return [shell, pad]
 
 
@@ -183,7 +173,7 @@ def _palm() -> list[Solid]:
         "shell", (0.018, 0.0012, 0.014), (0.011, 0.0145, 0.052), radius=0.0008, power=6
     )
     screws = [
-        _at(along_y(cylinder("dark", 0.0020, 0.0, 0.0022, segments=6)), x, 0.0140, z)
+        along_y(cylinder("dark", 0.0020, 0.0, 0.0022, segments=6)).shifted(x, 0.0140, z)
         for x in (-0.012, 0.034)
         for z in (0.024, 0.072)
     ]
@@ -196,8 +186,7 @@ def _palm() -> list[Solid]:
     ]
     # Bearings of the J4 axes, which run along y.
     bearings = [
-        _at(along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=10)), x, 0, z)
-        for x, z in ((0.033, 0.090), (0.011, 0.094), (-0.011, 0.090))
+        _bearing().shifted(x, 0, z) for x, z in ((0.033, 0.090), (0.011, 0.094), (-0.011, 0.090))
     ]
     thumb_root = loft(
         "plate",
@@ -213,6 +202,10 @@ def _palm() -> list[Solid]:
         "plate", (0.008, 0.010, 0.011), (-0.033, 0, 0.014), radius=0.002, power=4
     )
     return [axle, core, back, inset, *screws, *pads, *bearings, thumb_root, little_root]
+
+
+def _bearing() -> Solid:
+    return along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=10))
 
 
 def _metacarpal() -> list[Solid]:
@@ -235,10 +228,7 @@ def _metacarpal() -> list[Solid]:
         "plate", (0.0075, 0.0015, 0.017), (0.0, 0.0110, 0.033), radius=0.001, power=5
     )
     pad = rounded_box("pad", (0.0082, 0.0025, 0.018), (0.0, -0.0110, 0.034), radius=0.0018, power=4)
-    bearing = _at(
-        along_y(cylinder("plate", 0.0085, -0.0110, 0.0110, bevel=0.001, segments=10)), 0, 0, 0.0608
-    )
-    return [axle, body, back, pad, bearing]
+    return [axle, body, back, pad, _bearing().shifted(z=0.0608)]
 
 
 def _knuckle() -> list[Solid]:
@@ -251,6 +241,7 @@ def build_hand_solids() -> dict[str, list[Solid]]:
 
     The four fingers share `finger_knuckle`, `finger_proximal`, `finger_middle`, `finger_distal`.
     """
+    across = transform((0, 0, 0), rotation_about(AXIS_Z, pi / 2))
     return {
         "hand_forearm": _forearm(),
         "wrist": _wrist(),
@@ -259,12 +250,12 @@ def build_hand_solids() -> dict[str, list[Solid]]:
         "finger_knuckle": _knuckle(),
         "finger_proximal": [
             *_phalanx(PROXIMAL_LENGTH, 0.0090, start=0.006),
-            *[_at(s, 0, 0, PROXIMAL_LENGTH) for s in _ears(0.0076)],
+            *[s.shifted(z=PROXIMAL_LENGTH) for s in _ears(0.0076)],
         ],
         "finger_middle": [
             *_hinge(0.0074, 0.0060),
             *_phalanx(MIDDLE_LENGTH, 0.0084, start=0.0055),
-            *[_at(s, 0, 0, MIDDLE_LENGTH) for s in _ears(0.0070)],
+            *[s.shifted(z=MIDDLE_LENGTH) for s in _ears(0.0070)],
         ],
         "finger_distal": _fingertip(FINGERTIP_OFFSET, 0.0080),
         "th_base": [
@@ -279,10 +270,7 @@ def build_hand_solids() -> dict[str, list[Solid]]:
         "th_middle": [
             along_y(cylinder("dark", 0.0040, -0.0108, 0.0108, segments=6)),
             *_phalanx(0.032, 0.0100, start=0.0065),
-            *[
-                _at(s.moved(transform((0, 0, 0), rotation_about(AXIS_Z, pi / 2))), 0, 0, 0.032)
-                for s in _ears(0.0080)
-            ],
+            *[s.moved(across).shifted(z=0.032) for s in _ears(0.0080)],
         ],
         "th_distal": _fingertip(THUMB_TIP_OFFSET, 0.0095),
     }

@@ -1,7 +1,7 @@
 """Make dresses: cut the pattern, sew it, lay it flat.
 
-Landmarks are those of long-sleeved tops and, with `left_` or `right_`, `waist` (at the side of the waist), `side` (on the
-skirt, where a long dress is folded) and `skirt` (further out on the skirt).
+Landmarks are those of long-sleeved tops and, with `left_` or `right_`, `waist` (at the side of the
+waist), `side` (on the skirt, where a long dress is folded) and `skirt` (further out on the skirt).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DRESS_PINS: Pins = {
     "centre": (0.0, 0.42, 1),
     "collar": (0.0, 0.925, -1),
 }
-"""Canonical (|u|, v, side) of landmarks, after the demonstration points of the paper's fold, fling and hang tasks."""
+"""Canonical (|u|, v, side) of landmarks, after the demonstration points of the paper's tasks."""
 
 
 def cut_dress(parameters: DressParameters) -> Cuts:
@@ -44,26 +44,6 @@ def make_dress(
     layer_gap: float = 0.012,
     name: str = "dress",
 ) -> Garment:
-    """Make a dress.
-
-    Args:
-        parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to very small and large garments.
-        layer_gap: Distance between the two layers while it lies flat [m], 0 to 0.03. They meet at the seams.
-        name: Name of the garment.
-
-    Returns:
-        One welded surface with four openings: neck, hem and both cuffs.
-
-    Raises:
-        ValueError: If the measures contradict each other, or spacing or gap are out of range.
-        MeshingError: If a panel cannot be filled at this spacing.
-    """
-    return assemble(
-        cut_upper(cut_dress(parameters), DRESS_PINS),
-        name=name,
-        category=CATEGORY,
-        parameters=parameters,
-        spacing=spacing,
-        layer_gap=layer_gap,
-    )
+    """Make a dress, open at neck, hem and both cuffs; arguments as for `make_top`."""
+    pattern = cut_upper(cut_dress(parameters), DRESS_PINS)
+    return assemble(pattern, CATEGORY, parameters, name, spacing, layer_gap)

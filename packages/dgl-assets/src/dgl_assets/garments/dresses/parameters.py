@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from dgl_assets.garments.tops.parameters import compute_span
 from dgl_assets.garments.uppers.parameters import Body, Neck, Sleeve
+from dgl_assets.ranges import check_limit
 
 
 def _default_body() -> Body:
@@ -14,24 +15,16 @@ def _default_body() -> Body:
 
 @dataclass(frozen=True, kw_only=True)
 class DressParameters:
-    """Measures of a dress with long or short sleeves.
-
-    Attributes:
-        body: Bodice and skirt; `waist_depth` is where the skirt begins: below the bust in an empire line.
-        neck: Neckline and collar.
-        sleeve: Sleeves, short below about a third of a metre.
-    """
+    """Measures of a dress with long or short sleeves."""
 
     body: Body = field(default_factory=_default_body)
+    """Bodice and skirt, which begins at `waist_depth`: below the bust in an empire line."""
     neck: Neck = field(default_factory=Neck)
     sleeve: Sleeve = field(default_factory=Sleeve)
 
     def __post_init__(self) -> None:
-        if self.body.length < self.body.waist_depth + 0.15:
-            raise ValueError(
-                f"length of a dress must be at least 0.15 m more than waist_depth "
-                f"({self.body.waist_depth}); got {self.body.length}"
-            )
+        least = self.body.waist_depth + 0.15
+        check_limit("length of a dress", self.body.length, "waist_depth + 0.15 m", least=least)
 
     @property
     def span(self) -> float:

@@ -14,44 +14,32 @@ from dgl_assets.garments.uppers.sampling import Fit, check_upper, draw_fit, draw
 REACH_SPAN = 1.15
 """Widest dresses that both robots reach, cuff to cuff [m]."""
 REACH_LENGTH = 1.0
-"""Longest dresses that the robots fold and hang [m]; the paper's demonstration garment is 0.90 m long."""
+"""Longest dresses that the robots fold and hang [m]; the paper's demonstration dress has 0.90 m."""
 
 # Highest point of the shoulder to the hem, as shares of the stature.
 _SHORT = {"mini": ((0.50, 0.55), 0.4), "knee": ((0.55, 0.63), 0.6)}
 _LONG = {"midi": ((0.64, 0.73), 0.5), "ankle": ((0.76, 0.85), 0.5)}
 _NECKS = {
-    "crew": 0.2,
-    "wide_crew": 0.07,
-    "scoop": 0.13,
-    "v": 0.18,
-    "boat": 0.1,
-    "square": 0.1,
-    "mock": 0.05,
-    "turtle": 0.05,
-    "shirt": 0.05,
-    "camp": 0.05,
-    "hood": 0.02,
-}
+    "crew": 0.2, "wide_crew": 0.07, "scoop": 0.13, "v": 0.18, "boat": 0.1, "square": 0.1,
+    "mock": 0.05, "turtle": 0.05, "shirt": 0.05, "camp": 0.05, "hood": 0.02,
+}  # fmt: skip
+_LINES = {
+    "straight": 0.2, "a_line": 0.24, "fit_and_flare": 0.24, "empire": 0.13, "sheath": 0.12,
+    "trapeze": 0.07,
+}  # fmt: skip
 
 
 def sample_dress(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> DressParameters:
-    """Draw the measures of a random dress.
-
-    Length, sleeves, silhouette, neckline and fit are drawn separately; short and long dresses with short and long sleeves.
+    """Draw a random dress: length, sleeves, silhouette, neckline and fit separately.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
-        sizes: "reach" for dresses of at most 1.15 m cuff to cuff and 1.0 m length, "all" for girls' to XXL.
-
-    Returns:
-        Measures that make a valid dress.
+        sizes: "reach" for at most 1.15 m cuff to cuff and 1.0 m length, "all" for girls' to XXL.
     """
 
     def check(dress: DressParameters) -> None:
         if sizes == "reach" and (dress.span > REACH_SPAN or dress.body.length > REACH_LENGTH):
-            raise ValueError(
-                f"a dress in reach must be smaller; got {dress.span}, {dress.body.length}"
-            )
+            raise ValueError(f"a dress in reach is smaller; got {dress.span}, {dress.body.length}")
         check_upper(cut_dress(dress), DRESS_PINS)
 
     return draw_until_valid(rng, lambda r: _draw(r, sizes=sizes), check)
@@ -63,9 +51,8 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> DressParameters:
     body = _draw_body(rng, size, fit)
     neck = draw_neck(rng, _NECKS, body=size)
     is_short = rng.random() < 0.35
-    length = (
-        SCALE * size.arm_length * (span(rng, 0.26, 0.52) if is_short else rng.normal(1.04, 0.03))
-    )
+    share = span(rng, 0.26, 0.52) if is_short else rng.normal(1.04, 0.03)
+    length = SCALE * size.arm_length * share
     length = max(length - 0.8 * (fit.shoulder - fit.natural_shoulder), 0.12)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.08, is_short=is_short)
     return DressParameters(body=body, neck=neck, sleeve=sleeve)
@@ -75,17 +62,7 @@ def _draw_body(rng: np.random.Generator, size: BodySize, fit: Fit) -> Body:
     lengths = _SHORT if rng.random() < 0.66 else _LONG
     kind = pick(rng, {name: share for name, (_, share) in lengths.items()})
     length = SCALE * size.stature * span(rng, *lengths[kind][0])
-    line = pick(
-        rng,
-        {
-            "straight": 0.2,
-            "a_line": 0.24,
-            "fit_and_flare": 0.24,
-            "empire": 0.13,
-            "sheath": 0.12,
-            "trapeze": 0.07,
-        },
-    )
+    line = pick(rng, _LINES)
     natural = SCALE * size.back_length * span(rng, 0.97, 1.06)
     waist = SCALE * size.waist / 4
     skirt = length - natural
@@ -110,9 +87,8 @@ def _draw_body(rng: np.random.Generator, size: BodySize, fit: Fit) -> Body:
     else:
         waist_width = fit.chest * span(rng, 1.12, 1.25)
         hem = waist_width + skirt * span(rng, 0.2, 0.34)
-    if (
-        line in ("a_line", "fit_and_flare", "empire") and rng.random() < 0.6
-    ):  # a skirt of straight seams
+    has_flare = line in ("a_line", "fit_and_flare", "empire")
+    if has_flare and rng.random() < 0.6:  # a skirt of straight seams
         share = 0.17 / (length - seam)
         hip_width = waist_width + (hem - waist_width) * share * span(rng, 1.0, 1.5)
     curve = span(rng, *_draw_curve(rng))

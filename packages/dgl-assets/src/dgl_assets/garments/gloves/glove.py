@@ -1,10 +1,10 @@
 """Make five-fingered gloves: cut the pattern, sew it, give it its round cross-section.
 
-Landmarks, all exact correspondences: `thumb_tip`, `index_tip`, `middle_tip`, `ring_tip`, `little_tip`;
-`thumb_crotch`, `index_middle_crotch`, `middle_ring_crotch`, `ring_little_crotch`; `index_knuckle` and
-`little_knuckle` where these fingers leave the sides of the hand, `thumb_heel` where the thumb does; `wrist_thumb_side`,
-`wrist_little_side` (the corners of the opening), `wrist_back`, `wrist_palm` (the middles of its edges); `back_centre`,
-`palm_centre`.
+Landmarks are exact correspondences: `thumb_tip`, `index_tip`, `middle_tip`, `ring_tip`,
+`little_tip`; `thumb_crotch`, `index_middle_crotch`, `middle_ring_crotch`, `ring_little_crotch`;
+`index_knuckle` and `little_knuckle` at the sides of the hand, `thumb_heel` at the wrist side of the
+thumb; `wrist_thumb_side`, `wrist_little_side` (the corners of the opening), `wrist_back`,
+`wrist_palm` (the middles of its edges); `back_centre`, `palm_centre`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from dgl_assets.errors import MeshingError
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.gloves.parameters import GloveParameters
 from dgl_assets.garments.gloves.pattern import DIGITS, FINGERS, V_THUMB, V_WEB, GlovePattern
-from dgl_assets.garments.gloves.relief import Relief
+from dgl_assets.garments.gloves.relief import GloveRelief
 from dgl_assets.garments.gloves.seam_edges import open_seams
 from dgl_assets.garments.meshing import resample_polyline
 from dgl_assets.garments.sewing import Panel, Seam, SewnSurface, sew_panels
 from dgl_assets.garments.wall import find_folds
+from dgl_assets.ranges import check_range
 
 CATEGORY = "Glove"
 SPACING = 0.0118
@@ -29,7 +30,7 @@ SPACING = 0.0118
 
 _LAYERS = {"back": 1, "palm": -1}
 """The back of the hand is the upper layer."""
-_CORNERS = {  # the two ends of each digit's base: little side of fingers first, wrist side of the thumb first
+_CORNERS = {  # ends of each digit's base: little side of fingers, wrist side of the thumb first
     "thumb": ("thumb_heel", "thumb_crotch"),
     "index": ("index_inner", "index_knuckle"),
     "middle": ("middle_inner", "index_middle_crotch"),
@@ -39,7 +40,7 @@ _CORNERS = {  # the two ends of each digit's base: little side of fingers first,
 _WEBS = (("little", "ring"), ("ring", "middle"), ("middle", "index"))
 _NO_LANDMARKS = ("thumb_inner", "index_inner", "middle_inner", "ring_inner")
 _SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04, 0.94)
-"""Factors tried in turn: where digits meet the hand, a triangle may chance to be too flat for a wall."""
+"""Factors tried in turn where a triangle is too flat for a wall."""
 _SMOOTHING_ROUNDS = 8
 _SMOOTHING_SHARE = 0.8
 _CENTRE = np.array([[0.0, 0.55]])
@@ -52,20 +53,19 @@ def make_glove(
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.005 to 0.014; None for `SPACING`. A finger is two of these wide.
+        spacing: Target edge length [m], 0.005 to 0.014; None for `SPACING`, half a finger's width.
         name: Name of the garment.
 
     Returns:
-        An elastic shell of two layers, back (+1) and palm (-1), open at the wrist. A left glove mirrors a right one, also
-        in its canonical coordinates' orientation: equal coordinates are the same finger.
+        An elastic shell of two layers, back (+1) and palm (-1), open at the wrist. A left glove
+        mirrors a right one; equal canonical coordinates are the same finger.
 
     Raises:
         ValueError: If spacing is out of range.
-        MeshingError: If no spacing within 6 % of this one gives panels that can be filled and have room for the wall.
+        MeshingError: If no spacing within 6 % gives a mesh with room for the wall.
     """
     spacing = SPACING if spacing is None else spacing
-    if not 0.005 <= spacing <= 0.014:
-        raise ValueError(f"spacing must be in [0.005, 0.014] m; got {spacing}")
+    check_range("spacing", spacing, 0.005, 0.014)
     p = parameters
     failure = ""
     for factor in _SPACINGS:
@@ -84,7 +84,7 @@ def make_glove(
 
 
 def _sew(p: GloveParameters, *, spacing: float) -> tuple[SewnSurface, GlovePattern, np.ndarray]:
-    """The sewn pattern of a right glove, its map, and its vertices as it lies [m], shape (V, 3)."""
+    """Sew a right glove: surface, pattern, and vertices as it lies [m], shape (V, 3)."""
     pattern = GlovePattern(p)
     relief = _make_relief(pattern, p)
     seams = _cut_seams(pattern, relief, spacing=spacing)
@@ -124,7 +124,7 @@ def _finish(
     )
 
 
-def _make_relief(pattern: GlovePattern, p: GloveParameters) -> Relief:
+def _make_relief(pattern: GlovePattern, p: GloveParameters) -> GloveRelief:
     finger = (p.hand_width - 3 * p.web_width) / (3 + p.little_width_ratio)
     strip = 0.97 * finger * p.little_width_ratio * p.finger_taper / 2  # the narrowest is a tube
     side = np.linspace(0, 2, 60)
@@ -135,7 +135,7 @@ def _make_relief(pattern: GlovePattern, p: GloveParameters) -> Relief:
     runs.append(pattern.side(np.array([0.0, V_WEB, low]), 1))
     runs += [pattern.digits["thumb"].outline(1), pattern.digits["thumb"].outline(-1)[::-1]]
     runs.append(pattern.side(np.linspace(high, 2, 40), 1))
-    return Relief(
+    return GloveRelief(
         np.concatenate(runs),
         strip=strip,
         puff=p.finger_puff,
@@ -144,7 +144,7 @@ def _make_relief(pattern: GlovePattern, p: GloveParameters) -> Relief:
     )
 
 
-def _cut_seams(pattern: GlovePattern, relief: Relief, *, spacing: float) -> dict[str, Seam]:
+def _cut_seams(pattern: GlovePattern, relief: GloveRelief, *, spacing: float) -> dict[str, Seam]:
     seams: dict[str, Seam] = {}
 
     def cut(name: str, start: str, end: str, curve: np.ndarray, *, is_even: bool = False) -> None:
@@ -211,9 +211,9 @@ def _cut_panels(pattern: GlovePattern) -> tuple[Panel, ...]:
 
 
 def _even_out(
-    surface: SewnSurface, relief: Relief, *, spacing: float
+    surface: SewnSurface, relief: GloveRelief, *, spacing: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lift the pattern, its vertices inside of panels moved until edges are near `spacing` as they lie.
+    """Lift the pattern, and move its inner vertices until lying edges are near `spacing`.
 
     Args:
         surface: Sewn pattern.

@@ -1,12 +1,13 @@
 """The flat pattern of a glove and its map to canonical coordinates.
 
-Pattern frame: fingers towards -y, thumb towards +x (a right hand seen from its back), the middle of the knuckles at the
-origin. The palm with the cuff is ruled by lines from its little-finger side to its thumb side; each digit is ruled across
-its axis and closed by half an ellipse.
+Pattern frame: fingers towards -y, thumb towards +x (a right hand seen from its back), the middle of
+the knuckles at the origin. The palm with the cuff is ruled by lines from its little-finger side to
+its thumb side; each digit is ruled across its axis and closed by half an ellipse.
 
-Canonical coordinates: u runs across the hand, -1 at the little-finger side to 1 at the thumb side; v is 0 at the
-knuckles, 1 at the wrist, 2 at the opening. A finger continues below its part of the knuckles to v = -1.3 at its tip, a
-little narrower towards it; the thumb continues to u = 2.38 from the side between v = 0.33 and 0.76.
+Canonical coordinates: u runs across the hand, -1 at the little-finger side to 1 at the thumb side;
+v is 0 at the knuckles, 1 at the wrist, 2 at the opening. A finger continues below the knuckles to v
+= -1.3 at its tip, a little narrower towards it; the thumb continues to u = 2.38 from the side
+between v = 0.33 and 0.76.
 """
 
 from __future__ import annotations
@@ -21,44 +22,41 @@ from dgl_assets.garments.gloves.parameters import GloveParameters
 FINGERS = ("index", "middle", "ring", "little")
 DIGITS = ("thumb", *FINGERS)
 KNOTS = np.array([-1.0, -0.53, -0.47, -0.03, 0.03, 0.47, 0.53, 1.0])
-"""Canonical u of the fingers' ends at the knuckles, from the little finger on; between fingers are webs."""
+"""Canonical u of fingers and webs at the knuckles, from the little finger on."""
 V_THUMB = (0.33, 0.76)
-"""Where the thumb begins, on the side of the index finger and on that of the wrist."""
+"""v of the thumb's base, on the side of the index finger and on that of the wrist."""
 V_WEB = 0.25
-"""Where the web between index finger and thumb begins."""
+"""v of the beginning of the web between index finger and thumb."""
 
-_BULGE = 0.08  # canonical: how far the corner between web and thumb stands out
+_BULGE = 0.08  # canonical: bulge of the corner between web and thumb
 _CAP = 0.3  # canonical length of the rounded tip
 _CANONICAL_TAPER = 0.2
-_FLARE = {"finger": 6, "thumb": 1}  # how soon a digit has its own width
+_FLARE = {"finger": 6, "thumb": 1}  # powers of the transition from hand to digit
 _BISECTIONS = 45
 _ARC_SAMPLES = 20
 
 
 @dataclass(frozen=True, kw_only=True)
 class Digit:
-    """A finger or thumb: sections across an axis, and half an ellipse at the tip.
-
-    Attributes:
-        base: Middle of its first section [m], shape (2,).
-        axis: Unit direction to the tip, shape (2,).
-        length: First to last straight section [m].
-        half_base: Middle of the first section to its end that has x = 1 [m], shape (2,).
-        half_tip: The same of the last straight section; across the axis.
-        cap: Last straight section to the tip [m].
-        flare: Power of the transition from the first section to the last.
-    """
+    """A finger or thumb: sections across an axis, and half an ellipse at the tip."""
 
     base: np.ndarray
+    """Middle of its first section [m], shape (2,)."""
     axis: np.ndarray
+    """Unit direction to the tip, shape (2,)."""
     length: float
+    """First to last straight section [m]."""
     half_base: np.ndarray
+    """Middle of the first section to its end at x = 1 [m], shape (2,)."""
     half_tip: np.ndarray
+    """Middle of the last straight section to its end at x = 1, across the axis [m], shape (2,)."""
     cap: float
+    """Last straight section to the tip [m]."""
     flare: int
+    """Power of the transition from the first section to the last."""
 
     def place(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Points [m], shape (N, 2), at t from 0 (base) over 1 to 1.3 (tip) and x across in [-1, 1]."""
+        """Points [m], shape (N, 2), at t from 0 (base) to 1.3 (tip) and x across in [-1, 1]."""
         straight = np.clip(t, 0.0, 1.0)
         along = self.length * straight + self.cap * np.clip((t - 1) / _CAP, 0.0, 1.0)
         half = self._compute_half(straight)
@@ -226,6 +224,6 @@ class GlovePattern:
 
 
 def _compute_bulge(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Factor of u on the thumb's half of the palm: the web between index finger and thumb is no part of its side."""
+    """Factor of u on the thumb's half of the palm, beside the web of index finger and thumb."""
     rise = np.interp(v, [V_WEB, *V_THUMB], [0.0, 1.0, 0.0])
     return np.where(u > 0, 1 + _BULGE * rise, 1.0)

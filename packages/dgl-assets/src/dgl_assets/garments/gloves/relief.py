@@ -1,7 +1,7 @@
 """Give a flat pattern of two layers its round cross-section, keeping lengths.
 
-Along the outline a strip of both layers is bent around a quarter of an ellipse, so that the two meet at the seam without a
-fold, as in a glove on a hand. A strip as wide as half a finger makes fingers elliptical tubes.
+Along the outline a strip of both layers is bent around a quarter of an ellipse, so that the two
+meet at the seam without a fold. A strip as wide as half a finger makes fingers elliptical tubes.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 
 _SAMPLES = 400
 _ON_EDGE = 2e-4  # seams lie on chords of the curve, on either side of those of the outline [m]
-_CORNER = 4e-4  # how far the edge around a corner takes part in its normal [m]
+_CORNER = 4e-4  # reach of the edge around a corner whose normals are averaged [m]
 
 
-class Relief:
+class GloveRelief:
     """The cross-section of a sewn pattern: a bent strip along its outline, and a rise inside."""
 
     def __init__(
@@ -31,7 +31,7 @@ class Relief:
             outline: Sewn edge, the pattern to its left, densely sampled [m], shape (M, 2).
             strip: Width of the strip in the pattern [m].
             puff: Height over run of the bent strip.
-            rise: How much higher the inside is than the strip [m].
+            rise: Height of the inside above the strip [m].
             rise_width: Distance over which it rises [m].
         """
         turn = np.linspace(0, np.pi / 2, _SAMPLES)
@@ -43,7 +43,7 @@ class Relief:
         self._arc, self._run, self._height = arc * scale, run * scale, height * scale
 
     def lift(self, points: np.ndarray) -> np.ndarray:
-        """Positions on the upper layer [m], shape (N, 3), of points of the pattern [m], shape (N, 2)."""
+        """Lift points of the pattern [m], shape (N, 2), to the upper layer [m], shape (N, 3)."""
         distance, inward = compute_inward(points, self._outline)
         arc = np.minimum(distance, self._strip)
         bent = arc - np.interp(arc, self._arc, self._run)
@@ -61,8 +61,8 @@ def compute_inward(points: np.ndarray, outline: np.ndarray) -> tuple[np.ndarray,
         outline: Polyline, densely sampled [m], shape (M, 2).
 
     Returns:
-        Distances [m], shape (N,), and unit directions away from the nearest place, shape (N, 2); on the outline its
-        normal to the left.
+        Distances [m], shape (N,), and unit directions away from the nearest place, shape (N, 2); on
+        the outline its normal to the left.
     """
     start, along = outline[:-1], np.diff(outline, axis=0)
     length = (along**2).sum(axis=1)

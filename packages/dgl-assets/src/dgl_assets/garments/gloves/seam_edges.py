@@ -1,7 +1,8 @@
 """Keep two layers apart next to their common seam.
 
-A triangle with three vertices on the seam, as at the tip of a finger, is the same in both layers: the shell would have no
-inside there. Turning its inner edge joins the tip to a vertex of its own layer.
+A triangle with three vertices on the seam, as at the tip of a finger, is the same in both layers:
+the shell would have no inside there. Turning its inner edge joins the tip to a vertex of its own
+layer.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def open_seams(faces: np.ndarray, layers: np.ndarray) -> np.ndarray:
             for corner in range(3):
                 tip, start, end = np.roll(faces[index], -corner)
                 across = _find_across(faces, start, end)
-                # Of the two layers' triangles beyond the edge, the one of the layer that still needs it.
+                # Beyond the edge lies a triangle of each layer; take the one not on the seam.
                 for other, apex in across:
                     if other in flat or layers[apex] == 0:
                         continue

@@ -1,7 +1,7 @@
 """Hats as elastic shells: baseball caps and bowl hats.
 
-They stand on their opening: z up, the lowest point at z = 0, centred in x and y by the bounding box. A visor points to -y,
-towards the robots, as on the stand of the wear tasks; "left" is at -x.
+They stand on their opening: z up, the lowest point at z = 0, centred in x and y by the bounding
+box. A visor points to -y, towards the robots; "left" is at -x.
 """
 
 from dgl_assets.garments.hats.bowl import make_bowl_hat as make_bowl_hat

@@ -1,8 +1,9 @@
 """Make bowl hats: bucket, bowler, cloche, boater, sun hat.
 
-Landmarks, all exact correspondences: `crown_top`; `left`, `right`, `front`, `back` on the brim's edge, and the same
-with `crown_` in front where the brim meets the crown; `left_brim`, `right_brim`, `front_brim`, `back_brim` in the middle
-of the brim; `left_wall`, `right_wall`, `front_wall`, `back_wall` half way up the crown.
+Landmarks are exact correspondences: `crown_top`; `left`, `right`, `front`, `back` on the brim's
+edge, and the same after `crown_` at the seam of brim and crown; `left_brim`, `right_brim`,
+`front_brim`, `back_brim` in the middle of the brim; `left_wall`, `right_wall`, `front_wall`,
+`back_wall` half way up the crown.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.hats.bowl_parameters import BowlHatParameters
 from dgl_assets.garments.hats.oval import compute_oval
 from dgl_assets.garments.shell_meshing import DiskSurface, mesh_disk
+from dgl_assets.ranges import check_range
 
 CATEGORY = "Bowl_Hat"
 SPACING = 0.0104
@@ -41,17 +43,16 @@ def make_bowl_hat(
         name: Name of the garment.
 
     Returns:
-        An elastic shell: one surface that is open below, its one boundary the edge of the brim. Canonical coordinates are
-        (c sin a, -c cos a, 1) with the angle a around the crown, 0 at the front, and c from 0 at the top of the crown
-        over 1 where the brim begins to 2 at its edge.
+        An elastic shell: one surface whose one boundary is the edge of the brim. Canonical
+        coordinates are (c sin a, -c cos a, 1) with the angle a around the crown, 0 at the front,
+        and c: 0 at the top of the crown, 1 at the seam of the brim, 2 at its edge.
 
     Raises:
         ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
     spacing = SPACING if spacing is None else spacing
-    if not 0.006 <= spacing <= 0.016:
-        raise ValueError(f"spacing must be in [0.006, 0.016] m; got {spacing}")
+    check_range("spacing", spacing, 0.006, 0.016)
     surface = _make_surface(parameters)
     mesh = mesh_disk(
         surface,
@@ -63,13 +64,8 @@ def make_bowl_hat(
     vertices = surface.evaluate(mesh.rows, mesh.angles)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = (vertices - [*(low + high)[:2] / 2, low[2]]).astype(np.float32)
-    canonical = np.column_stack(
-        [
-            mesh.rows * np.sin(mesh.angles),
-            -mesh.rows * np.cos(mesh.angles),
-            np.ones(len(vertices)),
-        ]
-    )
+    c, a = mesh.rows, mesh.angles
+    canonical = np.column_stack([c * np.sin(a), -c * np.cos(a), np.ones(len(vertices))])
     landmarks = dict(zip(_PINS, mesh.pins, strict=True))
     for prefix, row in (("crown_", 1.0), ("", 2.0)):
         on_ring = np.flatnonzero(np.abs(mesh.rows - row) < 1e-9)

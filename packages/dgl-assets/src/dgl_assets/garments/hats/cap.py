@@ -1,9 +1,10 @@
 """Make baseball caps: a crown of five or six panels and a visor.
 
-Landmarks, all exact correspondences: `brim` (the grasp point of the wear task, on the visor near the crown), `brim_tip`,
-`left_brim`, `right_brim` (on the visor), `left_visor_end`, `right_visor_end` (where it meets the crown), `crown_top`
-(the button), `front`, `back`, `left`, `right` on the edge of the crown, and in the middle of the panels
-`left_front_panel`, `right_front_panel`, `left_side_panel`, `right_side_panel`, `left_back_panel`, `right_back_panel`.
+Landmarks are exact correspondences: `brim` (the grasp point, on the visor near the crown),
+`brim_tip`, `left_brim`, `right_brim` (on the visor), `left_visor_end`, `right_visor_end` (on the
+crown's edge), `crown_top` (the button), `front`, `back`, `left`, `right` on the edge of the crown,
+and in the middle of the panels `left_front_panel`, `right_front_panel`, `left_side_panel`,
+`right_side_panel`, `left_back_panel`, `right_back_panel`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dgl_assets.garments.hats.cap_parameters import CapParameters
 from dgl_assets.garments.hats.oval import compute_oval
 from dgl_assets.garments.hats.visor import PHI_END, Visor
 from dgl_assets.garments.shell_meshing import DiskMesh, DiskSurface, mesh_disk
+from dgl_assets.ranges import check_range
 
 CATEGORY = "Baseball_Cap"
 SPACING = 0.0114
@@ -38,7 +40,7 @@ _PANEL_MIDDLES = {
     for hand, sign in (("left", -1), ("right", 1))
 }
 _VISOR_PINS = {"brim": (0.0, 0.30), "left_brim": (-0.5, 0.55), "right_brim": (0.5, 0.55)}
-"""Places on the visor: share of its half width, share of the way to its edge."""
+"""Points of the visor: share of its half width, share of the way to its edge."""
 
 
 def make_cap(
@@ -52,18 +54,17 @@ def make_cap(
         name: Name of the garment.
 
     Returns:
-        An elastic shell: one surface that is open below, its one boundary the edge of the crown behind and of the visor
-        in front. Canonical coordinates are (c sin a, -c cos a, 1) with the angle a around the crown, 0 at the front and
-        4/9 pi at the ends of the visor, and c from 0 at the button to 1 at the edge of the crown and 1.9 at the tip of
-        the visor.
+        An elastic shell: one surface whose one boundary is the edge of the crown behind and of the
+        visor in front. Canonical coordinates are (c sin a, -c cos a, 1) with the angle a around the
+        crown, 0 at the front and 4/9 pi at the ends of the visor, and c: 0 at the button, 1 at the
+        edge of the crown, 1.9 at the tip of the visor.
 
     Raises:
         ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
     spacing = SPACING if spacing is None else spacing
-    if not 0.006 <= spacing <= 0.016:
-        raise ValueError(f"spacing must be in [0.006, 0.016] m; got {spacing}")
+    check_range("spacing", spacing, 0.006, 0.016)
     p = parameters
     surface = _make_crown(p)
     seams = _SEAMS[p.panel_count]
@@ -72,9 +73,7 @@ def make_cap(
     mesh = mesh_disk(surface, spacing=spacing, marks=marks, seams=seams, pins=pins)
     crown = surface.evaluate(mesh.rows, mesh.angles)
     inner = _cut_inner_edge(mesh, p)
-
     crown_angles = _warp_angle(mesh.angles, p.visor_half_angle)
-
     visor = Visor(p, crown[inner], crown_angles[inner])
     flat = visor.make_mesh(spacing=0.96 * spacing, pins=tuple(_VISOR_PINS.values()))
     own = flat.points[len(inner) :]  # the first are vertices of the crown's edge

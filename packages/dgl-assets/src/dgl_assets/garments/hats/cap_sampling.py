@@ -4,137 +4,69 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.drawing import draw_until_valid
+from dgl_assets.garments.drawing import Style, draw_ranges, draw_style, draw_until_valid
 from dgl_assets.garments.hats.cap_parameters import CapParameters
+from dgl_assets.garments.hats.oval import draw_head
 
-_SCALE = 0.85  # of life size, as the garments of the paper
-_SIZES = (0.50, 0.53, 0.55, 0.57, 0.59, 0.61, 0.63)  # head girths, children to XXL [m]
-_SIZE_SHARES = (0.08, 0.10, 0.17, 0.26, 0.22, 0.12, 0.05)
-
-# Shares of the crowns; life-size crown height [m], uprightness of front and back, flatness of panels, shift of the button.
-_CROWNS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
-    "soft": (
-        0.26,
-        {
-            "crown_height": (0.096, 0.112),
-            "front_exponent": (1.95, 2.25),
-            "back_exponent": (1.9, 2.2),
-            "gore_flatness": (0.0, 0.35),
-            "top_shift": (-0.004, 0.004),
-        },
-    ),
-    "structured": (
-        0.32,
-        {
-            "crown_height": (0.108, 0.126),
-            "front_exponent": (2.4, 2.9),
-            "back_exponent": (2.05, 2.35),
-            "gore_flatness": (0.35, 0.8),
-            "top_shift": (0.0, 0.010),
-        },
-    ),
-    "high": (
-        0.24,
-        {
-            "crown_height": (0.124, 0.150),
-            "front_exponent": (2.7, 3.5),
-            "back_exponent": (2.1, 2.5),
-            "gore_flatness": (0.5, 1.0),
-            "top_shift": (0.004, 0.016),
-        },
-    ),
-    "military": (
-        0.18,
-        {
-            "crown_height": (0.080, 0.100),
-            "front_exponent": (3.0, 3.8),
-            "back_exponent": (2.7, 3.4),
-            "gore_flatness": (0.0, 0.2),
-            "top_shift": (0.0, 0.010),
-        },
-    ),
-}
-# Shares of the visors; life-size length and rise [m], pitch, splay, squareness.
-_VISORS: dict[str, tuple[float, dict[str, tuple[float, float]]]] = {
-    "flat": (
-        0.28,
-        {
-            "visor_length": (0.066, 0.078),
-            "front_rise": (0.0, 0.003),
-            "visor_pitch": (-0.04, 0.06),
-            "visor_splay": (0.55, 0.85),
-            "visor_squareness": (2.5, 3.6),
-        },
-    ),
-    "curved": (
-        0.42,
-        {
-            "visor_length": (0.064, 0.080),
-            "front_rise": (0.010, 0.019),
-            "visor_pitch": (0.04, 0.17),
-            "visor_splay": (0.45, 0.75),
-            "visor_squareness": (2.1, 2.9),
-        },
-    ),
-    "strongly curved": (
-        0.16,
-        {
-            "visor_length": (0.066, 0.084),
-            "front_rise": (0.019, 0.030),
-            "visor_pitch": (0.02, 0.12),
-            "visor_splay": (0.40, 0.65),
-            "visor_squareness": (2.1, 2.7),
-        },
-    ),
-    "short": (
-        0.14,
-        {
-            "visor_length": (0.044, 0.058),
-            "front_rise": (0.002, 0.012),
-            "visor_pitch": (0.02, 0.22),
-            "visor_splay": (0.40, 0.65),
-            "visor_squareness": (1.9, 2.6),
-        },
-    ),
-}
+# Shares of the crowns; life-size lengths [m].
+_CROWNS: dict[str, tuple[float, Style]] = {
+    "soft": (0.26, {
+        "crown_height": (0.096, 0.112), "front_exponent": (1.95, 2.25),
+        "back_exponent": (1.9, 2.2), "gore_flatness": (0.0, 0.35), "top_shift": (-0.004, 0.004),
+    }),
+    "structured": (0.32, {
+        "crown_height": (0.108, 0.126), "front_exponent": (2.4, 2.9),
+        "back_exponent": (2.05, 2.35), "gore_flatness": (0.35, 0.8), "top_shift": (0.0, 0.010),
+    }),
+    "high": (0.24, {
+        "crown_height": (0.124, 0.150), "front_exponent": (2.7, 3.5), "back_exponent": (2.1, 2.5),
+        "gore_flatness": (0.5, 1.0), "top_shift": (0.004, 0.016),
+    }),
+    "military": (0.18, {
+        "crown_height": (0.080, 0.100), "front_exponent": (3.0, 3.8), "back_exponent": (2.7, 3.4),
+        "gore_flatness": (0.0, 0.2), "top_shift": (0.0, 0.010),
+    }),
+}  # fmt: skip
+# Shares of the visors; life-size lengths [m].
+_VISORS: dict[str, tuple[float, Style]] = {
+    "flat": (0.28, {
+        "visor_length": (0.066, 0.078), "front_rise": (0.0, 0.003), "visor_pitch": (-0.04, 0.06),
+        "visor_splay": (0.55, 0.85), "visor_squareness": (2.5, 3.6),
+    }),
+    "curved": (0.42, {
+        "visor_length": (0.064, 0.080), "front_rise": (0.010, 0.019), "visor_pitch": (0.04, 0.17),
+        "visor_splay": (0.45, 0.75), "visor_squareness": (2.1, 2.9),
+    }),
+    "strongly curved": (0.16, {
+        "visor_length": (0.066, 0.084), "front_rise": (0.019, 0.030), "visor_pitch": (0.02, 0.12),
+        "visor_splay": (0.40, 0.65), "visor_squareness": (2.1, 2.7),
+    }),
+    "short": (0.14, {
+        "visor_length": (0.044, 0.058), "front_rise": (0.002, 0.012), "visor_pitch": (0.02, 0.22),
+        "visor_splay": (0.40, 0.65), "visor_squareness": (1.9, 2.6),
+    }),
+}  # fmt: skip
 _LENGTHS = ("crown_height", "top_shift", "visor_length", "front_rise")
 
 
 def sample_cap(rng: np.random.Generator | int) -> CapParameters:
-    """Draw the measures of a random cap: crown and visor are drawn separately, in sizes from children's to XXL.
-
-    Args:
-        rng: Generator, advanced by this call, or a seed.
-
-    Returns:
-        Valid measures.
-    """
+    """Draw a random cap, children's to XXL, from a generator, which advances, or a seed."""
     return draw_until_valid(rng, _draw)
 
 
 def _draw(rng: np.random.Generator) -> CapParameters:
-    crown, visor = (_choose(rng, styles) for styles in (_CROWNS, _VISORS))
-    values = {
-        name: float(rng.uniform(*bounds))
-        for name, bounds in (_CROWNS[crown][1] | _VISORS[visor][1]).items()
-    }
-    girth = rng.choice(_SIZES, p=_SIZE_SHARES) + rng.normal(0, 0.004)
-    growth = (girth / 0.57) ** 0.6  # crowns and visors grow less than heads do
+    crown, shape = draw_style(rng, _CROWNS)
+    _, visor = draw_style(rng, _VISORS)
+    values = draw_ranges(rng, {**shape, **visor})
+    girth, scale = draw_head(rng)
     for name in _LENGTHS:
-        values[name] *= _SCALE * float(growth)
+        values[name] *= scale
     is_trucker = crown in ("structured", "high") and rng.uniform() < 0.4
     return CapParameters(
-        head_girth=float(_SCALE * girth),
+        head_girth=girth,
         head_ratio=float(rng.uniform(1.10, 1.25)),
         panel_count=5 if is_trucker else 6,
         visor_half_angle=float(rng.uniform(1.23, 1.38)),
         wall_thickness=float(rng.uniform(0.002, 0.0038)),
         **values,
     )
-
-
-def _choose(
-    rng: np.random.Generator, styles: dict[str, tuple[float, dict[str, tuple[float, float]]]]
-) -> str:
-    shares = np.array([share for share, _ in styles.values()])
-    return list(styles)[int(rng.choice(len(styles), p=shares / shares.sum()))]

@@ -1,10 +1,14 @@
-"""The oval of a head, as hats see it from above."""
+"""Heads as hats see them: an oval from above, and random sizes."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from dgl_assets.garments.sizes import SCALE
+
 _EXPONENT = 2.15  # a little fuller than an ellipse, as heads and hat blocks are
+_GIRTHS = (0.50, 0.53, 0.55, 0.57, 0.59, 0.61, 0.63)  # children to XXL, life size [m]
+_GIRTH_SHARES = (0.08, 0.10, 0.17, 0.26, 0.22, 0.12, 0.05)
 
 
 def compute_oval(
@@ -32,3 +36,9 @@ def _compute_unit(ratio: float, angle: np.ndarray, exponent: float) -> np.ndarra
     """Radii of an oval of half width 1 and half length `ratio`."""
     across, along = np.abs(np.sin(angle)), np.abs(np.cos(angle)) / ratio
     return (across**exponent + along**exponent) ** (-1 / exponent)
+
+
+def draw_head(rng: np.random.Generator) -> tuple[float, float]:
+    """Draw a girth at `SCALE` [m], and the factor of the hat's other lengths, which grow less."""
+    girth = rng.choice(_GIRTHS, p=_GIRTH_SHARES) + rng.normal(0, 0.004)
+    return float(SCALE * girth), SCALE * float((girth / 0.57) ** 0.6)

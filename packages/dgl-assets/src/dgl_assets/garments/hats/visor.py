@@ -13,7 +13,7 @@ from dgl_assets.garments.meshing import mesh_outline, resample_polyline
 PHI_END = 4 * np.pi / 9
 """Canonical angle of the ends of the visor [rad]."""
 
-_GRID = (241, 41)  # places from which the inversion of the map starts
+_GRID = (241, 41)  # starts of the inversion of the map
 _NEWTON_STEPS = 6
 _CANONICAL_WIDTH = 0.9
 _CANONICAL_POWER = 2.2
@@ -21,26 +21,23 @@ _CANONICAL_POWER = 2.2
 
 @dataclass(frozen=True, kw_only=True)
 class VisorMesh:
-    """Triangles of a visor, unrolled.
-
-    Attributes:
-        points: Positions [m], shape (V, 2), those of the inner edge first, left to right.
-        faces: Triangles, counter-clockwise from above, shape (F, 3).
-        pins: Vertex ids of the pins.
-        tip: Vertex id in the middle of the outer edge.
-    """
+    """Triangles of a visor, unrolled."""
 
     points: np.ndarray
+    """Positions [m], shape (V, 2), those of the inner edge first, left to right."""
     faces: np.ndarray
+    """Triangles, counter-clockwise from above, shape (F, 3)."""
     pins: tuple[int, ...]
+    """Vertex ids of the pins."""
     tip: int
+    """Vertex id in the middle of the outer edge."""
 
 
 class Visor:
     """A visor that is sewn to the edge of a crown.
 
-    It is drawn unrolled across: x is arc length along its bend, so that distances are kept where the visor does not also
-    fall forward.
+    It is drawn unrolled across: x is arc length along its bend, so that distances are kept except
+    where the visor also falls forward.
     """
 
     def __init__(self, parameters: CapParameters, inner: np.ndarray, angles: np.ndarray) -> None:
@@ -66,7 +63,8 @@ class Visor:
 
         Args:
             spacing: Target edge length [m].
-            pins: Places (share of the half width, share of the way to the outer edge) that become vertices.
+            pins: Points that become vertices: share of the half width, share of the way to the
+                edge.
 
         Raises:
             MeshingError: If it cannot be filled at this spacing.
@@ -106,7 +104,7 @@ class Visor:
         return np.column_stack([1 + way * crescent, share * PHI_END])
 
     def _place(self, share: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Flat points, shape (N, 2), of places on the visor."""
+        """Flat points, shape (N, 2), at shares of the half width and of the way to the edge."""
         edge = self._flat_inner
         start = np.column_stack([np.interp(share, self._shares, edge[:, k]) for k in range(2)])
         turn = self._p.visor_splay * share

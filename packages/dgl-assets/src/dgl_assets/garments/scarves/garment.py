@@ -1,11 +1,12 @@
 """Scarves: measures, making, and random ones.
 
-A scarf is one layer of cloth that lies along x. Canonical coordinates: u from the left tip (-1) to the right tip (1), v from
-the lower (0) to the upper (1) long edge; along an end |u| falls from 1 at its middle to 1 - `U_CORNER` at its corners,
-whatever its shape. Its one layer counts as the front.
+A scarf is one layer of cloth that lies along x and counts as the front. Canonical coordinates: u
+from the left tip (-1) to the right tip (1), v from the lower (0) to the upper (1) long edge; along
+an end of any shape |u| falls from 1 at its middle to 1 - `U_CORNER` at its corners.
 
-Landmarks: `left_end` and `right_end` (a little inside of the middle of the ends, where they are held), `left_tip` and
-`right_tip` (the middle of the ends), `centre`, `left_quarter` and `right_quarter`, `lower_centre` and `upper_centre`.
+Landmarks: `left_end` and `right_end` (grasp points just inside of the middle of the ends),
+`left_tip` and `right_tip` (the middle of the ends), `centre`, `left_quarter` and `right_quarter`,
+`lower_centre` and `upper_centre`.
 """
 
 from __future__ import annotations
@@ -19,25 +20,16 @@ import numpy as np
 from dgl_assets.garments.assembly import Cut, assemble
 from dgl_assets.garments.drawing import draw_until_valid, pick, span
 from dgl_assets.garments.garment import Garment
-from dgl_assets.garments.measures import check_choice, check_ranges
 from dgl_assets.garments.sewing import Curve, Panel, SewnSurface
 from dgl_assets.garments.shear import Knots, ShearMap
+from dgl_assets.ranges import check_choice, check_limit, check_ranges, measure
 
 CATEGORY = "Scarf"
 
 ScarfEnd = Literal["straight", "pointed", "rounded", "slanted"]
 
-SCARF_RANGES: dict[str, tuple[float, float]] = {
-    "length": (1.0, 1.6),
-    "width": (0.18, 0.45),
-    "waist": (0.5, 1.3),
-    "end_depth": (0.0, 0.25),
-    "bow": (-0.04, 0.04),
-}
-"""Smallest and largest accepted value of each measure, in its own unit."""
-
 U_CORNER = 0.03
-"""How far |u| falls along an end, so that no triangle in the corner of a pointed one lies on a line."""
+"""Fall of |u| along an end; keeps the (u, v) area of triangles in pointed corners above 0."""
 
 _HELD = 0.93  # |u| of the landmarks `left_end` and `right_end`
 _SAMPLES = 400
@@ -45,37 +37,31 @@ _SAMPLES = 400
 
 @dataclass(frozen=True, kw_only=True)
 class ScarfParameters:
-    """Measures of a scarf.
+    """Measures of a scarf."""
 
-    Attributes:
-        length: From tip to tip [m].
-        width: Width at the ends [m].
-        waist: Width at the middle relative to that at the ends.
-        end: Shape of the ends.
-        end_depth: How far pointed, rounded or slanted ends reach beyond their corners [m]; 0 for straight ones.
-        bow: How far the middle lies beyond the line of the ends, towards +y [m]: no scarf lies perfectly.
-    """
-
-    length: float = 1.35
-    width: float = 0.30
-    waist: float = 1.0
+    length: float = measure(1.0, 1.6, 1.35)
+    """From tip to tip [m]."""
+    width: float = measure(0.18, 0.45, 0.30)
+    """Width at the ends [m]."""
+    waist: float = measure(0.5, 1.3, 1.0)
+    """Width at the middle relative to that at the ends."""
     end: ScarfEnd = "straight"
-    end_depth: float = 0.0
-    bow: float = 0.0
+    """Shape of the ends."""
+    end_depth: float = measure(0.0, 0.25, 0.0)
+    """Reach of pointed, rounded or slanted ends beyond their corners [m]; 0 for straight ones."""
+    bow: float = measure(-0.04, 0.04, 0.0)
+    """Offset of the middle from the line of the ends, towards +y [m]: no scarf lies perfectly."""
 
     def __post_init__(self) -> None:
-        check_ranges(self, SCARF_RANGES)
+        check_ranges(self)
         check_choice("end", self.end, ("straight", "pointed", "rounded", "slanted"))
         if (self.end == "straight") != (self.end_depth == 0):
             raise ValueError(
-                f"end_depth must be 0 for straight ends and positive for others; got {self.end_depth} "
-                f"for {self.end!r}"
+                "end_depth must be 0 for straight ends and positive for others; got "
+                f"{self.end_depth} for {self.end!r}"
             )
-        if self.end_depth > 0.62 * self.width:
-            raise ValueError(
-                f"end_depth must be at most 0.62 of the width ({self.width}), or the tips are too "
-                f"sharp; got {self.end_depth}"
-            )
+        formula = "0.62 of the width, or the tips are too sharp,"
+        check_limit("end_depth", self.end_depth, formula, most=0.62 * self.width)
 
 
 class ScarfPattern:
@@ -92,7 +78,7 @@ class ScarfPattern:
         self.map = ShearMap(columns=self._columns, rows=self._rows)
 
     def cut_edge(self, sign: int) -> np.ndarray:
-        """Long edge from the left to the right corner [m], shape (N, 2): the upper one for sign +1."""
+        """Lower (-1) or upper (+1) long edge from left to right [m], shape (N, 2)."""
         v = np.array([1.0 if sign > 0 else 0.0])
         start, end = self._evaluate_end(v, -1)[0], self._evaluate_end(v, 1)[0]
         x = np.concatenate(
@@ -101,7 +87,7 @@ class ScarfPattern:
         return np.stack([x, self._columns(x)[0][:, 1 if sign > 0 else 0]], axis=1)
 
     def cut_end(self, sign: int) -> np.ndarray:
-        """Half ends: lower corner to tip, and tip to upper corner, of the left (-1) or right (+1) end [m]."""
+        """Left (-1) or right (+1) end from the lower over the tip to the upper corner [m]."""
         v = np.linspace(0.0, 1.0, 2 * _SAMPLES + 1)
         x = self._evaluate_end(v, sign)
         heights, _ = self._columns(x)
@@ -143,7 +129,7 @@ def make_scarf(
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to small and large scarves.
+        spacing: Target edge length [m], 0.006 to 0.025; None for `choose_spacing`.
         name: Name of the garment.
 
     Returns:
@@ -185,35 +171,24 @@ def make_scarf(
         exact=exact,
         landmarks=collect,
     )
-    return assemble(
-        cut, name=name, category=CATEGORY, parameters=parameters, spacing=spacing, layer_gap=0.0
-    )
+    return assemble(cut, CATEGORY, parameters, name, spacing, layer_gap=0.0)
 
 
 def sample_scarf(rng: np.random.Generator | int) -> ScarfParameters:
-    """Draw the measures of a random scarf of 1.2 to 1.5 m x 0.2 to 0.4 m.
-
-    Args:
-        rng: Generator, advanced by this call, or a seed.
-    """
-    return draw_until_valid(rng, _draw, lambda _: None)
+    """Draw a random scarf, 1.2 to 1.5 m by 0.2 to 0.4 m, from a generator or a seed."""
+    return draw_until_valid(rng, _draw)
 
 
 def _draw(rng: np.random.Generator) -> ScarfParameters:
     end = pick(rng, {"straight": 0.45, "pointed": 0.2, "rounded": 0.2, "slanted": 0.15})
     width = span(rng, 0.2, 0.4)
-    depth = {
-        "straight": (0.0, 0.0),
-        "pointed": (0.2, 0.6),
-        "rounded": (0.15, 0.5),
-        "slanted": (0.15, 0.5),
-    }
+    depth = {"straight": (0.0, 0.0), "pointed": (0.2, 0.6)}
     is_shaped = rng.random() < 0.4
     return ScarfParameters(
         length=span(rng, 1.2, 1.5),
         width=width,
         waist=span(rng, 0.6, 1.15) if is_shaped else span(rng, 0.97, 1.03),
         end=end,  # type: ignore[arg-type]
-        end_depth=width * span(rng, *depth[end]),
+        end_depth=width * span(rng, *depth.get(end, (0.15, 0.5))),
         bow=float(np.clip(rng.normal(0.0, 0.008), -0.025, 0.025)),
     )

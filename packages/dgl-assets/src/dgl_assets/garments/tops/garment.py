@@ -1,11 +1,12 @@
 """Make tops: cut the pattern, sew it, lay it flat.
 
-Landmarks are exact correspondences. All tops have, with `left_` or `right_`, `shoulder` (inside the shoulder point, or in
-the middle of a strap), `upper_chest`, `hem` (inside the hem corner), the corners `armpit`, `hem_corner` and `neck_side`
-(highest point of the shoulder); `centre`, `hem_centre`, and `collar`, on the back layer below the neckline. Sleeves add
-`cuff` (inside the cuff, upper layer), `cuff_upper`, `cuff_lower` and `sleeve_joint` (upper sleeve, just outside the
-armhole). Open fronts add `lapel` (on the front, beside the neck), `front` (beside the opening), `opening_top` and
-`opening_hem`; their `centre` and `hem_centre` are on the back, for the front has no middle.
+Landmarks are exact correspondences. All tops have, with `left_` or `right_`, `shoulder` (inside the
+shoulder point, or in the middle of a strap), `upper_chest`, `hem` (inside the hem corner), the
+corners `armpit`, `hem_corner` and `neck_side` (highest point of the shoulder); `centre`,
+`hem_centre`, and `collar`, on the back layer below the neckline. Sleeves add `cuff` (inside the
+cuff, upper layer), `cuff_upper`, `cuff_lower` and `sleeve_joint` (upper sleeve, just outside the
+armhole). Open fronts add `lapel` (on the front, beside the neck), `front` (beside the opening),
+`opening_top` and `opening_hem`; their `centre` and `hem_centre` are on the back.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ TOP_PINS: Pins = {
     "{}_upper_chest": (0.70, 0.82, 1),
     "{}_hem": (0.76, 0.11, 1),
 }
-"""Canonical (|u|, v, side) of landmarks of long-sleeved tops, after the demonstration points of the paper's fold, fling and
-hang tasks."""
+"""Canonical (|u|, v, side) of landmarks of long-sleeved tops, after the demonstration points of the
+paper's fold, fling and hang tasks."""
 SLEEVELESS_PINS: Pins = {
     **_ON_BODY,
     "{}_shoulder": (0.71, 0.955, 1),
     "{}_upper_chest": (0.70, 0.70, 1),
     "{}_hem": (0.88, 0.07, 1),
 }
-"""The same of sleeveless tops, after the paper's store task."""
+"""Landmarks of sleeveless tops, after the paper's store task."""
 FRONT_OPEN_PINS: Pins = {
     **_ON_SLEEVE,
     "{}_shoulder": (0.91, 0.93, 1),
@@ -54,7 +55,7 @@ FRONT_OPEN_PINS: Pins = {
     "centre": (0.0, 0.42, -1),
     "collar": (0.0, 0.925, -1),
 }
-"""The same of open fronts, after the paper's task of hanging a coat."""
+"""Landmarks of open fronts, after the paper's task of hanging a coat."""
 _OPEN_NECK_DIP = (0.30, 0.035)  # necklines of open fronts fall deeper
 
 
@@ -90,8 +91,8 @@ def make_top(
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to very small and large garments.
-        layer_gap: Distance between the two layers while it lies flat [m], 0 to 0.03. They meet at the seams.
+        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to the size.
+        layer_gap: Distance of the two layers while it lies flat [m], 0 to 0.03; 0 at the seams.
         name: Name of the garment.
 
     Returns:
@@ -101,14 +102,8 @@ def make_top(
         ValueError: If the measures contradict each other, or spacing or gap are out of range.
         MeshingError: If a panel cannot be filled at this spacing.
     """
-    return assemble(
-        cut_upper(cut_top(parameters), TOP_PINS),
-        name=name,
-        category=LONG_SLEEVE,
-        parameters=parameters,
-        spacing=spacing,
-        layer_gap=layer_gap,
-    )
+    pattern = cut_upper(cut_top(parameters), TOP_PINS)
+    return assemble(pattern, LONG_SLEEVE, parameters, name, spacing, layer_gap)
 
 
 def make_sleeveless_top(
@@ -118,19 +113,9 @@ def make_sleeveless_top(
     layer_gap: float = 0.012,
     name: str = "sleeveless top",
 ) -> Garment:
-    """Make a top without sleeves; arguments as for `make_top`.
-
-    Returns:
-        One welded surface with four openings: neck, hem and both armholes.
-    """
-    return assemble(
-        cut_upper(cut_sleeveless(parameters), SLEEVELESS_PINS),
-        name=name,
-        category=NO_SLEEVE,
-        parameters=parameters,
-        spacing=spacing,
-        layer_gap=layer_gap,
-    )
+    """Make a sleeveless top, open at neck, hem and armholes; arguments as for `make_top`."""
+    pattern = cut_upper(cut_sleeveless(parameters), SLEEVELESS_PINS)
+    return assemble(pattern, NO_SLEEVE, parameters, name, spacing, layer_gap)
 
 
 def make_front_open_top(
@@ -142,15 +127,8 @@ def make_front_open_top(
 ) -> Garment:
     """Make a coat, jacket or cardigan; arguments as for `make_top`.
 
-    Returns:
-        One welded surface with three openings: both cuffs, and one that runs along hem, fronts and neck. Where the fronts
-        overlap, the right one lies higher by `layer_gap`.
+    Its three openings are both cuffs, and one along hem, fronts and neck. Where the fronts overlap,
+    the right one lies higher by `layer_gap`.
     """
-    return assemble(
-        cut_upper(cut_front_open(parameters), FRONT_OPEN_PINS),
-        name=name,
-        category=FRONT_OPEN,
-        parameters=parameters,
-        spacing=spacing,
-        layer_gap=layer_gap,
-    )
+    pattern = cut_upper(cut_front_open(parameters), FRONT_OPEN_PINS)
+    return assemble(pattern, FRONT_OPEN, parameters, name, spacing, layer_gap)

@@ -12,13 +12,7 @@ from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening, 
 class TopParameters:
     """Measures of a long-sleeved top that lies flat, arms down and out.
 
-    Attributes:
-        body: Front and back.
-        neck: Neckline and collar.
-        sleeve: Sleeves.
-
-    Source:
-        Defaults are a women's M / men's S regular cut at 85 % of life size; see `sizes`.
+    Defaults are a women's M / men's S regular cut at 85 % of life size; see `sizes`.
     """
 
     body: Body = field(default_factory=Body)
@@ -33,32 +27,21 @@ class TopParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class SleevelessParameters:
-    """Measures of a top without sleeves.
-
-    Attributes:
-        body: Front and back; `shoulder_half_width` ends the strap.
-        neck: Neckline and collar.
-        armhole: Edges of the armholes.
-    """
+    """Measures of a top without sleeves."""
 
     body: Body = field(default_factory=lambda: Body(shoulder_half_width=0.15))
+    """`shoulder_half_width` ends the strap."""
     neck: Neck = field(default_factory=Neck)
     armhole: Armhole = field(default_factory=Armhole)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrontOpenParameters:
-    """Measures of a coat, jacket or cardigan.
-
-    Attributes:
-        body: Front and back.
-        neck: Neckline and collar, hood or lapels; with lapels the neckline runs down the roll line.
-        sleeve: Sleeves.
-        opening: The open front.
-    """
+    """Measures of a coat, jacket or cardigan."""
 
     body: Body = field(default_factory=Body)
     neck: Neck = field(default_factory=Neck)
+    """With lapels the neckline runs down the roll line."""
     sleeve: Sleeve = field(default_factory=Sleeve)
     opening: Opening = field(default_factory=Opening)
 

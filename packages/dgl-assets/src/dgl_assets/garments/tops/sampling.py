@@ -7,7 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from dgl_assets.garments.drawing import draw_until_valid, pick, span
-from dgl_assets.garments.sizes import SCALE, BodySize, Population, Sizes, draw_body
+from dgl_assets.garments.sizes import (
+    ADULTS,
+    EVERYBODY,
+    SCALE,
+    BodySize,
+    Sizes,
+    draw_body,
+)
 from dgl_assets.garments.tops.garment import (
     FRONT_OPEN_PINS,
     SLEEVELESS_PINS,
@@ -33,55 +40,40 @@ from dgl_assets.garments.uppers.sampling import (
 )
 
 REACH_SPAN = (1.0, 1.15)
-"""Cuff to cuff of tops that both robots reach [m]; the paper's demonstration garment spans 1.11 m."""
+"""Cuff to cuff of tops that both robots reach [m]; the paper's demonstration top has 1.11 m."""
 REACH_LENGTH = 0.85
 """Longest coats and tops that the robots hang, store or fold [m], nominal."""
 
-_ADULTS: tuple[Population, ...] = ("women", "men")
-_ALL: tuple[Population, ...] = ("children", "women", "men")
 # Highest point of the shoulder to the hem, as shares of the stature.
 _LENGTHS = {
-    "cropped": (0.27, 0.32),
-    "waist": (0.32, 0.35),
-    "hip": (0.35, 0.39),
-    "long": (0.39, 0.44),
+    "cropped": (0.27, 0.32), "waist": (0.32, 0.35), "hip": (0.35, 0.39), "long": (0.39, 0.44),
     "tunic": (0.44, 0.52),
-}
+}  # fmt: skip
 _COAT_LENGTHS = {
-    "jacket": (0.34, 0.39),
-    "hip": (0.38, 0.43),
-    "thigh": (0.44, 0.52),
-    "knee": (0.55, 0.64),
-}
+    "jacket": (0.34, 0.39), "hip": (0.38, 0.43), "thigh": (0.44, 0.52), "knee": (0.55, 0.64),
+}  # fmt: skip
 _TOP_NECKS = {
-    "crew": 0.20,
-    "wide_crew": 0.06,
-    "scoop": 0.09,
-    "v": 0.12,
-    "boat": 0.07,
-    "square": 0.06,
-    "mock": 0.06,
-    "turtle": 0.07,
-    "funnel": 0.04,
-    "polo": 0.07,
-    "shirt": 0.06,
-    "camp": 0.04,
+    "crew": 0.20, "wide_crew": 0.06, "scoop": 0.09, "v": 0.12, "boat": 0.07, "square": 0.06,
+    "mock": 0.06, "turtle": 0.07, "funnel": 0.04, "polo": 0.07, "shirt": 0.06, "camp": 0.04,
     "hood": 0.06,
-}
+}  # fmt: skip
+_COAT_NECKS = {
+    "crew": 0.13, "v": 0.1, "deep_v": 0.1, "mock": 0.09, "funnel": 0.06, "shirt": 0.1, "camp": 0.12,
+    "hood": 0.12, "lapel": 0.22,
+}  # fmt: skip
+_SLEEVELESS_NECKS = {
+    "crew": 0.22, "wide_crew": 0.08, "scoop": 0.22, "v": 0.14, "square": 0.08, "boat": 0.04,
+    "mock": 0.05, "turtle": 0.03, "polo": 0.05, "shirt": 0.04, "camp": 0.02, "hood": 0.04,
+}  # fmt: skip
 
 
 def sample_top(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> TopParameters:
-    """Draw the measures of a random long-sleeved top.
-
-    Body, fit, neckline, sleeve, silhouette and hem are drawn separately, so that tops differ in cut and not only in size.
+    """Draw a random long-sleeved top: body, fit, neckline, sleeve, silhouette and hem separately.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
-        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff without a hood, as the paper's tops with closed front
-            are; "all" for children to XXL, hoods among them.
-
-    Returns:
-        Measures that make a valid top.
+        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff without a hood, as the paper's; "all"
+            for children to XXL, hoods among them.
     """
 
     def check(top: TopParameters) -> None:
@@ -96,7 +88,7 @@ def sample_top(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> Top
 def sample_sleeveless_top(
     rng: np.random.Generator | int, *, sizes: Sizes = "reach"
 ) -> SleevelessParameters:
-    """Draw the measures of a random top without sleeves; arguments as for `sample_top`."""
+    """Draw a random top without sleeves; arguments as for `sample_top`."""
 
     def check(top: SleevelessParameters) -> None:
         _check_reach(sizes, length=top.body.length)
@@ -108,7 +100,7 @@ def sample_sleeveless_top(
 def sample_front_open_top(
     rng: np.random.Generator | int, *, sizes: Sizes = "reach"
 ) -> FrontOpenParameters:
-    """Draw the measures of a random coat, jacket or cardigan; arguments as for `sample_top`."""
+    """Draw a random coat, jacket or cardigan; arguments as for `sample_top`."""
 
     def check(top: FrontOpenParameters) -> None:
         _check_reach(sizes, length=top.body.length, width=max(top.span, REACH_SPAN[0]))
@@ -127,7 +119,7 @@ def _check_reach(sizes: Sizes, *, length: float, width: float | None = None) -> 
 
 
 def _draw_top(rng: np.random.Generator, *, sizes: Sizes) -> TopParameters:
-    size = draw_body(rng, populations=_ADULTS if sizes == "reach" else _ALL)
+    size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size)
     armhole = fit.armhole
     if rng.random() < 0.08:  # batwing
@@ -144,23 +136,13 @@ def _draw_top(rng: np.random.Generator, *, sizes: Sizes) -> TopParameters:
 
 
 def _draw_front_open(rng: np.random.Generator, *, sizes: Sizes) -> FrontOpenParameters:
-    size = draw_body(rng, populations=_ADULTS if sizes == "reach" else _ALL)
+    size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size, ease=(1.10, 1.50))
     lengths = {"jacket": 0.28, "hip": 0.34, "thigh": 0.22, "knee": 0.16}
-    necks = {
-        "crew": 0.13,
-        "v": 0.1,
-        "deep_v": 0.1,
-        "mock": 0.09,
-        "funnel": 0.06,
-        "shirt": 0.1,
-        "camp": 0.12,
-    }
-    necks |= {"hood": 0.12, "lapel": 0.22}
     body = _draw_body_part(
         rng, size, fit, armhole=fit.armhole, lengths=lengths, table=_COAT_LENGTHS
     )
-    neck = draw_neck(rng, necks, body=size)
+    neck = draw_neck(rng, _COAT_NECKS, body=size)
     length = SCALE * size.arm_length * rng.normal(1.08, 0.03)
     length -= 0.8 * (fit.shoulder - fit.natural_shoulder)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.14)
@@ -190,8 +172,8 @@ def _draw_opening(rng: np.random.Generator, neck: Neck) -> Opening:
     )
 
 
-# End of the shoulder between neck (0) and natural shoulder (1), half width of the neck relative to its kind's, scoops of
-# front and back [m], squareness.
+# End of the shoulder between neck (0) and natural shoulder (1), scoops of front and back [m],
+# squareness.
 _STRAPS: dict[str, tuple[tuple[float, float], ...]] = {
     "tank": ((0.30, 0.65), (0.0, 0.012), (0.0, 0.02), (0.85, 1.15)),
     "strap": ((0.16, 0.28), (0.0, 0.0), (0.0, 0.0), (0.8, 1.0)),
@@ -203,26 +185,13 @@ _STRAPS: dict[str, tuple[tuple[float, float], ...]] = {
 
 
 def _draw_sleeveless(rng: np.random.Generator, *, sizes: Sizes) -> SleevelessParameters:
-    size = draw_body(rng, populations=_ADULTS if sizes == "reach" else _ALL)
+    size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size, ease=(0.98, 1.34))
     kind = pick(
         rng, {"tank": 0.3, "strap": 0.1, "racer": 0.1, "vest": 0.24, "muscle": 0.16, "halter": 0.1}
     )
     share, front, back, squareness = (span(rng, *bounds) for bounds in _STRAPS[kind])
-    necks: Mapping[str, float] = {
-        "crew": 0.22,
-        "wide_crew": 0.08,
-        "scoop": 0.22,
-        "v": 0.14,
-        "square": 0.08,
-        "boat": 0.04,
-        "mock": 0.05,
-        "turtle": 0.03,
-        "polo": 0.05,
-        "shirt": 0.04,
-        "camp": 0.02,
-        "hood": 0.04,
-    }
+    necks: Mapping[str, float] = _SLEEVELESS_NECKS
     if kind in ("strap", "racer"):
         necks = {"scoop": 0.55, "v": 0.25, "square": 0.2}
     elif kind == "halter":

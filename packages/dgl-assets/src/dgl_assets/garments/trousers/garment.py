@@ -1,9 +1,10 @@
 """Make trousers: cut the pattern, sew it, lay it flat.
 
-Landmarks, all exact correspondences. With `left_` or `right_`: `waist` and `waist_inner` (just below the waistband, beside
-the outer seam and the centre), `waistband` (further in and lower, where a fling holds), `hem_outer` and `hem_inner` (just
-above the hem), `knee`, `hip`; the corners `waist_corner`, `hem_outer_corner`, `hem_inner_corner`. Besides `centre` (below
-the middle of the waistband), `waist_centre` and `crotch`.
+Landmarks are exact correspondences. With `left_` or `right_`: `waist` and `waist_inner` (just below
+the waistband, beside the outer seam and the centre), `waistband` (further in and lower, grasped by
+a fling), `hem_outer` and `hem_inner` (just above the hem), `knee`, `hip`; the corners
+`waist_corner`, `hem_outer_corner`, `hem_inner_corner`. Besides `centre` (below the middle of the
+waistband), `waist_centre` and `crotch`.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _PINNED: dict[str, tuple[float, float]] = {
     "hem_outer": (0.86, 0.045),
     "hem_inner": (0.40, 0.045),
 }
-"""Canonical (|u|, v) of landmarks on the front of each half, after the demonstration points of the paper's fold, fling and
-hang tasks."""
+"""Canonical (|u|, v) of landmarks on the front of each half, after the demonstration points of the
+paper's fold, fling and hang tasks."""
 _V_CENTRE = 0.89
 
 
@@ -41,30 +42,12 @@ def make_trousers(
     layer_gap: float = 0.012,
     name: str = "trousers",
 ) -> Garment:
-    """Make trousers or shorts.
+    """Make trousers or shorts, open at waist and hems; arguments as for `make_top`.
 
-    Args:
-        parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None for 13 mm, adapted to very small and large garments.
-        layer_gap: Distance between the two layers while they lie flat [m], 0 to 0.03. They meet at the seams.
-        name: Name of the garment.
-
-    Returns:
-        One welded surface with three openings: waist and both hems. A seam runs down the centre of front and back and
-        meets the inner seams at the crotch.
-
-    Raises:
-        ValueError: If the measures contradict each other, or spacing or gap are out of range.
-        MeshingError: If a panel cannot be filled at this spacing.
+    A seam runs down the centre of front and back and meets the inner seams at the crotch.
     """
-    return assemble(
-        cut_trousers(parameters),
-        name=name,
-        category=CATEGORY,
-        parameters=parameters,
-        spacing=spacing,
-        layer_gap=layer_gap,
-    )
+    pattern = cut_trousers(parameters)
+    return assemble(pattern, CATEGORY, parameters, name, spacing, layer_gap)
 
 
 def cut_trousers(parameters: TrousersParameters) -> Cut:
@@ -89,12 +72,10 @@ def cut_trousers(parameters: TrousersParameters) -> Cut:
             waist = leg.cut_waist(layer)
             middle = f"{face}_waist"
             mark = leg.get_map(layer).to_pattern(np.array([[0.0, _V_CENTRE]]))[0]
-            curves[f"{face}_rise"] = Curve(
-                start="crotch", end=f"{face}_centre", points=np.stack([leg.crotch, mark])
-            )
-            curves[f"{face}_centre"] = Curve(
-                start=f"{face}_centre", end=middle, points=np.stack([mark, waist[-1]])
-            )
+            rise, top = np.stack([leg.crotch, mark]), np.stack([mark, waist[-1]])
+            centre = f"{face}_centre"
+            curves[f"{face}_rise"] = Curve(start="crotch", end=centre, points=rise)
+            curves[centre] = Curve(start=centre, end=middle, points=top)
             curves[f"{face}_{hand}_waist"] = Curve(start=corner, end=middle, points=waist * mirror)
             curves[f"{face}_{hand}_hem"] = Curve(start=inner, end=outer, points=leg.hem * mirror)
             exact += [(f"{face}_{hand}_waist", 1, 1.0), (f"{face}_{hand}_hem", 1, 0.0)]

@@ -1,11 +1,11 @@
 """The pattern of trousers: its curves, and its canonical coordinates.
 
-Pattern frame: metres, x across with 0 at the centre, y up with 0 at the sides of the waistband, "left" is -x. Curves are
-built for the side +x and mirrored.
+Pattern frame: metres, x across with 0 at the centre, y up with 0 at the sides of the waistband,
+"left" is -x. Curves are built for the side +x and mirrored.
 
-Canonical coordinates (u, v) on one layer: v is 0 at the hems, `V_CROTCH` at the crotch, 1 at the waistband; |u| is 1 on the
-outer seam, 0 on the centre seam, and on the inner seam it grows from 0 at the crotch to `U_INSEAM` at the hem, so that
-the legs are apart.
+Canonical coordinates (u, v) on one layer: v is 0 at the hems, `V_CROTCH` at the crotch, 1 at the
+waistband; |u| is 1 on the outer seam, 0 on the centre seam, and on the inner seam it grows from 0
+at the crotch to `U_INSEAM` at the hem, so that the legs are apart.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LegPattern:
 
     Args:
         parameters: Measures.
-        angle: How far this leg points outward [rad].
+        angle: Outward direction of this leg [rad].
 
     Raises:
         ValueError: If the measures contradict each other.

@@ -7,14 +7,21 @@ import numpy as np
 from dgl_assets.garments.assembly import check_size
 from dgl_assets.garments.drawing import draw_until_valid, pick, span
 from dgl_assets.garments.sewing import measure_area
-from dgl_assets.garments.sizes import SCALE, BodySize, Sizes, draw_body
+from dgl_assets.garments.sizes import (
+    ADULTS,
+    EVERYBODY,
+    SCALE,
+    BodySize,
+    Sizes,
+    draw_body,
+)
 from dgl_assets.garments.trousers.garment import cut_trousers
 from dgl_assets.garments.trousers.parameters import TrousersParameters
 
 REACH_LENGTH = 1.0
 """Longest trousers that the robots fold [m]; the paper's demonstration garment is 0.905 m long."""
 
-# Widths of knee, ankle and hem as shares of the thigh's; the leg needs about as much angle as it widens.
+# Widths of knee, ankle and hem as shares of the thigh's.
 _LEGS: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
     "straight": ((0.72, 0.82), (0.66, 0.76), (0.64, 0.76)),
     "tapered": ((0.66, 0.76), (0.50, 0.58), (0.46, 0.56)),
@@ -30,16 +37,11 @@ _LEGS: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, fl
 def sample_trousers(
     rng: np.random.Generator | int, *, sizes: Sizes = "reach"
 ) -> TrousersParameters:
-    """Draw the measures of random trousers or shorts.
-
-    Body, leg shape, length, rise and waist are drawn separately, so that trousers differ in cut and not only in size.
+    """Draw random trousers or shorts: body, leg shape, length, rise and waist separately.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
         sizes: "reach" for adults' garments that the robots reach, "all" for children to XXL.
-
-    Returns:
-        Measures that make valid trousers.
     """
     return draw_until_valid(rng, lambda r: _draw(r, sizes=sizes), lambda p: _check(p, sizes=sizes))
 
@@ -53,9 +55,7 @@ def _check(parameters: TrousersParameters, *, sizes: Sizes) -> None:
 
 
 def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
-    body = draw_body(
-        rng, populations=("women", "men") if sizes == "reach" else ("children", "women", "men")
-    )
+    body = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     kind = pick(rng, _LENGTHS)
     leg = pick(rng, _SHORT_LEGS if kind in ("shorts", "bermuda") else _LONG_LEGS)
     is_tight = leg == "skinny"
@@ -75,12 +75,9 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
     if leg not in _GATHERED:
         ankle = knee + (hem - knee) * span(rng, 0.72, 0.9)
     if kind in ("shorts", "bermuda"):
-        knee, ankle, hem = (
-            thigh + (w - thigh) * s
-            for w, s in zip(
-                (knee, ankle, hem), (0.5 * reached, 0.9 * reached, reached), strict=True
-            )
-        )
+        shares = (0.5 * reached, 0.9 * reached, reached)
+        widths = zip((knee, ankle, hem), shares, strict=True)
+        knee, ankle, hem = (thigh + (width - thigh) * share for width, share in widths)
     needed = max(
         (width / 2 - thigh / 2 + 0.012) / (share * inseam)
         for width, share in zip((knee, ankle, hem), (0.5, 0.9, 1.0), strict=True)
@@ -109,23 +106,13 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
 _GATHERED = ("jogger", "balloon")  # a cuff at the ankle
 _LENGTHS = {"long": 0.56, "cropped": 0.12, "bermuda": 0.14, "shorts": 0.18}
 _LONG_LEGS = {
-    "straight": 0.24,
-    "tapered": 0.17,
-    "skinny": 0.14,
-    "bootcut": 0.08,
-    "flared": 0.1,
-    "wide": 0.12,
-    "jogger": 0.1,
-    "balloon": 0.05,
-}
+    "straight": 0.24, "tapered": 0.17, "skinny": 0.14, "bootcut": 0.08, "flared": 0.1, "wide": 0.12,
+    "jogger": 0.1, "balloon": 0.05,
+}  # fmt: skip
 _SHORT_LEGS = {"straight": 0.35, "tapered": 0.2, "skinny": 0.1, "wide": 0.2, "flared": 0.15}
 
 
 def _draw_inseam(rng: np.random.Generator, kind: str, body: BodySize) -> float:
-    shares = {
-        "long": (0.92, 1.04),
-        "cropped": (0.62, 0.85),
-        "bermuda": (0.3, 0.45),
-        "shorts": (0.1, 0.25),
-    }
+    shares = {"long": (0.92, 1.04), "cropped": (0.62, 0.85)}
+    shares |= {"bermuda": (0.3, 0.45), "shorts": (0.1, 0.25)}
     return SCALE * body.inside_leg * span(rng, *shares[kind])

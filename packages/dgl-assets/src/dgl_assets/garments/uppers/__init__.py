@@ -1,1 +1,1 @@
-"""What tops, coats and dresses are composed of: body, neck, sleeves, armholes and a front opening."""
+"""Parts of tops, coats and dresses: body, neck, sleeves, armholes and a front opening."""

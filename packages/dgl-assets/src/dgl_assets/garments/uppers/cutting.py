@@ -19,7 +19,7 @@ LAYERS = {"front": 1, "back": -1}
 HANDS = {"left": -1, "right": 1}
 
 Pins = Mapping[str, tuple[float, float, int]]
-"""Canonical (|u|, v, side) of landmarks; names in braces are completed with the hand: "{}_cuff"."""
+"""Canonical (|u|, v, side) by landmark; braces stand for the hand: "{}_cuff"."""
 
 _RAISE_REACH = 0.06  # over which one front climbs onto the other [m]
 
@@ -32,7 +32,7 @@ def cut_upper(cuts: Cuts, pins: Pins) -> Cut:
         pins: Landmarks inside of the panels.
 
     Returns:
-        What `assemble` sews.
+        The input of `assemble`.
 
     Raises:
         ValueError: If the measures contradict each other.
@@ -52,15 +52,11 @@ class _UpperCutter:
     def cut(self) -> Cut:
         for hand in HANDS:
             self._cut_half(hand)
-        panels = tuple(
-            self._place_pins(
-                [*self._cut_sleeves(), *self._cut_hood(), *self._cut_flaps(), *self._cut_bodies()]
-            )
-        )
+        panels = self._cut_sleeves() + self._cut_hood() + self._cut_flaps() + self._cut_bodies()
         overlap = self._cuts.opening.overlap if self._cuts.opening is not None else 0.0
         return Cut(
             curves=self._curves,
-            panels=panels,
+            panels=tuple(self._place_pins(panels)),
             to_canonical=self._to_canonical,
             exact=self._exact,
             landmarks=self._collect_landmarks,
@@ -143,9 +139,8 @@ class _UpperCutter:
                     collar = (f"-{hand}_collar_edge",) if self._finish == "stand" else ()
                     edges = (*runs[hand], *collar, f"-{hand}_opening")
                     edges = edges if hand == "right" else _reverse(edges)
-                    panels.append(
-                        Panel(name=f"{face}_{hand}_body", layer=layer, edges=edges, pins={})
-                    )
+                    name = f"{face}_{hand}_body"
+                    panels.append(Panel(name=name, layer=layer, edges=edges, pins={}))
                 continue
             gap: tuple[str, ...] = ()
             if layer > 0 and self._finish == "hood":
@@ -161,7 +156,7 @@ class _UpperCutter:
         return panels
 
     def _walk_half(self, hand: str, face: str) -> tuple[str, ...]:
-        """Edges of one half of a body panel from the centre of the hem to the centre of the neck, as on the right."""
+        """Edges of half a body panel from the centre of the hem to the neck, as on the right."""
         is_raglan = self._cuts.sleeve is not None and self._cuts.sleeve.seam == "raglan"
         shoulder = () if is_raglan else (f"{hand}_shoulder",)
         neck: tuple[str, ...] = (f"{face}_{hand}_neck",)
@@ -178,18 +173,11 @@ class _UpperCutter:
         shoulder = ("{}_shoulder",) if self._cuts.sleeve.seam == "raglan" else ()
         for face, layer in LAYERS.items():
             for hand in HANDS:
-                edges = (
-                    "{}_underarm",
-                    f"-{face}_{{}}_cuff",
-                    "-{}_upper",
-                    *shoulder,
-                    f"{face}_{{}}_armhole",
-                )
-                edges = tuple(edge.format(hand) for edge in edges)
+                edges = ("{}_underarm", f"-{face}_{{}}_cuff", "-{}_upper", *shoulder)
+                edges = tuple(e.format(hand) for e in (*edges, f"{face}_{{}}_armhole"))
                 edges = edges if hand == "right" else _reverse(edges)
-                panels.append(
-                    Panel(name=f"{face}_{hand}_sleeve", layer=layer, edges=edges, pins={})
-                )
+                name = f"{face}_{hand}_sleeve"
+                panels.append(Panel(name=name, layer=layer, edges=edges, pins={}))
         return panels
 
     def _cut_hood(self) -> list[Panel]:
@@ -221,7 +209,7 @@ class _UpperCutter:
                 self._add(hand, f"{hand}_leaf_{k}", last, following, part)
                 names.append(f"{hand}_leaf_{k}")
                 last = following
-            # Seen from above the leaf lies beside the hinge on the body's side, so it is walked like the body.
+            # The leaf lies beside its hinge on the body's side, so it is walked like the body.
             edges = (*names, f"-{hand}_collar", f"front_{hand}_neck")
             edges = edges if hand == "right" else _reverse(edges)
             panels.append(Panel(name=f"front_{hand}_collar_flap", layer=2, edges=edges, pins={}))
@@ -272,7 +260,7 @@ class _UpperCutter:
         return result
 
     def _compute_raise(self, points: np.ndarray, panel: str) -> np.ndarray:
-        """The right front lies over the left one where they overlap."""
+        """Raise the right front over the left one where they overlap."""
         opening = self._cuts.opening
         if opening is None or not panel.startswith("front_right") or panel.endswith("sleeve"):
             return np.zeros(len(points))
@@ -292,5 +280,5 @@ class _UpperCutter:
 
 
 def _reverse(edges: tuple[str, ...]) -> tuple[str, ...]:
-    """The same edges walked the other way round."""
+    """Walk edges the other way round."""
     return tuple(edge[1:] if edge[0] == "-" else f"-{edge}" for edge in reversed(edges))

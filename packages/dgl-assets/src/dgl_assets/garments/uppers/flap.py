@@ -9,7 +9,7 @@ import numpy as np
 
 from dgl_assets.garments.uppers.neckline import Neckline
 
-# Width of a leaf as shares of `leaf_width` at shares along its hinge; there the last one is the collar's side seam.
+# (share along the hinge, share of `leaf_width`); the last one is added: the collar's side seam.
 _LEAF = (0.0, 1.15), (0.25, 1.0), (0.7, 0.92)
 _LAPEL = (0.0, 0.0), (0.06, 0.3), (0.56, 1.1), (0.62, 0.66), (0.68, 0.95), (0.85, 0.85)
 _CORNERS = {"fold": (), "lapel": (0.56, 0.62, 0.68)}
@@ -19,24 +19,21 @@ _SAMPLES = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf:
-    """The shape of a leaf on the side +x.
-
-    Attributes:
-        hinge: Neckline from the centre or the opening to the neck side, evenly divided [m], shape (N, 2).
-        outer: Free edge from the tip to the collar's side seam [m], shape (N, 2); each point is joined to the hinge by a
-            straight ruling.
-        reach: Width relative to the widest place, 1 at the side seam, shape (N,).
-        corners: Shares of the outer edge at which it has corners, each in (0, 1).
-    """
+    """The shape of a leaf on the side +x."""
 
     hinge: np.ndarray
+    """Neckline from the centre or the opening to its side, evenly divided [m], shape (N, 2)."""
     outer: np.ndarray
+    """Free edge from the tip to the collar's side seam [m], shape (N, 2); a straight ruling joins
+    each point to the hinge."""
     reach: np.ndarray
+    """Width relative to the widest point, 1 at the side seam, shape (N,)."""
     corners: tuple[float, ...]
+    """Shares of the outer edge at which it has corners, each in (0, 1)."""
 
     @property
     def is_pointed(self) -> bool:
-        """Whether the leaf begins with an edge, rather than in a point on the neckline."""
+        """The leaf begins with an edge, not in a point on the neckline."""
         return bool(np.linalg.norm(self.outer[0] - self.hinge[0]) > 0.005)
 
 
@@ -65,7 +62,8 @@ def cut_leaf(neckline: Neckline, *, start: float) -> Leaf:
 class Flap:
     """A leaf and its canonical map.
 
-    v grows from that of the neckline by the width of the leaf, so that its corners are corners in (u, v) too.
+    v grows from the neckline by the width of the leaf, so that its corners are corners in (u, v)
+    too.
 
     Args:
         leaf: Its shape.

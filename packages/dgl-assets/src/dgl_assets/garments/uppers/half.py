@@ -1,14 +1,17 @@
 """One half of the body of an upper garment: its curves, and its canonical coordinates.
 
-Pattern frame: metres, x across with 0 at the centre, y up with 0 at the highest point of the shoulder, seen from above
-while the garment lies on its back; "left" is -x. Each half is built for the side +x and mirrored.
+Pattern frame: metres, x across with 0 at the centre, y up with 0 at the highest point of the
+shoulder, seen from above while the garment lies on its back; "left" is -x. Each half is built for
+the side +x and mirrored.
 
 Canonical coordinates (u, v) of one layer:
 
-* body, |u| <= 1: u is 0 at the centre (`U_OPENING` at the edge of an open front) and 1 on side seam and armhole (a free armhole falls to 1 - `U_STRAP`); v is 0 at
-  the hem, `V_WAIST` at the waist (dresses only), `V_ARMPIT` at the armpit, 1 on the shoulder seam, which meets the
-  neckline at u = `U_NECK`; the neckline falls towards the centre by a fixed dip.
-* collar, |u| <= `U_NECK`: above the neckline, up to v = 1 + `V_COLLAR` at the sides; a hood up to 1 + `V_HOOD`.
+* body, |u| <= 1: u is 0 at the centre (`U_OPENING` at the edge of an open front) and 1 on side seam
+  and armhole (1 - `U_STRAP` at the shoulder of a free armhole); v is 0 at the hem, `V_WAIST` at the
+  waist (dresses only), `V_ARMPIT` at the armpit, 1 on the shoulder seam, which meets the neckline
+  at u = `U_NECK`; the neckline falls towards the centre by a fixed dip.
+* collar, |u| <= `U_NECK`: above the neckline, up to v = 1 + `V_COLLAR` at the sides; a hood up to
+  1 + `V_HOOD`.
 * sleeves, 1 <= |u| <= 2.
 """
 
@@ -33,43 +36,36 @@ from dgl_assets.garments.uppers.outline import (
 )
 from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening, Sleeve
 from dgl_assets.garments.uppers.sleeve import V_ARMPIT, SleevePattern
+from dgl_assets.ranges import check_limit
 
 V_WAIST = 0.35
 U_OPENING = 0.05
 U_STRAP = 0.15
-"""How far u of an armhole without sleeve falls from the armpit to the shoulder."""
+"""Fall of u along an armhole without sleeve, from the armpit to the shoulder."""
 
-_CHEST_PLACES = (
-    (0.70, 0.82),
-    (0.56, 0.945),
-)  # that raglan seams keep clear of; the second only of open fronts
-_CHEST_ROOM = 0.012  # by so much [m]
+# (u, v) that raglan seams keep clear of by `_CHEST_ROOM` [m]; the second only of open fronts.
+_CHEST_PLACES = ((0.70, 0.82), (0.56, 0.945))
+_CHEST_ROOM = 0.012
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
 _ROOM_BELOW_NECK = 0.06  # between a deep neckline and the level of the armpit [m]
-_HOOD_START = 0.35  # of the neck's half width: where the front edges of a hood meet the neckline
+_HOOD_START = 0.35  # of the neck's half width: front edges of a hood on the neckline
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cuts:
-    """The parts that an upper garment is composed of.
-
-    Attributes:
-        body: Front and back.
-        neck: Neckline and collar.
-        sleeve: Sleeves, or None.
-        armhole: Edge of the armholes where there are no sleeves, or None.
-        opening: Open front, or None.
-        neck_dip: Fall of the neckline at the centre in v: front, back.
-        has_waist: Whether v is fixed at the waist.
-    """
+    """Parts of an upper garment."""
 
     body: Body
     neck: Neck
     sleeve: Sleeve | None = None
     armhole: Armhole | None = None
+    """Edge of the armholes, if there are no sleeves."""
     opening: Opening | None = None
+    """Open front."""
     neck_dip: tuple[float, float] = (0.18, 0.035)
+    """Fall of the neckline at the centre in v: front, back."""
     has_waist: bool = False
+    """Fix v at the waist."""
 
 
 class HalfPattern:
@@ -126,7 +122,7 @@ class HalfPattern:
 
     @property
     def neck_end(self) -> float:
-        """Place x' of the inner end of the front neckline [m]: 0, or the edge of an open front or of a hood."""
+        """Inner end x' of the front neckline [m]: 0, or the edge of an open front or of a hood."""
         if self.cuts.opening is not None:
             return self.cuts.opening.top_gap
         if self.cuts.neck.finish == "hood":
@@ -141,13 +137,13 @@ class HalfPattern:
         return self._maps[layer].to_canonical(straight)
 
     def body_to_pattern(self, canonical: np.ndarray, *, layer: int) -> np.ndarray:
-        """Map (u, v), shape (N, 2), u <= 1, to points of body, collar and hood [m], shape (N, 2)."""
+        """Map (u, v), shape (N, 2), u <= 1, to body, collar and hood [m], shape (N, 2)."""
         points = self._maps[layer].to_pattern(canonical)
         points[:, 0] *= self.neckline.scale(points[:, 1])
         return points
 
     def to_canonical(self, points: np.ndarray, *, layer: int, is_sleeve: bool) -> np.ndarray:
-        """Map points of the body's panels, or of the sleeve's, to (u, v); a raglan's holds some of the body."""
+        """Map points of body or sleeve panels to (u, v); a raglan sleeve holds some of the body."""
         if not is_sleeve or self.sleeve is None:
             return self.body_to_canonical(points, layer=layer)
         result = self.sleeve.to_canonical(points)
@@ -157,7 +153,7 @@ class HalfPattern:
         return result
 
     def to_pattern(self, canonical: np.ndarray, *, layer: int) -> np.ndarray:
-        """Map (u, v), shape (N, 2), anywhere on one layer of this half, to pattern points [m], shape (N, 2)."""
+        """Map (u, v), shape (N, 2), on one layer to pattern points [m], shape (N, 2)."""
         result = self.body_to_pattern(np.minimum(canonical, [1.0, np.inf]), layer=layer)
         outside = canonical[:, 0] > 1
         if outside.any():
@@ -173,8 +169,8 @@ class HalfPattern:
             return self.armholes[layer]
         start, end = self.shoulder[-1], self.side[-1]
         t = np.linspace(0.0, 1.0, SAMPLES)[:, None]
-        # A raglan seam leaves the neck steeply and arrives at the armpit along the armhole. It is bowed as far as vertices
-        # on the chest, where landmarks are, need room beside it.
+        # A raglan seam leaves the neck steeply and arrives at the armpit along the armhole. Its bow
+        # leaves room for the landmarks on the chest.
         places = np.array(_CHEST_PLACES if self.opening is not None else _CHEST_PLACES[:1])
         chest = self.body_to_pattern(places, layer=1)
         best, room = np.empty((0, 2)), -1.0
@@ -200,23 +196,15 @@ class HalfPattern:
                 f"({body.shoulder_half_width}); got {neck.half_width}"
             )
         if neck.finish == "hood" and cuts.opening is not None and cuts.opening.overlap > 0:
-            raise ValueError(
-                "fronts below a hood must not overlap; got top_gap "
-                f"{cuts.opening.top_gap} and hem_gap {cuts.opening.hem_gap}"
-            )
+            gaps = f"top_gap {cuts.opening.top_gap} and hem_gap {cuts.opening.hem_gap}"
+            raise ValueError(f"fronts below a hood must not overlap; got {gaps}")
         if neck.finish == "lapel" and cuts.opening is None:
             raise ValueError("finish 'lapel' needs an open front")
         deepest = body.length - 0.12 if cuts.opening is not None else body.armhole_depth - 0.008
-        if neck.front_depth > deepest:
-            raise ValueError(
-                f"front_depth must be at most {deepest:.3f} m for armhole_depth {body.armhole_depth} and "
-                f"length {body.length}; got {neck.front_depth}"
-            )
-        if neck.back_depth > body.armhole_depth - 0.01:
-            raise ValueError(
-                f"back_depth must be at least 0.01 m below armhole_depth ({body.armhole_depth}); got "
-                f"{neck.back_depth}"
-            )
+        formula = f"the limit for armhole_depth {body.armhole_depth} and length {body.length}"
+        check_limit("front_depth", neck.front_depth, formula, most=deepest)
+        most = body.armhole_depth - 0.01
+        check_limit("back_depth", neck.back_depth, "armhole_depth - 0.01 m", most=most)
 
     def _cut_shoulder(self) -> np.ndarray:
         body, neck = self.cuts.body, self.cuts.neck
@@ -246,7 +234,7 @@ class HalfPattern:
         return np.interp(x, *self.shoulder[::-1].T)
 
     def _evaluate_armpit(self, x: np.ndarray, *, layer: int) -> np.ndarray:
-        """Height of v = `V_ARMPIT` over x: level, or sagging towards the centre where a deep neckline needs room."""
+        """Height of v = `V_ARMPIT` over x: level, or sagging below a deep neckline."""
         body, neck = self.cuts.body, self.cuts.neck
         depth = neck.front_depth if layer > 0 else neck.back_depth
         room = min(_ROOM_BELOW_NECK, 0.3 * body.armhole_depth)
@@ -255,7 +243,7 @@ class HalfPattern:
         return -body.armhole_depth - sag * (1 - share**2)
 
     def _columns(self, x: np.ndarray, *, layer: int) -> Knots:
-        """Heights [m] and their v along the columns at x': hem, waist, armpit, neckline or shoulder, collar."""
+        """Heights [m] and their v at x': hem, waist, armpit, neckline or shoulder, collar."""
         body, neckline = self.cuts.body, self.neckline
         is_neck = x <= self.cuts.neck.half_width + 1e-9
         hem = evaluate_hem(body, x, sign=self._sign)
@@ -307,7 +295,7 @@ class HalfPattern:
             if self.cuts.neck.finish == "hood":  # above the face opening it reaches the centre
                 fade = np.clip((1.15 - v) / 0.15, 0.0, 1.0)
                 low, u_low = low * fade, u_low * fade
-            # Below the armpit the columns spread to equal shares of the hem, whatever the width of the neck.
+            # Below the armpit the columns spread to equal shares of the hem.
             share = np.clip(v / V_ARMPIT, 0.0, 1.0)
             even = low + (width - low) * (U_NECK - u_low) / (1 - u_low)
             middle = (1 - share) * even + share * half_neck
@@ -322,7 +310,7 @@ class HalfPattern:
         """Value of u on the side seam and on the armhole at v."""
         if self.sleeve is not None:
             return np.ones(len(v))
-        # Side and free armhole meet in a corner, which a triangle may fill; it must not lie on one line.
+        # A triangle in the corner of side and free armhole must not lie on one line.
         return 1 - U_STRAP * np.clip((v - V_ARMPIT) / (1 - V_ARMPIT), 0.0, 1.0)
 
     def _check_clearance(self) -> None:
@@ -334,6 +322,7 @@ class HalfPattern:
         gap = x - np.interp(y, self.side[:, 1], self.side[:, 0])
         if np.any(gap[below] < np.minimum(0.25 * (armpit_y - y), 0.05)[below]):
             raise ValueError(
-                f"a sleeve lies on the body: angle {self.cuts.sleeve and self.cuts.sleeve.angle} is too "
-                f"steep for hem_half_width {self.cuts.body.hem_half_width} and the widths of the sleeve"
+                "a sleeve lies on the body: angle "
+                f"{self.cuts.sleeve and self.cuts.sleeve.angle} is too steep for hem_half_width "
+                f"{self.cuts.body.hem_half_width} and its widths"
             )

@@ -9,9 +9,9 @@ from dgl_assets.garments.uppers.parameters import Neck
 U_NECK = 0.42
 """|u| of the highest point of the shoulder, and of the sides of collars and hoods."""
 V_COLLAR = 0.12
-"""How far v of a collar exceeds 1 at its sides."""
+"""Excess of v over 1 at the sides of a collar."""
 V_HOOD = 0.5
-"""How far v of a hood exceeds 1 at its top."""
+"""Excess of v over 1 at the top of a hood."""
 
 _OPENING_DIP = {1: 0.05, -1: 0.012}  # fall of a collar's upper edge in v
 # A collar that lies flat still shows its back through the opening [m].
@@ -23,15 +23,16 @@ _SAMPLES = 400
 
 
 class Neckline:
-    """Curves of the neckline and of what stands above it.
+    """Curves of the neckline, and of the collar or hood above it.
 
-    Heights above the neck are functions of x', which is x scaled by the width of collar or hood at that height to that of
-    the neck, so that all of it lies within |x'| <= half_width.
+    Heights are functions of x', which is x over the width of collar or hood at that height relative
+    to the neck, so that all of it lies within |x'| <= half_width.
 
     Args:
         neck: Measures.
         dip: Fall of the neckline at the centre in v: front (1) and back (-1).
-        start: x of the edge of an open front at the neck [m], where v of the front has fallen by its dip; 0 if closed.
+        start: x of the edge of an open front at the neck [m], where v of the front has fallen by
+            its dip; 0 if closed.
     """
 
     def __init__(self, neck: Neck, *, dip: dict[int, float], start: float = 0.0) -> None:
@@ -40,7 +41,7 @@ class Neckline:
         self._start = {1: start, -1: 0.0}
 
     def has_collar(self, layer: int) -> bool:
-        """Whether body panels of that layer continue above the neckline."""
+        """Tell if body panels of a layer continue above the neckline."""
         finish = self.neck.finish
         return finish == "stand" or (layer < 0 and finish != "plain")
 
@@ -93,7 +94,7 @@ class Neckline:
         return np.stack([x, self.evaluate(x, layer=layer)], axis=1)
 
     def cut_edge(self, layer: int, *, x_end: float = 0.0) -> np.ndarray:
-        """Upper edge of the collar, or top of the hood, from its side to `x_end` [m], shape (N, 2)."""
+        """Upper edge of collar or hood from its side to `x_end` [m], shape (N, 2)."""
         x = x_end + (self.neck.half_width - x_end) * np.sin(np.linspace(np.pi / 2, 0.0, _SAMPLES))
         y = self.evaluate_edge(x, layer=layer)
         return np.stack([x * self.scale(y), y], axis=1)
@@ -105,7 +106,7 @@ class Neckline:
         return np.stack([self.neck.half_width * self.scale(y), y], axis=1)
 
     def cut_face(self, start: np.ndarray) -> np.ndarray:
-        """Half of the face opening of a hood, from a point on the front neckline to the top [m], shape (N, 2)."""
+        """Half of a hood's face opening, from the front neckline to the top [m], shape (N, 2)."""
         neck = self.neck
         width = neck.half_width + neck.spread - 0.05
         top = neck.height - _FACE_RIM

@@ -9,6 +9,7 @@ from scipy.interpolate import PchipInterpolator
 
 from dgl_assets.garments.uppers.neckline import Neckline
 from dgl_assets.garments.uppers.parameters import Armhole, Body, Opening
+from dgl_assets.ranges import check_limit
 
 SAMPLES = 400
 """Points of a curve."""
@@ -49,8 +50,9 @@ def cut_side(body: Body, *, sign: int) -> np.ndarray:
     y, x = np.array(knots).T
     if y[-1] - y[0] < _LEAST_SIDE:
         raise ValueError(
-            f"the side seam must be at least {_LEAST_SIDE} m long; got {y[-1] - y[0]:.3f} from length "
-            f"{body.length}, hem_curve {body.hem_curve} and armhole_depth {body.armhole_depth}"
+            f"the side seam must be at least {_LEAST_SIDE} m long; got {y[-1] - y[0]:.3f} from "
+            f"length {body.length}, hem_curve {body.hem_curve} and armhole_depth "
+            f"{body.armhole_depth}"
         )
     heights = np.linspace(y[0], y[-1], SAMPLES)
     return np.stack([PchipInterpolator(y, x)(heights), heights], axis=1)
@@ -84,11 +86,8 @@ def cut_opening(opening: Opening, neckline: Neckline, body: Body, *, sign: int) 
     Raises:
         ValueError: If it opens the neck by more than 0.6 of its width.
     """
-    if opening.top_gap > 0.6 * neckline.neck.half_width:
-        raise ValueError(
-            f"top_gap must be at most 0.6 of the neck's half width ({neckline.neck.half_width}); got "
-            f"{opening.top_gap}"
-        )
+    most = 0.6 * neckline.neck.half_width
+    check_limit("top_gap", opening.top_gap, "0.6 of the neck's half width", most=most)
     top = float(neckline.evaluate(np.array([opening.top_gap]), layer=1)[0])
     bottom = float(evaluate_hem(body, np.array([opening.hem_gap]), sign=sign)[0])
     y = np.linspace(bottom, top, SAMPLES)

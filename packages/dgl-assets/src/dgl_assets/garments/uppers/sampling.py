@@ -1,4 +1,4 @@
-"""Random parts of upper garments, drawn separately so that garments differ in cut and not only in size."""
+"""Random parts of upper garments, drawn separately so that garments differ in cut."""
 
 from __future__ import annotations
 
@@ -42,82 +42,40 @@ NECK_STYLES: dict[str, NeckStyle] = {
     "boat": NeckStyle("plain", (0.125, 0.165), (0.04, 0.075), (0.012, 0.03), (1.7, 2.6)),
     "square": NeckStyle("plain", (0.095, 0.13), (0.10, 0.15), (0.015, 0.05), (3.6, 4.8)),
     "mock": NeckStyle(
-        "stand",
-        (0.075, 0.09),
-        (0.06, 0.085),
-        (0.01, 0.02),
-        (2.0, 2.4),
-        (0.03, 0.05),
-        (-0.004, 0.006),
+        "stand", (0.075, 0.09), (0.06, 0.085), (0.01, 0.02), (2.0, 2.4),
+        (0.03, 0.05), (-0.004, 0.006),
     ),
     "turtle": NeckStyle(
-        "stand",
-        (0.07, 0.088),
-        (0.06, 0.08),
-        (0.01, 0.02),
-        (2.0, 2.4),
-        (0.065, 0.09),
-        (-0.006, 0.012),
+        "stand", (0.07, 0.088), (0.06, 0.08), (0.01, 0.02), (2.0, 2.4),
+        (0.065, 0.09), (-0.006, 0.012),
     ),
     "funnel": NeckStyle(
-        "stand", (0.09, 0.115), (0.07, 0.10), (0.01, 0.03), (2.0, 2.6), (0.06, 0.095), (0.01, 0.035)
+        "stand", (0.09, 0.115), (0.07, 0.10), (0.01, 0.03), (2.0, 2.6),
+        (0.06, 0.095), (0.01, 0.035),
     ),
     "polo": NeckStyle(
-        "fold",
-        (0.075, 0.092),
-        (0.075, 0.14),
-        (0.01, 0.02),
-        (1.15, 2.0),
-        (0.022, 0.035),
-        (0.025, 0.045),
-        (0.045, 0.06),
-        (0.8, 1.2),
+        "fold", (0.075, 0.092), (0.075, 0.14), (0.01, 0.02), (1.15, 2.0),
+        (0.022, 0.035), (0.025, 0.045), (0.045, 0.06), (0.8, 1.2),
     ),
     "shirt": NeckStyle(
-        "fold",
-        (0.072, 0.088),
-        (0.065, 0.095),
-        (0.01, 0.02),
-        (1.5, 2.2),
-        (0.028, 0.042),
-        (0.025, 0.04),
-        (0.05, 0.072),
-        (0.95, 1.35),
+        "fold", (0.072, 0.088), (0.065, 0.095), (0.01, 0.02), (1.5, 2.2),
+        (0.028, 0.042), (0.025, 0.04), (0.05, 0.072), (0.95, 1.35),
     ),
     "camp": NeckStyle(
-        "fold",
-        (0.08, 0.10),
-        (0.12, 0.18),
-        (0.01, 0.02),
-        (1.0, 1.25),
-        (0.022, 0.035),
-        (0.03, 0.05),
-        (0.055, 0.085),
-        (0.45, 0.9),
+        "fold", (0.08, 0.10), (0.12, 0.18), (0.01, 0.02), (1.0, 1.25),
+        (0.022, 0.035), (0.03, 0.05), (0.055, 0.085), (0.45, 0.9),
     ),
     "hood": NeckStyle(
-        "hood",
-        (0.082, 0.10),
-        (0.075, 0.105),
-        (0.012, 0.022),
-        (1.9, 2.4),
-        (0.28, 0.35),
-        (0.035, 0.06),
+        "hood", (0.082, 0.10), (0.075, 0.105), (0.012, 0.022), (1.9, 2.4),
+        (0.28, 0.35), (0.035, 0.06),
     ),
     "lapel": NeckStyle(
-        "lapel",
-        (0.08, 0.098),
-        (0.20, 0.46),
-        (0.01, 0.02),
-        (0.98, 1.12),
-        (0.028, 0.045),
-        (0.028, 0.045),
-        (0.065, 0.105),
-        (0.45, 0.75),
+        "lapel", (0.08, 0.098), (0.20, 0.46), (0.01, 0.02), (0.98, 1.12),
+        (0.028, 0.045), (0.028, 0.045), (0.065, 0.105), (0.45, 0.75),
     ),
     "deep_v": NeckStyle("plain", (0.085, 0.11), (0.20, 0.40), (0.012, 0.025), (0.95, 1.2)),
-}
-"""Kinds of necklines. Values are those of garments in shops, from memory."""
+}  # fmt: skip
+"""Kinds of necklines; values from memory of garments in shops."""
 
 
 def draw_neck(rng: np.random.Generator, shares: Mapping[str, float], *, body: BodySize) -> Neck:
@@ -142,7 +100,7 @@ def draw_neck(rng: np.random.Generator, shares: Mapping[str, float], *, body: Bo
 
 
 class Fit(NamedTuple):
-    """How a garment sits on a body [m]: half widths, depths below the shoulder, slope [rad] and drop of the shoulder."""
+    """Fit on a body: share of ease, half widths and depths [m], shoulder slope [rad]."""
 
     ease: float
     chest: float
@@ -157,7 +115,7 @@ def draw_fit(rng: np.random.Generator, body: BodySize, *, ease: Bounds = (1.02, 
 
     Args:
         rng: Generator.
-        body: Whom the garment is for.
+        body: Wearer.
         ease: Girth of slim and of oversized garments, relative to the body's chest.
     """
     share = rng.beta(1.2, 1.4)  # 0 slim, 1 oversized
@@ -208,14 +166,9 @@ _SLEEVES: dict[str, tuple[Bounds, Bounds, Bounds]] = {
     "balloon": ((1.06, 1.22), (1.05, 1.2), (0.45, 0.56)),
 }
 _SLEEVE_SHARES = {
-    "tapered": 0.34,
-    "slim": 0.1,
-    "straight": 0.22,
-    "bell": 0.09,
-    "bishop": 0.09,
-    "cuffed": 0.1,
+    "tapered": 0.34, "slim": 0.1, "straight": 0.22, "bell": 0.09, "bishop": 0.09, "cuffed": 0.1,
     "balloon": 0.06,
-}
+}  # fmt: skip
 _SHORT_SLEEVE_SHARES = {"straight": 0.5, "tapered": 0.2, "bell": 0.2, "balloon": 0.1}
 
 
@@ -246,11 +199,8 @@ def draw_sleeve(
     kind = pick(rng, _SHORT_SLEEVE_SHARES if is_short else _SLEEVE_SHARES)
     upper, lower, cuff = (width * span(rng, *bounds) for bounds in _SLEEVES[kind])
     if is_short and kind in ("straight", "tapered"):  # it ends where a long one is still wide
-        upper, lower, cuff = (
-            width * span(rng, 0.92, 1.0),
-            width * span(rng, 0.84, 0.96),
-            width * span(rng, 0.78, 0.95),
-        )
+        bounds = ((0.92, 1.0), (0.84, 0.96), (0.78, 0.95))
+        upper, lower, cuff = (width * span(rng, *bound) for bound in bounds)
     return Sleeve(
         length=length,
         angle=angle,
@@ -264,10 +214,10 @@ def draw_sleeve(
 
 
 def check_upper(cuts: Cuts, pins: Pins) -> None:
-    """Refuse garments that cannot be cut, or that are too small or too large to be meshed.
+    """Cut a garment and check its size.
 
     Raises:
-        ValueError: If it is so.
+        ValueError: If it cannot be cut, or is too small or too large to be meshed.
     """
     cut = cut_upper(cuts, pins)
     check_size(measure_area(cut.curves, cut.panels))

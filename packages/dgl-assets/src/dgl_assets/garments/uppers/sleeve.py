@@ -13,10 +13,7 @@ V_ARMPIT = 0.6
 """v of the armpit and of the underarm seam."""
 
 _SAMPLES = 400
-_ROUNDING = {
-    "set_in": 0.06,
-    "raglan": 0.11,
-}  # of shoulder and sleeve that the round shoulder takes [m]
+_ROUNDING = {"set_in": 0.06, "raglan": 0.11}  # length of the round shoulder on either side [m]
 _ARMHOLE_BOW = 0.06  # depth of the armhole curve, share of its length
 _LEAST_UNDERARM = 0.035  # [m]
 _STEEPEST_WIDTH = 1.8
@@ -25,7 +22,8 @@ _STEEPEST_WIDTH = 1.8
 def compute_armhole_width(body: Body, neck: Neck, *, sleeve_angle: float) -> float:
     """Compute the width of the sleeve where it leaves the armpit [m].
 
-    It follows from shoulder, chest, armhole and the angle of the sleeve [rad], and bounds the sleeve's widths.
+    It follows from shoulder, chest, armhole and the angle of the sleeve [rad], and bounds the
+    sleeve's widths.
     """
     x = body.chest_half_width - body.shoulder_half_width
     drop = (body.shoulder_half_width - neck.half_width) * math.tan(body.shoulder_slope)
@@ -35,8 +33,8 @@ def compute_armhole_width(body: Body, neck: Neck, *, sleeve_angle: float) -> flo
 class SleevePattern:
     """One sleeve on the side +x.
 
-    Canonical coordinates: u is 1 on the armhole and 2 at the cuff; v is `V_ARMPIT` on the underarm seam and 1 on the upper
-    edge. On the armhole v is that of the body.
+    Canonical coordinates: u is 1 on the armhole and 2 at the cuff; v is `V_ARMPIT` on the underarm
+    seam and 1 on the upper edge. On the armhole v is that of the body.
 
     Args:
         body: Measures of the body.
@@ -48,7 +46,8 @@ class SleevePattern:
         ValueError: If the widths of the sleeve contradict its armhole.
 
     Attributes:
-        armhole: Shoulder to armpit [m], shape (N, 2), pattern frame; where the canonical map joins that of the body.
+        armhole: Shoulder to armpit [m], shape (N, 2), pattern frame: the border of its canonical
+            map.
         shoulder_round: Rounded end of the shoulder line, shoulder point last [m], shape (N, 2).
         upper: Shoulder to cuff [m], shape (N, 2).
         underarm: Armpit to cuff [m], shape (N, 2).
@@ -78,17 +77,18 @@ class SleevePattern:
         underarm = sleeve.length - self._armpit_a
         if underarm < _LEAST_UNDERARM:
             raise ValueError(
-                f"the underarm seam must be at least {_LEAST_UNDERARM} m; got {underarm:.3f} from sleeve "
-                f"length {sleeve.length}, armhole_depth {body.armhole_depth} and angle {angle:.3f}"
+                f"the underarm seam must be at least {_LEAST_UNDERARM} m; got {underarm:.3f} from "
+                f"sleeve length {sleeve.length}, armhole_depth {body.armhole_depth} and angle "
+                f"{angle:.3f}"
             )
         knots = self._armpit_a + underarm * np.array([0.0, 0.25, 0.8, 1.0])
         widths = [self._armpit_c, sleeve.upper_width, sleeve.lower_width, sleeve.cuff_width]
         slopes = np.abs(np.diff(widths) / np.diff(knots))[1:]
         if slopes.max() > _STEEPEST_WIDTH:
             raise ValueError(
-                f"the width of a sleeve may change by at most {_STEEPEST_WIDTH} times the length over "
-                f"which it does; got {slopes.max():.2f} from widths {widths[1:]} on an underarm seam of "
-                f"{underarm:.3f} m"
+                f"the width of a sleeve may change by at most {_STEEPEST_WIDTH} times the length "
+                f"over which it does; got {slopes.max():.2f} from widths {widths[1:]} on "
+                f"{underarm:.3f} m of underarm seam"
             )
         self._underside = PchipInterpolator(knots, widths)
 
@@ -106,8 +106,8 @@ class SleevePattern:
         t[0], t[-1] = 0.0, 1.0
         if np.any(np.diff(t) <= 0):
             raise ValueError(
-                f"the armhole folds over itself: armhole_depth {body.armhole_depth} and sleeve angle "
-                f"{angle:.3f} do not go together"
+                f"the armhole folds over itself: armhole_depth {body.armhole_depth} and sleeve "
+                f"angle {angle:.3f} do not go together"
             )
         self._armhole_t, self._armhole_a = t, local[:, 0]
         self._armhole_v = np.linspace(1.0, V_ARMPIT, _SAMPLES)
@@ -117,14 +117,14 @@ class SleevePattern:
         self._armhole_v = armhole_v
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Tell which points [m], shape (N, 2), of body or sleeve lie on the sleeve's side of the armhole, shape (N,)."""
+        """Find the points [m], shape (N, 2), on the sleeve's side of the armhole, shape (N,)."""
         local = self._to_local(points)
         t = self._share_across(local[:, 0], local[:, 1])
         start = np.interp(np.clip(t, 0, 1), self._armhole_t, self._armhole_a)
         return local[:, 0] > start
 
     def to_canonical(self, points: np.ndarray) -> np.ndarray:
-        """Map pattern points of the sleeve [m], shape (N, 2), to (u, v), shape (N, 2), u in [1, 2]."""
+        """Map points of the sleeve [m], shape (N, 2), to (u, v), shape (N, 2), u in [1, 2]."""
         local = self._to_local(points)
         t = np.clip(self._share_across(local[:, 0], local[:, 1]), 0.0, 1.0)
         start = np.interp(t, self._armhole_t, self._armhole_a)
@@ -196,6 +196,6 @@ class SleevePattern:
         low, high = 0.6 * width, 1.3 * width
         if not low <= sleeve.upper_width <= high:
             raise ValueError(
-                f"upper_width of the sleeve must be in [{low:.3f}, {high:.3f}], 0.6 to 1.3 times the "
-                f"armhole width that the other measures give; got {sleeve.upper_width}"
+                f"upper_width of the sleeve must be in [{low:.3f}, {high:.3f}], 0.6 to 1.3 times "
+                f"the armhole width of the other measures; got {sleeve.upper_width}"
             )
