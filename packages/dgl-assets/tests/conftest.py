@@ -1,7 +1,7 @@
 """Garments and people that several test modules look at; each is made once."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import pytest
 
@@ -9,21 +9,27 @@ from dgl_assets import Garment, garment_ids, list_categories, load_garment
 from dgl_assets.people import Person, make_person
 
 
-class Families(dict[str, list[Garment]]):
+class Families(Mapping[str, list[Garment]]):
     """Garments within reach and of all sizes by category, made when they are asked for."""
 
     def __init__(self, count: int) -> None:
-        super().__init__({category: [] for category in list_categories()})
         self._count = count
+        self._made: dict[str, list[Garment]] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(list_categories())
+
+    def __len__(self) -> int:
+        return len(list_categories())
 
     def __getitem__(self, category: str) -> list[Garment]:
-        if not super().__getitem__(category):
-            self[category] = [
+        if category not in self._made:
+            self._made[category] = [
                 load_garment(garment_id)
                 for sizes in ("reach", "all")
                 for garment_id in garment_ids(category, "test", sizes=sizes, count=self._count)
             ]
-        return super().__getitem__(category)
+        return self._made[category]
 
 
 @pytest.fixture(

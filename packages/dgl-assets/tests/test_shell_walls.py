@@ -13,8 +13,8 @@ from dgl_assets.garments.wall import find_folds
 def _make_tube(radius: float) -> tuple[np.ndarray, np.ndarray]:
     around, along = 8, 4
     turn = 2 * np.pi * np.arange(around) / around
-    rows = [np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.full(around, 0.01 * z)])
-            for z in range(along)]  # fmt: skip
+    x, y = radius * np.cos(turn), radius * np.sin(turn)
+    rows = [np.column_stack([x, y, np.full(around, 0.01 * z)]) for z in range(along)]
     faces = []
     for z in range(along - 1):
         for k in range(around):

@@ -32,7 +32,7 @@ class BuiltGarment:
 def build_garments(
     garment_ids: Sequence[str], cache: Path, *, workers: int = 1
 ) -> Generator[BuiltGarment, None, None]:
-    """Build garments into a cache that `load_garment` reads; existing ones are read and checked.
+    """Build garments into a cache that `load_garment` reads, and check existing ones.
 
     Every file appears whole, so an interrupted build is continued by calling this again.
 

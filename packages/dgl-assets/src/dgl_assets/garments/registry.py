@@ -52,7 +52,7 @@ class Category:
     paper_train: int
     """Garments that the paper collects with."""
     paper_all: int
-    """Garments that the paper evaluates on, those of `paper_train` included."""
+    """Garments that the paper evaluates on, `paper_train` included."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.paper_train <= self.paper_all:

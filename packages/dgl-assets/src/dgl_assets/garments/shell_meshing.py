@@ -29,7 +29,7 @@ _INNERMOST = 1e-3  # row parameter below which the plane's radius is proportiona
 class DiskSurface:
     """A surface swept by meridians from a common pole.
 
-    A place is (row, angle): the row counts the parts of the meridians (crown 0 to 1, brim 1 to 2,
+    A point is (row, angle): the row counts the parts of the meridians (crown 0 to 1, brim 1 to 2,
     ...) and is proportional to arc length within each; the angle [rad] is counter-clockwise from
     above, 0 at the front (-y).
     """
@@ -49,7 +49,7 @@ class DiskSurface:
         self._log_radius = self._compute_log_radius()
 
     def evaluate(self, row: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """Compute positions [m], shape (N, 3), of places, each of shape (N,)."""
+        """Compute positions [m], shape (N, 3), of rows and angles, each of shape (N,)."""
         i = np.clip(np.asarray(row, dtype=np.float64) * _ROWS, 0, len(self._grid) - 1)
         j = np.asarray(angle, dtype=np.float64) / (2 * np.pi) % 1.0 * (self._grid.shape[1] - 1)
         i0 = np.minimum(i.astype(int), len(self._grid) - 2)
@@ -61,7 +61,7 @@ class DiskSurface:
         return (1 - a) * near + a * far
 
     def to_plane(self, row: np.ndarray, angle: np.ndarray) -> np.ndarray:
-        """Map places to the plane of equal angles, the unit disk, shape (N, 2)."""
+        """Map rows and angles to the plane of equal angles, the unit disk, shape (N, 2)."""
         row = np.asarray(row, dtype=np.float64)
         angle = np.asarray(angle, dtype=np.float64)
         inner = np.exp(self._log_radius[0]) * row / _INNERMOST

@@ -165,7 +165,7 @@ def _print_dots(size: int, count: int, diameter: float) -> np.ndarray:
     return 1.0 - step(np.hypot(x, y), diameter / 2 - edge, diameter / 2 + edge)
 
 
-class _Kind(NamedTuple):
+class _FabricKind(NamedTuple):
     """Ranges of the random fabrics of one weave."""
 
     share: float
@@ -175,40 +175,40 @@ class _Kind(NamedTuple):
     patterns: Mapping[Pattern, float]
 
 
-_KINDS: dict[Weave, _Kind] = {
-    "plain": _Kind(
+_KINDS: dict[Weave, _FabricKind] = {
+    "plain": _FabricKind(
         0.14, (112, 120, 128), (0.75, 0.9), (0.15, 0.4),
         {"plain": 2, "stripes": 2, "gingham": 3, "tartan": 1, "dots": 2, "chambray": 2},
     ),
-    "oxford": _Kind(
+    "oxford": _FabricKind(
         0.08, (96, 104, 112), (0.75, 0.9), (0.2, 0.4),
         {"plain": 1, "stripes": 2, "chambray": 3},
     ),
-    "twill": _Kind(
+    "twill": _FabricKind(
         0.14, (96, 104, 112), (0.75, 0.9), (0.2, 0.45),
         {"plain": 2, "tartan": 4, "gingham": 1},
     ),
-    "denim": _Kind(
+    "denim": _FabricKind(
         0.1, (88, 96, 104), (0.85, 0.95), (0.6, 1.0),
         {"chambray": 1},
     ),
-    "herringbone": _Kind(
+    "herringbone": _FabricKind(
         0.08, (80, 96), (0.85, 0.95), (0.3, 0.5),
         {"chambray": 3, "plain": 1},
     ),
-    "satin": _Kind(
+    "satin": _FabricKind(
         0.08, (140, 150, 160), (0.35, 0.5), (0.0, 0.12),
         {"plain": 4, "stripes": 1, "dots": 1},
     ),
-    "linen": _Kind(
+    "linen": _FabricKind(
         0.1, (88, 96, 104), (0.85, 0.95), (0.7, 1.0),
         {"plain": 4, "chambray": 2, "stripes": 2},
     ),
-    "jersey": _Kind(
+    "jersey": _FabricKind(
         0.2, (64, 72, 80), (0.8, 0.95), (0.15, 0.4),
         {"plain": 3, "melange": 4, "stripes": 4, "dots": 1},
     ),
-    "rib": _Kind(
+    "rib": _FabricKind(
         0.08, (48, 56, 64), (0.85, 0.95), (0.2, 0.4),
         {"plain": 3, "melange": 3, "stripes": 1},
     ),

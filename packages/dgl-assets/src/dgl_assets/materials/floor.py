@@ -144,7 +144,7 @@ _WOOD: dict[str, tuple[Rgb, Rgb, Rgb]] = {
 }
 
 
-class _Kind(NamedTuple):
+class _FloorKind(NamedTuple):
     """Random floors of one kind: share, palette, (side [m], divisions) of tiles, range of gloss."""
 
     share: float
@@ -153,14 +153,14 @@ class _Kind(NamedTuple):
     gloss: tuple[float, float]
 
 
-_KINDS: dict[str, _Kind] = {
-    "planks": _Kind(0.26, _WOOD, ((1.8, 12), (1.8, 10), (2.0, 16)), (0.2, 0.7)),
-    "parquet": _Kind(0.1, _WOOD, ((1.6, 4), (1.8, 4), (1.8, 6)), (0.4, 0.8)),
-    "tiles": _Kind(0.2, _TILES, ((1.2, 4), (1.2, 6), (1.8, 4), (1.0, 8)), (0.3, 0.9)),
-    "terrazzo": _Kind(0.1, _TERRAZZO, ((1.0, 1),), (0.6, 0.9)),
-    "concrete": _Kind(0.14, _CONCRETE, ((3.0, 1),), (0.0, 0.4)),
-    "marble": _Kind(0.08, _MARBLE, ((2.4, 4), (2.4, 2)), (0.7, 0.95)),
-    "carpet": _Kind(0.12, _CARPET, ((0.8, 1),), (0.0, 0.0)),
+_KINDS: dict[str, _FloorKind] = {
+    "planks": _FloorKind(0.26, _WOOD, ((1.8, 12), (1.8, 10), (2.0, 16)), (0.2, 0.7)),
+    "parquet": _FloorKind(0.1, _WOOD, ((1.6, 4), (1.8, 4), (1.8, 6)), (0.4, 0.8)),
+    "tiles": _FloorKind(0.2, _TILES, ((1.2, 4), (1.2, 6), (1.8, 4), (1.0, 8)), (0.3, 0.9)),
+    "terrazzo": _FloorKind(0.1, _TERRAZZO, ((1.0, 1),), (0.6, 0.9)),
+    "concrete": _FloorKind(0.14, _CONCRETE, ((3.0, 1),), (0.0, 0.4)),
+    "marble": _FloorKind(0.08, _MARBLE, ((2.4, 4), (2.4, 2)), (0.7, 0.95)),
+    "carpet": _FloorKind(0.12, _CARPET, ((0.8, 1),), (0.0, 0.0)),
 }
 
 

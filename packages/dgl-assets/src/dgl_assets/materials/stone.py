@@ -71,7 +71,7 @@ def paint_marble(
     tile_size: float,
     gloss: float,
 ) -> FloorSurface:
-    """Lay polished slabs, each cut from another place of a veined block."""
+    """Lay polished slabs, each cut from another part of a veined block."""
     ground, cloud, vein = np.array(colours, dtype=np.float64)
     soft = make_fractal(rng, size, (3, 3), octaves=4)
     veins = np.zeros((size, size))

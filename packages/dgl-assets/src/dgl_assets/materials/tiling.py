@@ -126,7 +126,7 @@ def _from_edges(place: np.ndarray) -> np.ndarray:
 def _cut_from_boards(
     rng: np.random.Generator, size: int, piece: np.ndarray, *, rings: float
 ) -> np.ndarray:
-    """Give each piece its own place on a board with grain along u, shape (N, N)."""
+    """Cut each piece from its own part of a board with grain along u, shape (N, N)."""
     board = make_grain(rng, size, rings=rings)
     count = int(piece.max()) + 1
     du, dv = rng.integers(size, size=(2, count))

@@ -98,7 +98,7 @@ def _profile(place: np.ndarray) -> np.ndarray:
 
 
 def _rise(crossings: np.ndarray, threads: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Height of threads, smooth from crossing to crossing, shape (threads, len(place))."""
+    """Height of threads, smooth from crossing to crossing, shape (T, P)."""
     own, others = crossings.shape
     before = np.floor(place - 0.5).astype(int)
     t = step(place - 0.5 - before, 0.0, 1.0)

@@ -42,7 +42,7 @@ class CollisionShape:
     wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Orientation in the link frame."""
     mesh: str = ""
-    """Name of a mesh's file among those of the robot; its frame is the link's."""
+    """File name of a mesh of the robot, in the link frame."""
 
     def __post_init__(self) -> None:
         sizes = {

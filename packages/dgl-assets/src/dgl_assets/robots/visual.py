@@ -48,7 +48,7 @@ class LinkMeshes:
         return LinkMeshes(files=self.files, by_link=by_link)
 
     def __or__(self, other: LinkMeshes) -> LinkMeshes:
-        """Join two; a link of both shows what it has in either."""
+        """Join two; a link of both shows the files of both."""
         by_link = dict(self.by_link)
         for link, names in other.by_link.items():
             by_link[link] = by_link.get(link, ()) + names

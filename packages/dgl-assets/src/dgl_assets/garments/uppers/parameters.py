@@ -58,7 +58,7 @@ class Body:
 
 @dataclass(frozen=True, kw_only=True)
 class Neck:
-    """Neckline and what is sewn to it."""
+    """Neckline, collar and hood."""
 
     half_width: float = measure(0.045, 0.17, 0.082)
     """Centre to the highest point of the shoulder [m]."""
