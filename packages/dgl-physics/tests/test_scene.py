@@ -1,5 +1,8 @@
 """The short way to a simulation, and what lays garments flat."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -45,3 +48,25 @@ def test_a_leaning_sheet_lies_flat_afterwards(sheet):
     assert lain.dtype == np.float64
     assert np.ptp(lain[:, 2]) < 0.01
     assert np.ptp(lain[:, 0]) == pytest.approx(np.ptp(vertices[:, 0]), abs=0.02)
+
+
+def test_warp_prints_nothing_when_the_package_simulates_and_draws():
+    code = """
+import numpy as np
+from dgl_physics import ModelBuilder, SolverXPBD, State
+from dgl_physics.drawing.mesh import Mesh, SurfaceLook
+from dgl_physics.drawing.camera import PinholeCamera
+from dgl_physics.drawing.rasteriser import Rasteriser
+vertices, faces = np.eye(3), np.array([[0, 1, 2]])
+builder = ModelBuilder()
+builder.add_garment(vertices, faces)
+model = builder.build()
+SolverXPBD(model).step(State(model))
+mesh = Mesh(vertices=vertices, normals=vertices, faces=faces, surface=SurfaceLook(), segment=1)
+camera = PinholeCamera.aim([0, 0, 0], [1, 1, 1], [1, -1, 0], distance=3, half_width=1, size=(4, 4))
+Rasteriser([mesh]).draw(camera)
+import warp
+assert warp.config.log_level == warp.LOG_INFO
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == ""

@@ -149,7 +149,6 @@ def _lay_flat(
 ) -> "np.ndarray":
     from dgl_physics.lay_flat import FRAMES, lay_flat
 
-    console.quieten_warp()
     with console.progress("laying it flat", FRAMES) as bar:
         return lay_flat(vertices, faces, rest_vertices, on_frame=bar.advance)
 

@@ -109,7 +109,6 @@ def show_props(options: PropsOptions) -> int:
     if options.out.suffix.lower() != ".png":
         raise ValueError(f"--out must be a file .png; got {options.out}")
     props = [make_prop(kind) for kind in options.kinds or PROP_KINDS]
-    console.quieten_warp()
     with console.progress("drawing props") as bar:
         sheet = draw_prop_sheet(props, has_landmarks=options.landmarks)
         bar.advance()

@@ -60,7 +60,6 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
             )
             return EXIT_USAGE
     results = []
-    console.quieten_warp()
     console.info(f"measuring {experiments[0].name} ...")
     for number, found in enumerate(dgl_bench.physics.run(experiments, bench), start=1):
         results.append(found)

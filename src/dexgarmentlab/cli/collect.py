@@ -67,7 +67,6 @@ def prepare_run(options: O, task: "Task") -> O:
     from dgl_assets.importing import AssetImportError
     from dgl_collect.setup import prepare_options
 
-    console.quieten_warp()
     try:
         prepared, notes = prepare_options(options, task)
     except AssetImportError as err:

@@ -28,7 +28,6 @@ __all__ = [
     "out_json",
     "out_table",
     "progress",
-    "quieten_warp",
     "track",
     "write_utf8",
 ]
@@ -60,15 +59,6 @@ def keep_results_alone() -> Iterator[None]:
             yield
     finally:
         _results.reset(token)
-
-
-def quieten_warp() -> None:
-    """Keep Warp from telling of each kernel that it loads."""
-    import logging
-
-    import warp
-
-    warp.config.log_level = logging.WARNING
 
 
 def write_utf8() -> None:

@@ -51,7 +51,6 @@ def run(options: ReplayOptions) -> int:
         )
     episode = read_episode(options.episode)
     steps = None if episode.commands is None else len(episode.commands)
-    console.quieten_warp()
     with ExitStack() as stack:
         film = None
         if options.video is not None:

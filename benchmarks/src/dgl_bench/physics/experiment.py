@@ -9,6 +9,7 @@ import warp as wp
 
 from dgl_bench.physics.figures import Figure
 from dgl_bench.rows import Row
+from dgl_physics.quiet import quiet_warp
 
 if TYPE_CHECKING:
     from dgl_bench.physics.fold_replay import ClothReplay, FoldRecord
@@ -57,7 +58,8 @@ class Bench:
     @property
     def cuda(self) -> str | None:
         """The first CUDA device, if there is one."""
-        devices = wp.get_cuda_devices()
+        with quiet_warp():
+            devices = wp.get_cuda_devices()
         return str(devices[0]) if devices else None
 
     @property

@@ -8,6 +8,7 @@ import warp as wp
 from dgl_physics._kernels import sampling
 from dgl_physics._kernels.distance import BLOCK
 from dgl_physics.errors import MeshError
+from dgl_physics.quiet import quiet_warp
 
 FINE_NODES = (BLOCK + 1) ** 3
 """Nodes of a fine block."""
@@ -44,6 +45,7 @@ class DistanceGrid:
         return self.coarse.size + self.fine_index.size + self.fine.size
 
 
+@quiet_warp()
 def build_distance_grid(
     vertices: np.ndarray,
     faces: np.ndarray,

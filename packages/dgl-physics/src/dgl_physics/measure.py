@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from dgl_physics._kernels import measure as kernels
+from dgl_physics.quiet import quiet_warp
 from dgl_physics.topology import compute_adjacency, compute_edges
 
 __all__ = ["compute_strain", "find_intersections", "measure_gaps"]
@@ -32,6 +33,7 @@ def compute_strain(
     return np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / np.asarray(rest_lengths) - 1.0
 
 
+@quiet_warp()
 def find_intersections(
     positions: np.ndarray, faces: np.ndarray, *, device: str = "cpu"
 ) -> np.ndarray:
@@ -81,6 +83,7 @@ def find_intersections(
     return rows[np.lexsort(rows.T[::-1])].astype(np.int32)
 
 
+@quiet_warp()
 def measure_gaps(
     positions: np.ndarray, faces: np.ndarray, *, reach: float, device: str = "cpu"
 ) -> np.ndarray:

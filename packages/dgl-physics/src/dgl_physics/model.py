@@ -16,6 +16,7 @@ from dgl_physics.elastic import Solids, build_solids
 from dgl_physics.lattice import Skin
 from dgl_physics.material import ClothMaterial
 from dgl_physics.membrane import compute_edge_stiffness, compute_moduli, make_yarns
+from dgl_physics.quiet import quiet_warp
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
 from dgl_physics.solid_entry import make_solid_entry, make_tet_entry
@@ -260,6 +261,7 @@ class ModelBuilder:
         """Add the plane z = 0; returns its shape index."""
         return self.add_shape(Shape(kind="plane", friction=friction))
 
+    @quiet_warp()
     def build(self, device: str = "cpu") -> Model:
         """Build the model on a Warp device ("cpu", "cuda:0")."""
         if any(not g for g in self._garments):

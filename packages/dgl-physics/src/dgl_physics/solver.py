@@ -21,6 +21,7 @@ from dgl_physics.errors import SimulationDivergedError
 from dgl_physics.launcher import Launcher
 from dgl_physics.model import Model
 from dgl_physics.near_shapes import NearShapes
+from dgl_physics.quiet import quiet_warp
 from dgl_physics.self_contact import SelfContact
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
@@ -46,6 +47,7 @@ class SolverXPBD:
     particles and the middles of edges.
     """
 
+    @quiet_warp()
     def __init__(self, model: Model, config: SolverConfig | None = None) -> None:
         self.model = model
         self.config = config or SolverConfig()
@@ -79,6 +81,7 @@ class SolverXPBD:
         self._graphs: dict[str, wp.Graph] = {}
         self._graph_state: State | None = None
 
+    @quiet_warp()
     def step(self, state: State) -> None:
         """Advance the state by one frame.
 
@@ -319,6 +322,7 @@ class SolverXPBD:
             ],
         )  # fmt: skip
 
+    @quiet_warp()
     def measure_penetration(self, state: State) -> np.ndarray:
         """Measure how deep particles are inside rigid shapes after the last frame.
 

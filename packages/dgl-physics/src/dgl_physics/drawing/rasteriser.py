@@ -26,6 +26,7 @@ from dgl_physics.drawing.light import (
     compute_mirror,
 )
 from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
+from dgl_physics.quiet import quiet_warp
 
 _DEVICE = "cpu"
 
@@ -73,6 +74,7 @@ class Rasteriser:
     Limitations: nothing is transparent, edges are not smoothed, and shadows are meshes of their own.
     """
 
+    @quiet_warp()
     def __init__(self, meshes: Sequence[Mesh], studio: Studio = DAYLIGHT) -> None:
         """Prepare meshes.
 
@@ -132,6 +134,7 @@ class Rasteriser:
         if normals is not None:
             self._geometry.local_normal.numpy()[part] = normals
 
+    @quiet_warp()
     def draw(self, camera: PinholeCamera) -> np.ndarray:
         """Draw colours, shape (H, W, 3), uint8."""
         view = self._get_view(camera)
@@ -139,6 +142,7 @@ class Rasteriser:
         self._shade(view.lens, self._draw_moving(view), rgb, first=self._still_faces)
         return rgb.numpy().reshape(camera.height, camera.width, 3)
 
+    @quiet_warp()
     def draw_picture(self, camera: PinholeCamera) -> Picture:
         """Draw colours, and what is where."""
         view = self._get_view(camera)
@@ -153,6 +157,7 @@ class Rasteriser:
             segments=segments.numpy().reshape(size),
         )
 
+    @quiet_warp()
     def find_triangles(self, camera: PinholeCamera) -> Sight:
         """Find which triangle each pixel shows, and where; nothing where a shadow is."""
         view = self._get_view(camera)
