@@ -100,9 +100,9 @@ def test_strain_has_a_sign():
 
 def test_bad_arrays_are_refused():
     faces = np.array([[0, 1, 2]])
-    with pytest.raises(ValueError, match=r"shape \(V, 3\); got \(3, 2\)"):
+    with pytest.raises(ValueError, match=r"shape \(V, 3\) .* got \(3, 2\)"):
         find_intersections(TRIANGLE[:, :2], faces)
-    with pytest.raises(ValueError, match="finite"):
+    with pytest.raises(ValueError, match="3 vertices are not finite"):
         measure_gaps(np.full((3, 3), np.nan), faces, reach=0.01)
     with pytest.raises(ValueError, match=r"index 0\.\.2; got 0\.\.3"):
         find_intersections(TRIANGLE, np.array([[0, 1, 3]]))

@@ -79,9 +79,7 @@ def build_coarse_level(
         membership = np.concatenate([membership, part], axis=1)
         node_panel += [p] * part.shape[1]
     if not node_panel:
-        empty = np.full((len(rest), WEIGHTS), -1, dtype=np.int32)
-        no_pairs = np.zeros((0, 2), dtype=np.int32)
-        return CoarseLevel(empty, 0.0 * empty, no_pairs, np.zeros(0), 0, masses)
+        return make_empty_coarse_level(masses)
     nodes, weights = _keep_largest(membership)
     membership[:] = 0.0
     particle, slot = np.nonzero(nodes >= 0)
@@ -95,6 +93,13 @@ def build_coarse_level(
     pairs = pairs[is_stiff]
     lengths = (lengths * (1 + FREE_TENSION / modulus))[is_stiff].astype(np.float32)
     return CoarseLevel(nodes, weights, pairs, lengths, len(node_panel), masses)
+
+
+def make_empty_coarse_level(masses: np.ndarray) -> CoarseLevel:
+    """Make a coarse level without nodes, for solids and small panels."""
+    nodes = np.full((len(masses), WEIGHTS), -1, dtype=np.int32)
+    no_pairs = np.zeros((0, 2), dtype=np.int32)
+    return CoarseLevel(nodes, 0.0 * nodes, no_pairs, np.zeros(0), 0, masses)
 
 
 def _spread_patches(faces: np.ndarray, count: int) -> np.ndarray:
@@ -263,11 +268,10 @@ def join_coarse_levels(
         masses[first:end] = level.masses
         pairs.append(level.pairs + node_count)
         limits.append(level.lengths)
-        colours.append(topology.colour_pairs(level.pairs, level.node_count))
+        colours.append(topology.colour_constraints(level.pairs, level.node_count))
         node_count += level.node_count
     pair, limit, colour = (np.concatenate(part) for part in (pairs, limits, colours))
-    order = np.argsort(colour, kind="stable")
-    starts = np.searchsorted(colour[order], np.arange(colour.max(initial=-1) + 2))
+    order, colour_start = topology.sort_by_colour(colour)
 
     particle, slot = np.nonzero(nodes >= 0)
     node = nodes[particle, slot]
@@ -290,5 +294,5 @@ def join_coarse_levels(
         weights=to_device(weights, wp.vec4),
         pairs=to_device(pair[order], wp.vec2i),
         limit=to_device(limit[order], wp.float32),
-        colour_start=tuple(int(s) for s in starts),
+        colour_start=colour_start,
     )

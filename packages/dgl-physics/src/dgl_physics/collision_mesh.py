@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dgl_physics import topology
 from dgl_physics.convex_hull import compute_hull
 from dgl_physics.distance_grid import DistanceGrid, build_distance_grid
 from dgl_physics.errors import MeshError
@@ -46,7 +47,7 @@ class CollisionMesh:
 
     def __post_init__(self) -> None:
         vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
-        _check_arrays(vertices, faces)
+        topology.check_arrays(vertices, faces, "faces", 3)
         vertices, faces = _weld(vertices.astype(np.float32).astype(np.float64), faces)
         _check_triangles(vertices, faces)
         if not self.is_sheet:
@@ -122,22 +123,6 @@ class CollisionMesh:
         )
 
 
-def _check_arrays(vertices: np.ndarray, faces: np.ndarray) -> None:
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
-        raise MeshError(f"vertices must have shape (V, 3) with V > 0; got {vertices.shape}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-        raise MeshError(f"faces must have shape (F, 3) with F > 0; got {faces.shape}")
-    if not np.issubdtype(faces.dtype, np.integer):
-        raise MeshError(f"faces must be integers; got {faces.dtype}")
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(
-            f"faces must index 0..{len(vertices) - 1}; got {faces.min()}..{faces.max()}"
-        )
-
-
 def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unite vertices at the same place, and leave out triangles and vertices that this voids."""
     vertices, index = np.unique(vertices, axis=0, return_inverse=True)
@@ -176,7 +161,7 @@ def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
 
 def _find_open_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Middles of the edges that are not passed as often forth as back [m], shape (N, 3)."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = topology.list_sides(faces)
     forth = np.where(directed[:, 0] < directed[:, 1], 1, -1)
     edges, index = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
     is_open = np.bincount(index.reshape(-1), weights=forth, minlength=len(edges)) != 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dgl_physics import topology
 from dgl_physics.errors import MeshError
 
 _JOGGLE = 1e-5
@@ -102,7 +103,7 @@ def _assign(
 
 def _find_rim(faces: np.ndarray) -> np.ndarray:
     """Directed edges of some triangles whose other side is not among them, shape (E, 2)."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    edges = topology.list_sides(faces).astype(np.int64)
     most = int(edges.max()) + 1
     is_inner = np.isin(edges[:, 0] * most + edges[:, 1], edges[:, 1] * most + edges[:, 0])
     return edges[~is_inner]

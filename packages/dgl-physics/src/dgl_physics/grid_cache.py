@@ -3,7 +3,6 @@
 import hashlib
 import logging
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dgl_files.whole import written_beside
 from dgl_physics.distance_grid import DistanceGrid
 
 logger = logging.getLogger(__name__)
@@ -71,14 +71,8 @@ def _read(path: Path) -> DistanceGrid | None:
 
 
 def _write(path: Path, grid: DistanceGrid) -> None:
-    beside: str | None = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, **{field.name: getattr(grid, field.name) for field in fields(grid)})
-        Path(beside).replace(path)
+        with written_beside(path) as partial:
+            np.savez(partial, **{field.name: getattr(grid, field.name) for field in fields(grid)})
     except OSError as err:
         logger.warning("the grid of a mesh cannot be kept in %s (%s)", path.parent, err)
-        if beside is not None:
-            Path(beside).unlink(missing_ok=True)

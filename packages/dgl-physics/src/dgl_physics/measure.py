@@ -10,7 +10,7 @@ import warp as wp
 
 from dgl_physics._kernels import measure as kernels
 from dgl_physics.quiet import quiet_warp
-from dgl_physics.topology import compute_adjacency, compute_edges
+from dgl_physics.topology import check_arrays, compute_adjacency, compute_edges
 
 __all__ = ["compute_strain", "find_intersections", "measure_gaps"]
 
@@ -28,8 +28,7 @@ def compute_strain(
     Returns:
         Shape (E,): positive where stretched, negative where compressed.
     """
-    positions = _check_positions(positions)
-    ends = positions[np.asarray(edges)].astype(np.float64)  # (E, 2, 3)
+    ends = np.asarray(positions, dtype=np.float32)[np.asarray(edges)].astype(np.float64)
     return np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / np.asarray(rest_lengths) - 1.0
 
 
@@ -59,8 +58,7 @@ def find_intersections(
         passed through each other completely leave none: they show only while something that is
         joined to both sides (a seam, a fold) is still in between.
     """
-    positions = _check_positions(positions)
-    faces = _check_faces(faces, len(positions))
+    positions, faces = _check(positions, faces)
     edges = compute_edges(faces)
     with wp.ScopedDevice(device):
         points = wp.array(positions, dtype=wp.vec3)
@@ -101,8 +99,7 @@ def measure_gaps(
     """
     if not reach > 0:
         raise ValueError(f"reach must be > 0; got {reach}")
-    positions = _check_positions(positions)
-    faces = _check_faces(faces, len(positions))
+    positions, faces = _check(positions, faces)
     start, adjacency = compute_adjacency(compute_edges(faces), len(positions))
     with wp.ScopedDevice(device):
         points = wp.array(positions, dtype=wp.vec3)
@@ -120,21 +117,7 @@ def measure_gaps(
         return gaps.numpy()
 
 
-def _check_positions(positions: np.ndarray) -> np.ndarray:
-    positions = np.ascontiguousarray(positions, dtype=np.float32)
-    if positions.ndim != 2 or positions.shape[1] != 3:
-        raise ValueError(f"positions must have shape (V, 3); got {positions.shape}")
-    if not np.isfinite(positions).all():
-        raise ValueError("positions must be finite; got NaN or infinity")
-    return positions
-
-
-def _check_faces(faces: np.ndarray, vertex_count: int) -> np.ndarray:
-    faces = np.ascontiguousarray(faces, dtype=np.int32)
-    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-        raise ValueError(f"faces must have shape (F, 3) with F > 0; got {faces.shape}")
-    if faces.min() < 0 or faces.max() >= vertex_count:
-        raise ValueError(
-            f"faces must index 0..{vertex_count - 1}; got {faces.min()}..{faces.max()}"
-        )
-    return faces
+def _check(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    positions, faces = np.asarray(positions), np.asarray(faces)
+    check_arrays(positions, faces, "faces", 3)
+    return positions.astype(np.float32), faces.astype(np.int32)

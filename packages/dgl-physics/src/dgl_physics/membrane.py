@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dgl_physics import topology
 from dgl_physics.stencils import StencilBlock
 
 ISOTROPIC_SHEAR = 3 / 8
@@ -79,7 +80,7 @@ def compute_edge_stiffness(
     """
     a, b, c = (rest[faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    sides = np.sort(topology.list_sides(faces), axis=1)
     base = len(rest)
     at = np.searchsorted(edges[:, 0].astype(np.int64) * base + edges[:, 1], sides @ [base, 1])
     area = np.bincount(at, weights=np.tile(third, 3), minlength=len(edges))

@@ -316,8 +316,7 @@ class ModelBuilder:
         pairs, rest_length, compliance, colour = (
             np.concatenate(b) for b in zip(*blocks, strict=True)
         )
-        order = np.argsort(colour, kind="stable")
-        starts = np.searchsorted(colour[order], np.arange(colour.max(initial=-1) + 2))
+        order, colour_start = topology.sort_by_colour(colour)
         adjacency_start, adjacency = topology.compute_adjacency(np.concatenate(edge_blocks), count)
 
         def to_device(values: np.ndarray, dtype: type) -> wp.array:
@@ -345,7 +344,7 @@ class ModelBuilder:
             pairs=to_device(pairs[order], wp.vec2i),
             rest_length=to_device(rest_length[order], wp.float32),
             compliance=to_device(compliance[order], wp.float32),
-            colour_start=tuple(int(s) for s in starts),
+            colour_start=colour_start,
             bending=upload_stencils(bending, device),
             yarns=upload_stencils(yarns, device),
             is_stretch_damped=any(
@@ -382,11 +381,11 @@ def _make_constraints(
         "radius": radius,
         "rest_length": np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1),
         "compliance": 1.0 / compute_edge_stiffness(rest, faces, edges, moduli.net),
-        "colour": topology.colour_pairs(edges, len(vertices)),
+        "colour": topology.colour_constraints(edges, len(vertices)),
         "bending": bending,
-        "bending_colour": bending.colour(len(vertices)),
+        "bending_colour": topology.colour_constraints(bending.vertices, len(vertices)),
         "yarns": yarns,
-        "yarn_colour": yarns.colour(len(vertices)),
+        "yarn_colour": topology.colour_constraints(yarns.vertices, len(vertices)),
         "inverse_mass": (1.0 / (areas * material.area_density)).astype(np.float32),
         "coarse": build_coarse_level(rest, faces, areas * material.area_density, moduli),
         "material": material,

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dgl_physics import coarse, tetrahedra
+from dgl_physics import tetrahedra
+from dgl_physics.coarse import make_empty_coarse_level
 from dgl_physics.elastic import SolidMesh
 from dgl_physics.lattice import Skin, fill_closed_surface
 from dgl_physics.solid_material import SolidMaterial
@@ -99,7 +100,7 @@ def make_tet_entry(
         "material": material,
         "solid": mesh,
         "skin": skin,
-        "coarse": _make_no_coarse_level(mesh.vertex_mass),
+        "coarse": make_empty_coarse_level(mesh.vertex_mass),
     }
 
 
@@ -110,13 +111,6 @@ def _check_stiffness(stiffness: np.ndarray, count: int) -> np.ndarray:
     if not (np.isfinite(stiffness) & (stiffness > 0)).all():
         raise ValueError(f"stiffness must be positive; got {stiffness.min():g}")
     return stiffness
-
-
-def _make_no_coarse_level(masses: np.ndarray) -> coarse.CoarseLevel:
-    """Solids converge without: the coarse level limits the stretch of cloth."""
-    nodes = np.full((len(masses), coarse.WEIGHTS), -1, dtype=np.int32)
-    no_pairs = np.zeros((0, 2), dtype=np.int32)
-    return coarse.CoarseLevel(nodes, 0.0 * nodes, no_pairs, np.zeros(0), 0, masses)
 
 
 def _find_close_pairs(rest: np.ndarray, edges: np.ndarray, reach: float) -> np.ndarray:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from dgl_physics.topology import sort_by_colour
+
 
 @dataclass(frozen=True, kw_only=True)
 class StencilBlock:
@@ -21,10 +23,6 @@ class StencilBlock:
     """Inverse stiffness, shape (C,)."""
     damping_time: float
     """Relaxation time: damping over stiffness [s]; >= 0."""
-
-    def colour(self, vertex_count: int) -> np.ndarray:
-        """Colour the constraints, so that those of one colour share no vertex, shape (C,)."""
-        return colour_stencils(self.vertices, vertex_count)
 
 
 @dataclass(frozen=True)
@@ -46,31 +44,6 @@ class Stencils:
         return self.colour_start[-1]
 
 
-def colour_stencils(vertices: np.ndarray, vertex_count: int) -> np.ndarray:
-    """Colour constraints so that those of one colour share no vertex.
-
-    Greedy in the given order, so the result is deterministic.
-
-    Args:
-        vertices: Vertex indices, shape (C, K), int.
-        vertex_count: Number of vertices.
-
-    Returns:
-        Colour of each constraint, shape (C,), int32, from 0.
-    """
-    used = [0] * vertex_count  # a bit per colour
-    colours = np.empty(len(vertices), dtype=np.int32)
-    for k, members in enumerate(vertices.tolist()):
-        taken = 0
-        for v in members:
-            taken |= used[v]
-        free = ~taken & (taken + 1)  # the lowest bit that is not taken
-        for v in members:
-            used[v] |= free
-        colours[k] = free.bit_length() - 1
-    return colours
-
-
 def upload_stencils(
     blocks: Sequence[tuple[StencilBlock, np.ndarray, int]], device: str
 ) -> Stencils:
@@ -81,7 +54,7 @@ def upload_stencils(
         device: Warp device.
     """
     colours = np.concatenate([np.zeros(0, np.int32), *(colour for _, colour, _ in blocks)])
-    order = np.argsort(colours, kind="stable")
+    order, colour_start = sort_by_colour(colours)
     count = len(colours)
     vertices = np.zeros((count, 4), dtype=np.int32)
     weights = np.zeros((count, 4), dtype=np.float32)
@@ -94,10 +67,9 @@ def upload_stencils(
         response[rows, 0] = block.compliance
         response[rows, 1] = block.damping_time
         at += len(colour)
-    starts = np.searchsorted(colours[order], np.arange(colours.max(initial=-1) + 2))
     return Stencils(
         vertices=wp.array(vertices[order], dtype=wp.vec4i, device=device),
         weights=wp.array(weights[order], dtype=wp.vec4, device=device),
         response=wp.array(response[order], dtype=wp.vec2, device=device),
-        colour_start=tuple(int(s) for s in starts),
+        colour_start=colour_start,
     )

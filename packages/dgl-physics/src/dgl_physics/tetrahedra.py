@@ -26,17 +26,7 @@ def check_tets(vertices: np.ndarray, tets: np.ndarray) -> None:
     Raises:
         MeshError: Naming the first offending index and the count.
     """
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
-        raise MeshError(f"vertices must have shape (V, 3) with V > 0; got {vertices.shape}")
-    if tets.ndim != 2 or tets.shape[1] != 4 or len(tets) == 0:
-        raise MeshError(f"tets must have shape (T, 4) with T > 0; got {tets.shape}")
-    if not np.issubdtype(tets.dtype, np.integer):
-        raise MeshError(f"tets must be integers; got {tets.dtype}")
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
-    if tets.min() < 0 or tets.max() >= len(vertices):
-        raise MeshError(f"tets must index 0..{len(vertices) - 1}; got {tets.min()}..{tets.max()}")
+    topology.check_arrays(vertices, tets, "tets", 4)
     # Relative to a regular one of the same longest edge, so that slivers are refused as well.
     ends = vertices[tets[:, _EDGES]]
     longest = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2).max(axis=1)
@@ -77,7 +67,7 @@ def check_orientation(faces: np.ndarray) -> bool:
     Raises:
         MeshError: If an edge is passed twice in the same direction.
     """
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = topology.list_sides(faces)
     pairs, counts = np.unique(directed, axis=0, return_counts=True)
     bad = np.flatnonzero(counts > 1)
     if len(bad):

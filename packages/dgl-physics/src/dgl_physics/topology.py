@@ -5,6 +5,41 @@ import numpy as np
 from dgl_physics.errors import MeshError
 
 
+def check_arrays(vertices: np.ndarray, cells: np.ndarray, name: str, corners: int) -> None:
+    """Check shapes, types, finite positions and indices of a mesh.
+
+    Args:
+        vertices: Positions [m], shape (V, 3).
+        cells: Vertex indices, shape (N, corners), integer.
+        name: Name of the cells in messages, "faces" or "tets".
+        corners: Corners of a cell.
+
+    Raises:
+        MeshError: Naming the first offending index and the count.
+    """
+    letter = name[0].upper()
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
+        raise MeshError(f"vertices must have shape (V, 3) with V > 0; got {vertices.shape}")
+    if cells.ndim != 2 or cells.shape[1] != corners or len(cells) == 0:
+        raise MeshError(
+            f"{name} must have shape ({letter}, {corners}) with {letter} > 0; got {cells.shape}"
+        )
+    if not np.issubdtype(cells.dtype, np.integer):
+        raise MeshError(f"{name} must be integers; got {cells.dtype}")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
+    if cells.min() < 0 or cells.max() >= len(vertices):
+        raise MeshError(
+            f"{name} must index 0..{len(vertices) - 1}; got {cells.min()}..{cells.max()}"
+        )
+
+
+def list_sides(faces: np.ndarray) -> np.ndarray:
+    """List the directed sides of triangles, side by side, shape (3 F, 2)."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
 def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Check that a triangle mesh can be simulated as cloth.
 
@@ -15,19 +50,7 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     Raises:
         MeshError: Naming the first offending index and the count.
     """
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
-        raise MeshError(f"vertices must have shape (V, 3) with V > 0; got {vertices.shape}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-        raise MeshError(f"faces must have shape (F, 3) with F > 0; got {faces.shape}")
-    if not np.issubdtype(faces.dtype, np.integer):
-        raise MeshError(f"faces must be integers; got {faces.dtype}")
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        raise MeshError(f"{len(bad)} vertices are not finite, the first is {bad[0]}")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(
-            f"faces must index 0..{len(vertices) - 1}; got {faces.min()}..{faces.max()}"
-        )
+    check_arrays(vertices, faces, "faces", 3)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     bad = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-10)
     if len(bad):
@@ -35,7 +58,7 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     unused = np.setdiff1d(np.arange(len(vertices)), faces)
     if len(unused):
         raise MeshError(f"{len(unused)} vertices belong to no triangle, the first is {unused[0]}")
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = list_sides(faces)
     pairs, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
     bad = np.flatnonzero(counts > 2)
     if len(bad):
@@ -46,7 +69,7 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
 
 def compute_edges(faces: np.ndarray) -> np.ndarray:
     """Compute the unique edges of a mesh, shape (E, 2), int32, sorted."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = list_sides(faces)
     count = int(directed.max(initial=0)) + 1
     keys = np.unique(directed.min(axis=1).astype(np.int64) * count + directed.max(axis=1))
     return np.column_stack(np.divmod(keys, count)).astype(np.int32)
@@ -61,7 +84,7 @@ def compute_hinges(faces: np.ndarray) -> np.ndarray:
     Returns:
         (edge 0, edge 1, wing 0, wing 1) of each inner edge, shape (H, 4), int32.
     """
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = list_sides(faces)
     opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
     keys = np.sort(directed, axis=1)
     order = np.lexsort((keys[:, 1], keys[:, 0]))
@@ -102,7 +125,7 @@ def label_panels(faces: np.ndarray, open_hinges: np.ndarray) -> np.ndarray:
     Returns:
         Panel of each triangle, shape (F,), int64, from 0 in the order of their first triangle.
     """
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = list_sides(faces)
     keys = np.sort(directed, axis=1)
     width = int(faces.max()) + 1
     keys = keys[:, 0].astype(np.int64) * width + keys[:, 1]
@@ -144,27 +167,40 @@ def compute_vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.bincount(faces.ravel(), weights=np.repeat(area / 3, 3), minlength=len(vertices))
 
 
-def colour_pairs(pairs: np.ndarray, vertex_count: int) -> np.ndarray:
-    """Colour two-vertex constraints so that those of one colour share no vertex.
+def colour_constraints(vertices: np.ndarray, vertex_count: int) -> np.ndarray:
+    """Colour constraints so that those of one colour share no vertex.
 
     Greedy in the given order, so the result is deterministic.
 
     Args:
-        pairs: Vertex indices, shape (C, 2).
+        vertices: Vertex indices of each constraint, shape (C, K), int.
         vertex_count: Number of vertices.
 
     Returns:
         Colour of each constraint, shape (C,), int32, from 0.
     """
     used = [0] * vertex_count  # a bit per colour
-    colours = np.empty(len(pairs), dtype=np.int32)
-    for k, (i, j) in enumerate(pairs.tolist()):
-        taken = used[i] | used[j]
+    colours = np.empty(len(vertices), dtype=np.int32)
+    for k, members in enumerate(vertices.tolist()):
+        taken = 0
+        for v in members:
+            taken |= used[v]
         free = ~taken & (taken + 1)  # the lowest bit that is not taken
-        used[i] |= free
-        used[j] |= free
+        for v in members:
+            used[v] |= free
         colours[k] = free.bit_length() - 1
     return colours
+
+
+def sort_by_colour(colours: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Sort constraints by colour.
+
+    Returns:
+        Order of the constraints, shape (C,), and the first of each colour with the end of the last.
+    """
+    order = np.argsort(colours, kind="stable")
+    starts = np.searchsorted(colours[order], np.arange(colours.max(initial=-1) + 2))
+    return order, tuple(int(s) for s in starts)
 
 
 def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
