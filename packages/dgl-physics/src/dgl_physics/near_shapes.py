@@ -59,7 +59,7 @@ class NearShapes:
         self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
 
-    def find(self, state: State) -> None:
+    def search(self, state: State) -> None:
         """List what may be touched within the coming frame."""
         m, c = self._model, self._config
         count = m.env_count * m.particles_per_env

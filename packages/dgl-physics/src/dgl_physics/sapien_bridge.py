@@ -16,10 +16,8 @@ from sapien import physx, render
 
 from dgl_physics.collision_mesh import CollisionMesh, is_closed
 from dgl_physics.errors import MeshError, PhysicsError
-from dgl_physics.material import ClothMaterial
 from dgl_physics.model import Model, ModelBuilder
 from dgl_physics.shapes import Shape
-from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.solver import SolverXPBD
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
@@ -156,6 +154,8 @@ class SapienCloth:
         self.max_force = max_force
         self._device = device
         self._builder = ModelBuilder(len(self.scenes))
+        self.add_garment, self.add_solid = self._builder.add_garment, self._builder.add_solid
+        """Methods of the `ModelBuilder` that `build` uses."""
         self._shape_body: list[int] = []
         for b, component in enumerate(self.bodies[0]):
             body = self._builder.add_body(component.name)
@@ -173,40 +173,6 @@ class SapienCloth:
                 self._builder.add_shape(collider, body=body if can_move else 0)
                 self._shape_body.append(b)
         self.model: Model | None = None
-
-    def add_garment(
-        self,
-        vertices: np.ndarray,
-        faces: np.ndarray,
-        *,
-        material: ClothMaterial | None = None,
-        rest: np.ndarray | None = None,
-        env: int | None = None,
-    ) -> None:
-        """Add a garment; the arguments are those of `ModelBuilder.add_garment`."""
-        self._builder.add_garment(vertices, faces, material=material, rest=rest, env=env)
-
-    def add_solid(
-        self,
-        vertices: np.ndarray,
-        faces: np.ndarray,
-        *,
-        material: SolidMaterial | None = None,
-        thickness: float | None = None,
-        resolution: int = 16,
-        stiffness: np.ndarray | None = None,
-        env: int | None = None,
-    ) -> None:
-        """Add an elastic solid; the arguments are those of `ModelBuilder.add_solid`."""
-        self._builder.add_solid(
-            vertices,
-            faces,
-            material=material,
-            thickness=thickness,
-            resolution=resolution,
-            stiffness=stiffness,
-            env=env,
-        )
 
     def build(self) -> None:
         """Build model, state and solver from what was added."""

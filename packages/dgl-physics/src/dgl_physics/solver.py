@@ -5,26 +5,19 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from dgl_physics._kernels import (
-    bending,
-    cloth,
-    forgetting,
-    guard,
-    rigid,
-    sleep,
-    yarns,
-)
+from dgl_physics._kernels import bending, cloth, forgetting, guard, rigid, sleep, yarns
 from dgl_physics.coarse_step import CoarseStep
 from dgl_physics.edge_contact import EdgeContact
 from dgl_physics.elastic_step import ElasticStep
 from dgl_physics.errors import SimulationDivergedError
-from dgl_physics.launcher import Launcher
+from dgl_physics.launcher import Kernel, Launcher
 from dgl_physics.model import Model
 from dgl_physics.near_shapes import NearShapes
 from dgl_physics.quiet import quiet_warp
 from dgl_physics.self_contact import SelfContact
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
+from dgl_physics.stencils import Stencils
 
 __all__ = ["SolverXPBD"]
 
@@ -52,11 +45,8 @@ class SolverXPBD:
         self.model = model
         self.config = config or SolverConfig()
         self.frame = 0
-        device, count, envs = (
-            model.device,
-            model.env_count * model.particles_per_env,
-            model.env_count,
-        )
+        device, envs = model.device, model.env_count
+        count = envs * model.particles_per_env
         c = self.config
         self._limits = c.make_limits(model.contact_reach)
         self._previous = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -97,11 +87,11 @@ class SolverXPBD:
                 self._graphs, self._graph_state = {}, state
             if state.is_any_set:
                 self._forget(state)
-            self._find_near()
+            self._list(self._near)
             self._replay("begin", self._begin_frame)
             for part in () if self._is_asleep() else parts:
                 if self._needs_search():
-                    self._search()
+                    self._list(self._contact)
                 self._replay(f"substeps {part}", lambda part=part: self._run_substeps(part))
             self._replay("end", self._end_frame)
         self.frame += 1
@@ -118,25 +108,17 @@ class SolverXPBD:
         else:
             wp.capture_launch(self._graphs[name])
 
-    def _find_near(self) -> None:
-        """List the shapes that may be touched within the frame, in lists that are long enough."""
-        self._replay("near", lambda: self._near.find(self._state))
-        while self._has_overflowed():
-            self._near.grow()
-            self._graphs.clear()
-            self._replay("near", lambda: self._near.find(self._state))
+    def _list(self, lists: NearShapes | SelfContact) -> None:
+        """Fill the lists of near shapes or particles; they grow until every entry has room.
 
-    def _search(self) -> None:
-        """List the particles near each other, in lists that are long enough.
-
-        A list that was too short changes nothing but itself, so that what comes out is what longer lists had given from the
-        start.
+        A list that overflows changes nothing else, so the result is that of long enough lists.
         """
-        self._replay("search", lambda: self._contact.search(self._state))
+        name = type(lists).__name__
+        self._replay(name, lambda: lists.search(self._state))
         while self._has_overflowed():
-            self._contact.grow()
+            lists.grow()
             self._graphs.clear()
-            self._replay("search", lambda: self._contact.search(self._state))
+            self._replay(name, lambda: lists.search(self._state))
 
     def _has_overflowed(self) -> bool:
         """Ask whether an entry found no room, and forget it."""
@@ -232,7 +214,7 @@ class SolverXPBD:
             )  # fmt: skip
             self._contact.solve(state, dt, self._inverse_mass, self._previous)
             # What is solved last holds best, so the stiff comes after the soft.
-            self._solve_bending(state, dt, rate)
+            self._solve_stencils(bending.solve_bending, m.bending, state, dt, state.bend_length)
             self._launcher.launch_colours(
                 cloth.solve_distances,
                 m.colour_start,
@@ -242,7 +224,7 @@ class SolverXPBD:
                     self._is_torn,
                 ],
             )  # fmt: skip
-            self._solve_yarns(state, dt, rate)
+            self._solve_stencils(yarns.solve_yarns, m.yarns, state, dt, state.yarn_length)
             self._coarse.launch(state, dt, self._inverse_mass)
             self._contact.solve(state, dt, self._inverse_mass, self._previous)
             near.pose(state, (k + 1) / c.substeps)
@@ -278,7 +260,7 @@ class SolverXPBD:
         wp.copy(self._inverse_mass, m.inverse_mass)
         crowd = wp.clone(state.crowd)
         self._contact.mark_stirred(state)
-        self._search()
+        self._list(self._contact)
         dt = self.config.dt / self.config.substeps
         self._contact.solve(state, dt, self._inverse_mass, self._previous, share=0.0)
         wp.launch(
@@ -300,25 +282,15 @@ class SolverXPBD:
         state.is_set.zero_()
         state.is_any_set = False
 
-    def _solve_bending(self, state: State, dt: float, rate: float) -> None:
-        m = self.model
+    def _solve_stencils(
+        self, kernel: Kernel, s: Stencils, state: State, dt: float, before: wp.array
+    ) -> None:
         self._launcher.launch_colours(
-            bending.solve_bending,
-            m.bending.colour_start,
+            kernel,
+            s.colour_start,
             [
-                dt, rate, m.bending.vertices, m.bending.weights, m.bending.response, self._inverse_mass,
-                state.positions, state.bend_length,
-            ],
-        )  # fmt: skip
-
-    def _solve_yarns(self, state: State, dt: float, rate: float) -> None:
-        m = self.model
-        self._launcher.launch_colours(
-            yarns.solve_yarns,
-            m.yarns.colour_start,
-            [
-                dt, rate, m.yarns.vertices, m.yarns.weights, m.yarns.response, self._inverse_mass, state.positions,
-                state.yarn_length,
+                dt, 1.0 / dt, s.vertices, s.weights, s.response, self._inverse_mass,
+                state.positions, before,
             ],
         )  # fmt: skip
 

@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Integration of particles and distance constraints (XPBD)."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
 import warp as wp
 
 from dgl_physics._kernels.damping import compute_damping

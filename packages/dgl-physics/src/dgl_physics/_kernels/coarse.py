@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """The coarse level: patches of cloth whose centres have a largest distance."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fast_math": True})

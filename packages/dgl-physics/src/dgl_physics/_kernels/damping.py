@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Damping in proportion to the stiffness of a constraint."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
 import warp as wp
 
 COUPLING = wp.constant(4.0)

@@ -1,8 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Signed distances of rigid shapes: primitives exactly, meshes from grids."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
 import warp as wp
 
 from dgl_physics._kernels.types import Grid

@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Contact of the middles of edges with rigid shapes: what is thinner than a triangle does not pass between its corners."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.hit import find_drift, find_hit

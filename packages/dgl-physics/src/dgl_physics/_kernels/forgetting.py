@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """What a solver remembers of the substep before is forgotten where particles were set."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportArgumentType=false
 from typing import Any
 
 import warp as wp

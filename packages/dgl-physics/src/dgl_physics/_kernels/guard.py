@@ -1,10 +1,9 @@
+# type: ignore  # kernels are in the language of Warp
 """Looking for particles that went astray.
 
 Compiled without fast mathematics, which would assume that there are no NaNs.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})

@@ -1,8 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Where the surface of a moving shape is nearest to a point, and how it moves there."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
 import warp as wp
 
 from dgl_physics._kernels.distance import shape_distance

@@ -1,10 +1,9 @@
+# type: ignore  # kernels are in the language of Warp
 """Kernels that measure states: edges that pierce triangles, distances between particles.
 
 Compiled without fast mathematics: signs of small volumes decide.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})

@@ -1,8 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Contact of particles with rigid shapes, and the velocity update that follows it."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
 import warp as wp
 
 from dgl_physics._kernels.distance import PLANE, SPHERE, bound_distance

@@ -1,9 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Exact signed distances of a triangle mesh at the nodes of a grid."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAssignmentType=false
-# pyright: reportAttributeAccessIssue=false
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})

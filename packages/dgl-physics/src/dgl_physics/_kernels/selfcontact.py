@@ -1,3 +1,4 @@
+# type: ignore  # kernels are in the language of Warp
 """Contact of particles with particles, of the same garment or of another.
 
 A particle is a sphere that is large enough for the spheres of a triangle, and those of an edge, to
@@ -5,8 +6,6 @@ leave next to no gap that others could slip through: as long as particles keep a
 See `dgl_physics.topology.compute_radii`.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.types import SolverLimits

@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Environments whose cloth has come to rest sleep until something may touch it."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.types import ShapeTable, SolverLimits

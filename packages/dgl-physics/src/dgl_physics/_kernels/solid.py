@@ -1,10 +1,9 @@
+# type: ignore  # kernels are in the language of Warp
 """Elastic solids: one implicit step of tetrahedral stable neo-Hookean elements.
 
 Solids have rows of their own: a row for each particle, in the order of the factor.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.types import ParticleMaterial

@@ -1,3 +1,4 @@
+# type: ignore  # kernels are in the language of Warp
 """Contact of elastic solids with rigid shapes, within the implicit step.
 
 A push on one particle of a stiff solid moves its surroundings as well, so pushing particles apart
@@ -5,8 +6,6 @@ one by one after the step, as for cloth, is much too soft and not stable. Here a
 solid are solved together, with the inverse of the step's matrix as their compliance.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.edge_contact import REST_SHARE

@@ -1,6 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Structs that the kernels share."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
 

@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Yarns along warp and weft, one constraint each in every triangle (XPBD)."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false
 import warp as wp
 
 from dgl_physics._kernels.damping import compute_damping

@@ -1,7 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Twin of `_kernels.rigid.find_near_shapes`."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportArgumentType=false, reportCallIssue=false
 import warp as wp
 
 from dgl_physics._kernels.distance import PLANE

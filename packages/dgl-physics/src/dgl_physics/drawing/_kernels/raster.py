@@ -1,12 +1,10 @@
+# type: ignore  # kernels are in the language of Warp
 """Vertices to the picture, triangles to pixels, pixels to places.
 
 A pixel holds one 64-bit key: the bits of its inverse depth above, the number of its triangle below, counted
 from 1. The largest key is what is seen, in whatever order triangles come.
 """
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportCallIssue=false, reportArgumentType=false
-# pyright: reportAttributeAccessIssue=false, reportReturnType=false
 import warp as wp
 
 from dgl_physics.drawing._kernels.types import Camera, Geometry, Looks

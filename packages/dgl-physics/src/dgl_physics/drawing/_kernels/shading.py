@@ -1,8 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """Pixels to colours: textures and light."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportCallIssue=false, reportArgumentType=false
-# pyright: reportAttributeAccessIssue=false, reportReturnType=false
 import warp as wp
 
 from dgl_physics.drawing._kernels.raster import get_triangle, trace

@@ -1,8 +1,6 @@
+# type: ignore  # kernels are in the language of Warp
 """What the kernels of the rasteriser work on."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportIndexIssue=false
-# pyright: reportOperatorIssue=false, reportCallIssue=false, reportArgumentType=false
-# pyright: reportAttributeAccessIssue=false, reportReturnType=false
 import warp as wp
 
 
