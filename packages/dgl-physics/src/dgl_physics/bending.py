@@ -14,8 +14,8 @@ def make_bending(
     The constraint of a hinge is c = sum_j K_j x_j = 0. For linear positions in the plane of its two
     unfolded triangles c vanishes, and so sum_j K_j = 0: it pushes and turns nothing as a whole.
     Under a small curvature tensor k, c = Q : k along the normal, with Q = sum_j K_j y_j y_j^T / 2
-    of the unfolded positions y_j. The energy of a hinge is s B |c|^2 / (2 (A0 + A1)), with the areas
-    A0 and A1 of its triangles.
+    of the unfolded positions y_j. The energy of a hinge is s B |c|^2 / (2 (A0 + A1)), with the
+    areas A0 and A1 of its triangles.
 
     The factor s of a mesh is such that bending to a cylinder of curvature k costs B k^2 / 2 per
     area, as the mean over all directions: with <n n n n> the isotropic tensor,

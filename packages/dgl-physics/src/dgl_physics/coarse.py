@@ -1,4 +1,4 @@
-"""The coarse level of a garment: patches of cloth and how far apart they can be."""
+"""The coarse level of a garment: patches of cloth and the limits of their distances."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dgl_physics.membrane import MembraneModuli, compute_tensile_modulus
 PARTICLES_PER_NODE = 16
 """Particles of the mesh for each node of the coarse level."""
 SMOOTHINGS = 3
-"""Rounds of averaging with the neighbours that make the patches overlap."""
+"""Averagings with the neighbours that make the patches overlap."""
 WEIGHTS = 4
 """Nodes that a particle belongs to, at most."""
 SMALLEST_PANEL = 48
@@ -32,13 +32,13 @@ FREE_TENSION = 2.0
 class CoarseLevel:
     """Overlapping patches of one garment and the limits of their distances.
 
-    Cloth that does not stretch cannot take two patches' centres farther apart than they are when it
-    is spread out flat. These limits carry weight over many particles at once, where constraints
-    along edges hand it on by an edge for each pass.
+    The centres of two patches of inextensible cloth cannot be farther apart than when it is spread
+    out flat. These limits carry weight over many particles at once; constraints along edges carry
+    it by one edge a pass.
 
     Attributes:
-        nodes: Patches that each particle belongs to, shape (V, 4), int32; -1 for none.
-        weights: How much it belongs to them; they add up to 1, or are all 0, shape (V, 4), float32.
+        nodes: Patches of each particle, shape (V, 4), int32; -1 for none.
+        weights: Its weights in them, shape (V, 4), float32; their sum is 1, or all are 0.
         pairs: Nodes with a limit between them, shape (L, 2), int32.
         lengths: Largest distance of their centres [m], shape (L,), float32.
         node_count: Number of nodes.
@@ -118,7 +118,7 @@ def _spread_patches(faces: np.ndarray, count: int) -> np.ndarray:
 
 
 def _divide(start: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
-    """Divide a graph by its vertices' nearest seed; each seed is as far as can be from the others."""
+    """Divide a graph by the nearest of seeds that are as far from each other as possible."""
     vertex_count = len(start) - 1
     bounds, around = (
         start.tolist(),
@@ -158,7 +158,7 @@ def _limit_pairs(
     node_panel: np.ndarray,
     panel_vertices: list[np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find which nodes limit each other's distance: neighbours and their neighbours."""
+    """Find the pairs of nodes with a limit: neighbours and their neighbours."""
     count = membership.shape[1]
     weight = membership * masses[:, None]
     weight = weight / np.maximum(weight.sum(axis=0), 1e-12)
@@ -178,7 +178,7 @@ def _limit_pairs(
     both = np.concatenate([near, near[:, ::-1]])
     order = np.lexsort((both[:, 1], both[:, 0]))
     both, step = both[order], np.tile(length, 2)[order]
-    # every way of two steps, a to b to c, and the shortest of them for each pair
+    # all paths of two steps, a to b to c, and the shortest for each pair
     degree = np.diff(start)[both[:, 1]]
     first = np.repeat(np.arange(len(both)), degree)
     second = np.repeat(start[both[:, 1]] - np.cumsum(degree) + degree, degree)
@@ -204,7 +204,7 @@ def _measure_unfolded(
     rest: np.ndarray,
     panel_vertices: list[np.ndarray],
 ) -> np.ndarray:
-    """Distance of nodes when the cloth between them is flat [m], shape (L,).
+    """Measure the distance of nodes when the cloth between them is flat [m], shape (L,).
 
     Within a panel it is straight, or along an arc where the panel is curved at rest; between two
     panels it is over their seam, about which one of them is turned.

@@ -1,4 +1,4 @@
-"""What the coarse level does in a substep: it carries tension across a garment at once."""
+"""The coarse level's part of a substep, which carries tension across a garment at once."""
 
 import warp as wp
 
@@ -17,10 +17,10 @@ class CoarseStep:
     """Limits on the distances between the nodes of the coarse level, see `dgl_physics.coarse`."""
 
     def __init__(self, model: Model, sweeps: int, launcher: Launcher) -> None:
-        """Make it.
+        """Make the arrays.
 
         Args:
-            model: What is simulated.
+            model: Model to simulate.
             sweeps: Passes over the limits in each substep; 0 leaves them out.
             launcher: Launches the kernels.
         """
@@ -28,7 +28,7 @@ class CoarseStep:
         device, nodes = model.device, max(model.coarse.node_count, 1)
         count = model.env_count * model.particles_per_env
         self.tension = wp.zeros(count, dtype=wp.vec3, device=device)
-        """What pulled at each particle that sticks to a shape [m]; it moves nothing by itself."""
+        """Pull on each particle that sticks to a shape [m]; it moves nothing by itself."""
         self._centre, self._centre_before, self._reaction = (
             wp.zeros(nodes, dtype=wp.vec3, device=device) for _ in range(3)
         )
@@ -60,7 +60,8 @@ class CoarseStep:
             coarse.move_with_nodes,
             m.env_count * m.particles_per_env,
             [
-                ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass, inverse_mass, state.is_stuck,
-                self._centre, self._centre_before, self._held, self._reaction, state.positions, self.tension,
+                ACCELERATION * dt**2, t.nodes, t.weights, t.node_inverse_mass, inverse_mass,
+                state.is_stuck, self._centre, self._centre_before, self._held, self._reaction,
+                state.positions, self.tension,
             ],
         )  # fmt: skip

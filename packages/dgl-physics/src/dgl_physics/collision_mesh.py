@@ -12,21 +12,19 @@ from dgl_physics.errors import MeshError
 from dgl_physics.grid_cache import load_or_build
 
 _CONVEX_TOLERANCE = 1e-3
-"""How far a vertex of a convex mesh may be above one of its triangles, relative to its radius."""
+"""Height of a convex mesh's vertex above one of its triangles, at most, over the radius."""
 _SLIVER = 1e-5
-"""Relative to the square of the radius: triangles smaller than this have no certain normal."""
+"""Area over the squared radius below which a triangle has no reliable normal."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CollisionMesh:
     """A surface for shapes of kind "mesh" and "convex", with its grid of signed distances.
 
-    The grid is made at the first use and kept: give shapes that are alike the same object.
+    The grid is made at the first use and kept: give equal shapes the same object. Closed parts may
+    overlap: their union is inside. Vertices at the same position count as one.
 
-    Closed parts may overlap: what is inside any of them is inside. Vertices at the same place
-    count as one.
-
-    Limitations: what is thinner than a cell of the grid, and edges nearer than that, are rounded.
+    Limitations: parts thinner than a cell of the grid, and sharp edges, are rounded.
     """
 
     vertices: np.ndarray
@@ -34,8 +32,7 @@ class CollisionMesh:
     faces: np.ndarray
     """Vertex indices, shape (F, 3), counter-clockwise seen from outside."""
     is_sheet: bool = False
-    """The surface has no inside: cloth is kept at the side on which it is. Needed for open
-    meshes, of which nobody can say where their inside is."""
+    """The surface has no inside: cloth stays at its side. Open meshes need it."""
     spacing: float | None = None
     """Side of the grid's cells [m]; > 0. When None a quarter of the smallest extent, between
     0.5 and 2.5 mm, and more where `max_nodes` demands it."""
@@ -91,7 +88,7 @@ class CollisionMesh:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether it bounds a convex body."""
+        """True if the surface bounds a convex body."""
         if self.is_sheet:
             return False
         crosses = _compute_crosses(self.vertices, self.faces)
@@ -106,7 +103,7 @@ class CollisionMesh:
 
     @cached_property
     def grid(self) -> DistanceGrid:
-        """Signed distances around `centre`; building it takes up to some seconds, and is kept on disk for large meshes."""
+        """Signed distances around `centre`, built within seconds; large grids stay on disk."""
         vertices = self.vertices - self.centre
         return load_or_build(
             vertices,
@@ -124,7 +121,7 @@ class CollisionMesh:
 
 
 def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unite vertices at the same place, and leave out triangles and vertices that this voids."""
+    """Merge vertices at the same position, and drop degenerate triangles and unused vertices."""
     vertices, index = np.unique(vertices, axis=0, return_inverse=True)
     faces = index.reshape(-1)[faces]
     a, b, c = faces.T
@@ -155,7 +152,7 @@ def _check_triangles(vertices: np.ndarray, faces: np.ndarray) -> None:
 
 
 def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
-    """Tell whether a surface has no boundary: each edge is passed as often forth as back."""
+    """Decide if a surface has no boundary: each edge is passed as often forth as back."""
     return len(_find_open_edges(*_weld(vertices, faces))) == 0
 
 

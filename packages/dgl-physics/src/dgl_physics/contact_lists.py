@@ -1,4 +1,4 @@
-"""Lists of what is near each particle, which grow when they are too short."""
+"""Growth of the lists of neighbours and shapes near each particle."""
 
 from dgl_physics.errors import ContactOverflowError
 
@@ -8,19 +8,20 @@ _GIB = 2**30
 
 
 def grow_list(what: str, size: int, memory: float) -> int:
-    """Give the size of lists that have room for twice as much.
+    """Double the size of lists.
 
     Args:
-        what: They hold.
-        size: That they have now, in entries of 4 bytes.
-        memory: That they may take [GiB].
+        what: Name of their content.
+        size: Present number of entries, of 4 bytes each.
+        memory: Memory that they may take [GiB].
 
     Raises:
-        ContactOverflowError: If they would take more.
+        ContactOverflowError: If they would take more memory.
     """
     needed = 2 * size * 4 / _GIB
     if needed > memory:
         raise ContactOverflowError(
-            f"lists of {what} are too short and would need {needed:.3g} GiB; list_memory of SolverConfig allows {memory:g}"
+            f"lists of {what} are too short and would need {needed:.3g} GiB; "
+            f"list_memory of SolverConfig allows {memory:g}"
         )
     return 2 * size

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 @dataclass(frozen=True, kw_only=True)
 class ContactMaterial:
-    """How the particles of a garment touch rigid shapes and each other.
+    """Contact parameters of a garment, with rigid shapes and between particles.
 
     The four parameters that make a dexterous grasp possible (friction, adhesion and the two
     particle scales) follow the DexGarmentLab paper, section on garment simulation.
@@ -36,12 +36,12 @@ class ContactMaterial:
     """Distance at which a particle rests on a rigid surface [m]; > 0."""
 
     thickness: float = 0.012
-    """Distance at which two particles of different places of the garment rest [m]; > 0. Where edges of
-    cloth are longer than 1.4 times this, more: particles must cover it for layers not to pass."""
+    """Distance at which two particles rest that share no edge [m]; > 0. Larger where edges are
+    longer than 1.4 times this: the spheres of particles must cover the mesh."""
 
     compression_stiffness: float = 1.8e6
-    """Pressure of cloth squeezed between surfaces, over how far it is compressed [Pa/m]; >= 0. It is
-    what friction in a pinch comes from; less within the first tenth of the thickness."""
+    """Pressure of squeezed cloth over its compression [Pa/m]; >= 0. Friction in a pinch comes from
+    it. It is less within the first tenth of the thickness."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

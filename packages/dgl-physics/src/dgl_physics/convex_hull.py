@@ -6,17 +6,16 @@ from dgl_physics import topology
 from dgl_physics.errors import MeshError
 
 _JOGGLE = 1e-5
-"""Points are moved by this, relative to their extent, so that no four lie in a plane: what sees
-what is then beyond doubt, and the hull is closed."""
+"""Random shift of the points over their extent: no four lie in a plane, so the hull is closed."""
 _FLAT = 1e-4
-"""Points whose extent across a plane is less than this, relative to their size, are flat."""
+"""Thickness over size below which points count as flat."""
 
 
 def compute_hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute the convex hull, true to 1e-5 of the extent.
 
-    From a tetrahedron on, the point that is farthest outside of a face is added: the faces that
-    see it give way to a fan over their rim.
+    It starts with a tetrahedron and adds the point farthest outside of a face: the faces that see
+    it are replaced by a fan over their rim.
 
     Args:
         points: Shape (N, 3).
@@ -53,7 +52,7 @@ def compute_hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         fan = np.column_stack([rim, np.full(len(rim), apex, dtype=np.int32)])
         fan_planes = _compute_planes(points, fan)
         kept = np.count_nonzero(~visible)
-        # what saw a face that is gone sees one of the fan, or is inside
+        # a point that saw a removed face sees a face of the fan, or is inside
         orphans = visible[owner]
         owner = (np.cumsum(~visible) - 1)[owner]
         adopted, height[orphans] = _assign(points[left[orphans]], fan_planes, tolerance)
@@ -84,7 +83,7 @@ def _make_tetrahedron(points: np.ndarray) -> np.ndarray:
 
 
 def _compute_planes(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals and offsets of the faces' planes, shape (F, 4)."""
+    """Compute unit normals and offsets of the faces' planes, shape (F, 4)."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)

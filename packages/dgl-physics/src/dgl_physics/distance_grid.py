@@ -1,4 +1,4 @@
-"""Signed distances of a mesh on a grid: fine where cloth touches, coarse elsewhere."""
+"""Signed distances of a mesh on a grid, fine near the surface and coarse elsewhere."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,10 @@ from dgl_physics.quiet import quiet_warp
 FINE_NODES = (BLOCK + 1) ** 3
 """Nodes of a fine block."""
 _FINEST, _COARSEST = 5e-4, 2.5e-3
-"""Bounds of the spacing where memory leaves a choice [m]: errors below them help nobody, and the
-usual rest offset of 4 mm should be two cells."""
+"""Bounds of the spacing where memory allows [m]; the usual rest offset of 4 mm is two cells."""
 _CELLS_ACROSS = 4
 _DEPTH = 2
-"""Depth under the surface in cells, down to which the grid is fine: what comes deeper than that
-is pushed out by coarser distances until it is there."""
+"""Depth under the surface down to which the grid is fine [cells]."""
 _GROWTH = 1.15
 
 
@@ -35,7 +33,7 @@ class DistanceGrid:
     coarse: np.ndarray
     """Signed distances [m], shape (X + 1, Y + 1, Z + 1) for X x Y x Z blocks."""
     fine_index: np.ndarray
-    """Which of the fine blocks a block is, -1 where there is none; shape (X, Y, Z), int32."""
+    """Index of each block's fine block, -1 for none; shape (X, Y, Z), int32."""
     fine: np.ndarray
     """Signed distances [m], shape (N, 5, 5, 5); the nodes of a side are those of its neighbour."""
 
@@ -55,7 +53,7 @@ def build_distance_grid(
     reach: float,
     max_nodes: int,
 ) -> DistanceGrid:
-    """Build the grid, on the CPU whatever the device is, so that all devices have the same.
+    """Build the grid on the CPU, so that it is the same for all devices.
 
     The nodes hold exact distances. The sign is that of the winding number, so closed parts may
     overlap.
@@ -63,7 +61,7 @@ def build_distance_grid(
     Args:
         vertices: [m], shape (V, 3).
         faces: Shape (F, 3), int32.
-        is_sheet: Whether distances have no sign.
+        is_sheet: Distances have no sign.
         spacing: Side of a fine cell [m]; chosen when None.
         reach: Distance up to which cells are fine [m].
         max_nodes: Bound on `DistanceGrid.node_count`.
@@ -103,7 +101,7 @@ def build_distance_grid(
 
 
 def _choose_spacing(vertices: np.ndarray, faces: np.ndarray, reach: float, max_nodes: int) -> float:
-    """Spacing that the mesh's size asks for, and that will probably fit."""
+    """Choose a spacing by the mesh's size that will probably fit."""
     extent = np.ptp(vertices, axis=0)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
@@ -120,7 +118,7 @@ def _choose_spacing(vertices: np.ndarray, faces: np.ndarray, reach: float, max_n
 
 
 def _lay_out(vertices: np.ndarray, step: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lower corner [m] and number of blocks of a box with `reach` around the mesh."""
+    """Compute lower corner [m] and number of blocks of a box with `reach` around the mesh."""
     margin = reach + step  # more than reach, against rounding
     low, high = vertices.min(axis=0) - margin, vertices.max(axis=0) + margin
     shape = np.ceil((high - low) / (BLOCK * step)).astype(np.int64)
@@ -136,7 +134,7 @@ def _find_fine_blocks(
     *,
     is_sheet: bool,
 ) -> np.ndarray:
-    """Blocks that may have a point nearer to the surface than `reach`, shape (N, 3)."""
+    """Find the blocks with points nearer to the surface than `reach`, shape (N, 3)."""
     width = BLOCK * step
     centre = _sample(mesh, (lower + 0.5 * width)[None], shape, width, is_sheet=is_sheet)[0]
     half_diagonal = 0.5 * np.sqrt(3) * width
@@ -146,7 +144,7 @@ def _find_fine_blocks(
 def _sample(
     mesh: wp.Mesh, lower: np.ndarray, nodes: np.ndarray, step: float, *, is_sheet: bool
 ) -> np.ndarray:
-    """Signed distances [m] at the nodes of boxes, shape (len(lower), *nodes)."""
+    """Sample signed distances [m] at the nodes of boxes, shape (len(lower), *nodes)."""
     value = wp.zeros(len(lower) * int(np.prod(nodes)), dtype=wp.float32, device="cpu")
     wp.launch(
         sampling.sample_boxes,

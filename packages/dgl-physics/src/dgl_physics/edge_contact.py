@@ -16,14 +16,14 @@ __all__ = ["EdgeContact"]
 class EdgeContact:
     """The edges near rigid shapes, and their contact.
 
-    On a CPU they are listed once a frame: hardly any edge is near a shape.
+    On a CPU they are listed once a frame: few edges are near a shape.
     """
 
     def __init__(self, model: Model, limits: SolverLimits, near: NearShapes) -> None:
         """Make the list.
 
         Args:
-            model: What is simulated.
+            model: Model to simulate.
             limits: Settings of the solver.
             near: The shapes near each particle.
         """
@@ -34,7 +34,7 @@ class EdgeContact:
         self._listed_count = wp.zeros(1, dtype=wp.int32, device=model.device)
 
     def find(self) -> None:
-        """List the edges that may touch shapes within the coming frame, once these are known."""
+        """List the edges that may touch shapes within this frame, after `NearShapes.search`."""
         if self._is_listed:
             wp.launch(
                 edge_contact.list_near_edges,
@@ -48,16 +48,16 @@ class EdgeContact:
         """Push edges out of shapes.
 
         Args:
-            state: What is solved.
+            state: State to correct.
             dt: Length of the substep [s].
             inverse_mass: Of each particle [1/kg], 0 for those that do not move.
             previous: Positions at the start of the substep [m].
         """
         m, near = self._model, self._near
         inputs = [
-            dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index, m.materials, inverse_mass,
-            near.active, near.pose_before, near.pose_now, near.near, near.near_bodies, previous, state.positions,
-            state.impulse,
+            dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index, m.materials,
+            inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
+            near.near_bodies, previous, state.positions, state.impulse,
         ]  # fmt: skip
         if self._is_listed:
             inputs = [self._listed, self._listed_count, *inputs]

@@ -23,8 +23,7 @@ class ElasticStep:
     The step solves (mass + dt^2 stiffness bound) dx = dt^2 (weight + elastic forces) with a
     factor made once (Liu, Bouaziz and Kavan 2017, Quasi-Newton Methods for Real-Time Simulation
     of Hyperelastic Materials). It moves nothing where forces balance, so stiffness at rest is
-    exact at any substep; it is linear momentum's exact change; and modes of frequency w with
-    w dt << 1 move as they should.
+    exact at any substep. Linear momentum is exact, and so are modes of frequency w << 1 / dt.
     """
 
     def __init__(self, solids: Solids, dt: float, device: str) -> None:
@@ -95,7 +94,7 @@ class ElasticStep:
 
         Args:
             gravity: [m/s^2], world frame.
-            state: What is moved.
+            state: State to advance.
             limits: Of the solver.
             near: The shapes near each particle, posed for this substep.
             inverse_mass: Of each particle [1/kg], 0 for those that do not move.
@@ -154,10 +153,10 @@ class ElasticStep:
                 solid_contact.find_touches,
                 dim=points,
                 inputs=[
-                    first, self._dt, m.particles_per_env, limits, m.shapes, m.garment_index, m.materials,
-                    inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                    near.near_count, previous, state.positions, near.near_bodies, s.particle,
-                    self._fall, self._step, self._touches,
+                    first, self._dt, m.particles_per_env, limits, m.shapes, m.garment_index,
+                    m.materials, inverse_mass, near.active, near.pose_before, near.pose_now,
+                    near.near, near.near_count, previous, state.positions, near.near_bodies,
+                    s.particle, self._fall, self._step, self._touches,
                 ],
             )  # fmt: skip
         wp.launch(

@@ -1,4 +1,4 @@
-"""Exceptions that a user of dgl-physics may want to catch."""
+"""Exceptions of dgl-physics."""
 
 
 class PhysicsError(Exception):

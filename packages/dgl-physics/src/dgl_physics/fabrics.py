@@ -1,24 +1,24 @@
 """Fabrics by name, with measured numbers.
 
-What they mean in the units of textile testing: 1 gf cm^2/cm = 9.807e-5 N m of flexural rigidity,
+Units of textile testing: 1 gf cm^2/cm = 9.807e-5 N m of flexural rigidity,
 1 mg/cm^2 = 0.01 kg/m^2. Rigidities are means of warp and weft.
 
 Sources:
     W: H. Wang, J. F. O'Brien, R. Ramamoorthi: Data-Driven Elastic Models for Cloth: Modeling and
-        Measurement, SIGGRAPH 2011, with the published data of ten fabrics. Their coefficients are of
-        the energy k l^2 theta^2 / (8 (A0 + A1)) of a hinge with the angle theta, edge l and areas A,
+        Measurement, SIGGRAPH 2011, with the published data of ten fabrics. Their coefficients are
+        of the energy k l^2 theta^2 / (8 (A0 + A1)) of a hinge with angle theta, edge l, areas A,
         so B = k / 4 (see `dgl_physics.bending`; here of the smallest curvature measured), and of
         the energies k E_11^2 and k E_12^2 per area with E the Green strain, so the moduli are 2 k
         in tension and k / 2 in shear (small strain; knits at 17 % strain, where their loops have
         straightened).
-    M: M. Matsudaira, T. Masuda, M. Wada, H. Yokura: Shape Factor of Flared Skirts Compared with That
-        of Circular Fabrics, J. Textile Eng. 61(6), 2015, table 1: KES-FB measurements.
+    M: M. Matsudaira, T. Masuda, M. Wada, H. Yokura: Shape Factor of Flared Skirts Compared with
+        That of Circular Fabrics, J. Textile Eng. 61(6), 2015, table 1: KES-FB measurements.
     T: M. Temel, A. A. Johnson, A. B. Lloyd: Evaluating the Repeatability of Friction Coefficient
         Measurements and Tactile Perceptions in Skin-Textile Interactions Across Body Regions,
-        Tribology Letters 70, 2022: dynamic friction of cotton on skin, 0.25 (forearm) to 0.79 (chest).
+        Tribology Letters 70, 2022: dynamic friction of cotton on skin, 0.25 to 0.79.
 
-Friction is the middle of T for all fabrics: no measurement was found that tells them apart. Friction
-between fabrics and the contact thickness are the defaults of `ClothMaterial`, which are numerical.
+Friction is the middle of T for all fabrics, for want of measurements by fabric. Friction between
+fabrics and the contact thickness are the defaults of `ClothMaterial`, which are numerical.
 """
 
 from difflib import get_close_matches
@@ -95,7 +95,7 @@ def get_fabric(name: str) -> ClothMaterial:
         name: A name in `FABRICS`.
 
     Raises:
-        ValueError: If there is none of this name, with those that there are.
+        ValueError: If there is none of this name; the message lists all.
     """
     if name not in FABRICS:
         close = get_close_matches(name, FABRICS, n=1)

@@ -1,4 +1,4 @@
-"""Distance grids of large meshes on disk: one file each, which appears whole or not at all."""
+"""Cache of the distance grids of large meshes on disk, one file each."""
 
 import hashlib
 import logging
@@ -16,13 +16,13 @@ from dgl_physics.distance_grid import DistanceGrid
 logger = logging.getLogger(__name__)
 
 VERSION = 1
-"""Raised whenever the same mesh gets another grid than before."""
+"""To be raised whenever the grid of the same mesh changes."""
 LEAST_FACES = 2000
-"""Meshes of fewer triangles are not kept: building their grids takes no longer than reading them."""
+"""Grids of smaller meshes are not kept: they are built as fast as read."""
 
 
 def get_cache_folder() -> Path:
-    """Give the folder of grids: in `$XDG_CACHE_HOME`, or in `~/.cache` where that is not set."""
+    """Return the folder of grids, in `$XDG_CACHE_HOME` or else in `~/.cache`."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "dexgarmentlab" / "grids"
 
@@ -35,12 +35,12 @@ def load_or_build(
 ) -> DistanceGrid:
     """Read the grid of a mesh, or build it and keep it.
 
-    A file that cannot be read is built anew, and a folder that cannot be written is told and done without.
+    A damaged file is built again; a folder that cannot be written is logged.
 
     Args:
         vertices: Of the mesh [m], shape (V, 3).
         faces: Shape (F, 3).
-        settings: What else the grid depends on.
+        settings: Further settings of the grid.
         build: Builds it.
     """
     if len(faces) < LEAST_FACES:

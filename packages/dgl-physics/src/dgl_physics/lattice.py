@@ -1,4 +1,4 @@
-"""Filling of closed surfaces with tetrahedra of a lattice, and the skin they carry."""
+"""Tetrahedral lattices that fill closed surfaces, and the surface that they carry."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -49,7 +49,7 @@ class Skin:
 def fill_closed_surface(
     vertices: np.ndarray, faces: np.ndarray, resolution: int
 ) -> tuple[np.ndarray, np.ndarray, Skin]:
-    """Fill a closed surface with the cubes of a grid, and move their outside onto the surface.
+    """Fill a closed surface with cubes, and move their outside onto the surface.
 
     Args:
         vertices: Positions [m], shape (V, 3).
@@ -91,7 +91,7 @@ def fill_closed_surface(
 
 
 def _is_inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Whether the surface winds around points (van Oosterom and Strackee 1983)."""
+    """Test points by the winding number of the surface (van Oosterom and Strackee 1983)."""
     solid_angle = np.zeros(len(points))
     for part in _chunks(len(points), len(faces)):
         a, b, c = (vertices[faces[:, k]] - points[part, None] for k in range(3))
@@ -110,7 +110,7 @@ def _chunks(count: int, width: int) -> list[slice]:
 
 
 def _find_closest(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Closest points on the surface, shape (P, 3)."""
+    """Find the closest points on the surface, shape (P, 3)."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     squared = np.sum(normal * normal, axis=1)
@@ -147,7 +147,7 @@ def _fit(
         bad = compute_volumes(moved, tets) < smallest
         if not bad.any():
             return moved
-        # a little less each time; in the end not at all, which ends the loop for certain
+        # a little less each time, and finally not at all, which ends the loop
         share[np.unique(tets[bad])] *= 0.7 if tries < 12 else 0.0
         tries += 1
 
@@ -155,7 +155,7 @@ def _fit(
 def _make_skin(
     vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, tets: np.ndarray
 ) -> Skin:
-    """Carry each vertex by the tetrahedron that it is in, or nearest to being in."""
+    """Attach each vertex to the tetrahedron that contains it, or nearly does."""
     middle = points[tets].mean(axis=1)
     near = min(16, len(tets))
     chosen, weights = [], []

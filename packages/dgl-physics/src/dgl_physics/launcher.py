@@ -1,4 +1,4 @@
-"""Launches kernels: on a GPU, on a CPU as Warp compiles them, or as their twins in vector code."""
+"""Launches of kernels, on a CPU also as their twins in vector code."""
 
 import logging
 import platform
@@ -15,21 +15,21 @@ from dgl_physics.errors import UnsupportedCpuError
 __all__ = ["CpuCode", "Launcher", "find_vector_obstacle"]
 
 CpuCode = Literal["auto", "vector", "warp"]
-"""Code for a CPU: vector code, Warp's own, or "auto" for vector code wherever the CPU has the instructions."""
+"""Code for a CPU: vector code, Warp's own, or "auto" for vector code where it can run."""
 
 Kernel = Callable[..., None]
-"""What `wp.kernel` makes; a function to whoever checks types."""
+"""Result of `wp.kernel`; a function to type checkers."""
 WANTED = ("avx2", "fma")
-"""What vector code needs of an x86 processor, as Linux names it. Others have lanes in their base set."""
+"""Flags of an x86 processor that vector code needs, as named by Linux."""
 
 logger = logging.getLogger(__name__)
 
 
 def find_vector_obstacle(cpu_info: Path = Path("/proc/cpuinfo")) -> str | None:
-    """Say why this CPU runs no vector code; None where it does.
+    """Explain the lack of vector code on this CPU; None where it runs.
 
     Args:
-        cpu_info: What Linux says of the processors.
+        cpu_info: Linux's description of the processors.
     """
     machine = platform.machine().lower()
     if machine in ("aarch64", "arm64"):
@@ -47,7 +47,7 @@ def find_vector_obstacle(cpu_info: Path = Path("/proc/cpuinfo")) -> str | None:
 
 @cache
 def warn_once(obstacle: str) -> None:
-    """Say, once in a process, why cloth is slow."""
+    """Warn once in a process that cloth is slow."""
     logger.warning("cloth runs without vector code, about three times slower: %s", obstacle)
 
 
@@ -59,8 +59,8 @@ class Launcher:
 
         Args:
             device: Warp device.
-            cpu_code: Which code a CPU runs.
-            particle_count: Of all environments.
+            cpu_code: Code for a CPU.
+            particle_count: Number of particles of all environments.
 
         Raises:
             UnsupportedCpuError: If vector code is wanted where it cannot run.
@@ -84,7 +84,7 @@ class Launcher:
         )
 
     def has_twin(self, kernel: Kernel) -> bool:
-        """Whether a kernel runs as vector code."""
+        """Return True if a kernel runs as vector code."""
         return kernel in self._twins
 
     def launch(self, kernel: Kernel, dim: int, inputs: list) -> None:

@@ -1,4 +1,4 @@
-"""Lay a garment down by a short simulation: it falls onto a table and is pressed."""
+"""A garment laid flat by simulation: it falls onto a table and is pressed."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -11,9 +11,9 @@ from dgl_physics.membrane import ISOTROPIC_SHEAR
 class ClothMaterial(ContactMaterial):
     """Parameters of one garment; `dgl_physics.fabrics` has those of measured fabrics.
 
-    The defaults are a cotton jersey in weight and bending, see there. In its plane the default is
-    stiffer and has no softer shear, so that cloth keeps its size when robots pull at it, and
-    needs no yarns, which cost time.
+    The defaults are a cotton jersey in weight and bending. In its plane the default is stiffer and
+    isotropic, so that cloth keeps its size when robots pull at it and needs no yarns, which cost
+    time.
 
     The four contact parameters that make a dexterous grasp possible (friction, adhesion and
     the two particle scales) follow the DexGarmentLab paper, section on garment simulation.
@@ -26,16 +26,16 @@ class ClothMaterial(ContactMaterial):
     """Young's modulus of the membrane along warp and weft, force per width [N/m]; > 0."""
 
     shear_stiffness: float | None = None
-    """Shear modulus of the membrane [N/m]; > 0, at most 3/8 of `stretch_stiffness`, which is
-    isotropic and what None stands for. It needs a garment with flat rest coordinates, whose axes
-    are weft (x) and warp (y); a garment with three-dimensional rest coordinates is isotropic."""
+    """Shear modulus of the membrane [N/m]; > 0, at most 3/8 of `stretch_stiffness`. None means 3/8:
+    isotropic. Other values need flat rest coordinates with axes weft (x) and warp (y); garments
+    with three-dimensional rest coordinates are isotropic."""
 
     bending_stiffness: float = 5.0e-6
     """Flexural rigidity per width [N m]; >= 0."""
 
     stretch_damping: float = 0.0
-    """Relaxation time of stretch and shear, viscosity over modulus [s]; >= 0. It acts only as far
-    as the substep resolves the stiffness; beyond that the solver itself damps."""
+    """Relaxation time of stretch and shear, viscosity over modulus [s]; >= 0. It acts where the
+    substep resolves the stiffness; elsewhere the solver itself damps."""
 
     bending_damping: float = 0.01
     """Relaxation time of bending, viscosity over rigidity [s]; >= 0."""

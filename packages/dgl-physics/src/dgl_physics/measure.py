@@ -1,9 +1,5 @@
-"""Measures of a state of cloth: strain, layers that pass through each other, closest particles.
+"""Measures of cloth as functions of arrays: strain, intersections, closest particles."""
 
-All are functions of arrays, for tests, benchmarks and datasets alike; import them from here.
-"""
-
-# Warp's arrays of vectors and structures are more than their annotations say.
 # pyright: reportArgumentType=false
 import numpy as np
 import warp as wp
@@ -36,12 +32,11 @@ def compute_strain(
 def find_intersections(
     positions: np.ndarray, faces: np.ndarray, *, device: str = "cpu"
 ) -> np.ndarray:
-    """Find where a mesh passes through itself: edges that pierce triangles of other places.
+    """Find the self-intersections of a mesh: edges that pierce triangles.
 
-    Candidates come from a hierarchy of boxes; each is decided by the signs of five tetrahedra's
-    volumes in double precision, so there is no tolerance. A surface is free of intersections
-    exactly if no edge pierces a triangle (two triangles that cross have an edge of one in the
-    other), so a count of 0 says that no layer is caught in another.
+    Each candidate is decided by the signs of five tetrahedra's volumes in double precision, without
+    a tolerance. Two triangles that cross have an edge of one through the other, so a count of 0
+    means that no layer is caught in another.
 
     Args:
         positions: [m], shape (V, 3).
@@ -54,9 +49,8 @@ def find_intersections(
         neighbours and do not count.
 
     Limitations:
-        What only touches, with a volume of exactly zero, is no intersection. Layers that have
-        passed through each other completely leave none: they show only while something that is
-        joined to both sides (a seam, a fold) is still in between.
+        Touching, with a volume of exactly zero, is no intersection. Layers that have passed through
+        each other completely show only where a seam or fold joins them.
     """
     positions, faces = _check(positions, faces)
     edges = compute_edges(faces)
@@ -85,13 +79,13 @@ def find_intersections(
 def measure_gaps(
     positions: np.ndarray, faces: np.ndarray, *, reach: float, device: str = "cpu"
 ) -> np.ndarray:
-    """Measure how near each particle is to one that it shares no edge with.
+    """Measure the distance of each particle to the nearest one that it shares no edge with.
 
     Args:
         positions: [m], shape (V, 3).
         faces: Vertex indices, shape (F, 3).
-        reach: Distance up to which is looked [m]; > 0. Second neighbours of flat cloth are 1.7
-            edges apart, so a reach below that finds contacts and folds only.
+        reach: Largest distance that is searched [m]; > 0. Second neighbours of flat cloth are 1.7
+            edges apart, so a smaller reach finds contacts and folds only.
         device: Warp device.
 
     Returns:

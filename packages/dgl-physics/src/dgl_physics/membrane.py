@@ -8,11 +8,11 @@ equilateral triangles, and C_11 = 3a/8, C_12 = C_66 = a/8: the shear modulus is 
 modulus a/3. C_12 = C_66 is Cauchy's relation, which every net of central forces follows, so
 Poisson's ratio is not free: it is 1/3.
 
-No choice of k_e by direction makes such a mesh soft in shear: with three directions of edges G is at
-least a third of the larger tensile modulus, in fabrics it is a tenth to a hundredth. So the net
-carries the shear modulus alone, and what is left of the tensile modulus is carried by yarns, which
-lie in every triangle along the axes of the flat rest: they add k to C_11 and C_22, and nothing to
-C_12 and C_66. Then E = C_11 - C_12^2 / C_11, C_12 = C_66 = G and C_11 = 3 G + k.
+No choice of k_e by direction makes such a mesh soft in shear: with three directions of edges G is
+at least a third of the larger tensile modulus; in fabrics it is a tenth to a hundredth. So the net
+carries the shear modulus alone, and yarns carry the rest of the tensile modulus. They lie in every
+triangle along the axes of the flat rest, and add k to C_11 and C_22 and nothing to C_12 and C_66.
+Then E = C_11 - C_12^2 / C_11, C_12 = C_66 = G and C_11 = 3 G + k.
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,7 @@ def compute_moduli(stretch: float, shear: float | None) -> MembraneModuli:
 
     Args:
         stretch: Young's modulus of the membrane along warp and weft [N/m].
-        shear: Shear modulus [N/m], at most 3/8 of `stretch`; None for just that: isotropic, without
-            yarns.
+        shear: Shear modulus [N/m], at most 3/8 of `stretch`; None for 3/8: isotropic, no yarns.
     """
     if shear is None or shear == ISOTROPIC_SHEAR * stretch:
         return MembraneModuli(net=3 * stretch, yarn=0.0)

@@ -1,4 +1,4 @@
-"""What does not change during a simulation: meshes, constraints, shapes; and its builder."""
+"""Constants of a simulation: meshes, constraints and shapes; and their builder."""
 
 # What wp.struct returns is no class to pyright.
 # pyright: reportGeneralTypeIssues=false
@@ -26,7 +26,7 @@ from dgl_physics.stencils import Stencils, upload_stencils
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentParticles:
-    """Where one garment of one environment lies in the particle arrays."""
+    """Particles and surface of one garment of one environment."""
 
     env: int
     first: int
@@ -39,13 +39,13 @@ class GarmentParticles:
     rest_lengths: np.ndarray
     """Rest length of each edge [m], shape (E,)."""
     skin: Skin | None = None
-    """The surface that a filled solid was made of."""
+    """Surface of a filled solid."""
 
     def get_surface(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what can be drawn of it.
+        """Return the surface to draw.
 
         Args:
-            positions: Of its environment's particles [m], shape (V, 3).
+            positions: All particles of its environment [m], shape (V, 3).
 
         Returns:
             Vertices [m], shape (S, 3), and triangles, shape (F, 3).
@@ -57,8 +57,7 @@ class GarmentParticles:
 
 
 LARGEST_PARTICLE_FRICTION = 1.0
-"""Friction between particles counts up to this: pushes are approximate, and what rubs by more than it
-pushes builds up."""
+"""Bound of the friction between particles: larger values build up errors of the contact forces."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Model:
     """Constants of a batch of environments, on one device.
 
     Particles of environment e are rows e * particles_per_env ... of the flat arrays. Smaller
-    environments are padded with particles of zero inverse mass that take part in nothing.
+    environments are padded with inactive particles of zero inverse mass.
     """
 
     device: str
@@ -81,7 +80,7 @@ class Model:
     """Largest distance at which two particles act on each other [m]."""
     shapes: ShapeTable
     grids: tuple[Grid, ...]
-    """Of the meshes among the shapes; `shapes` points to their arrays."""
+    """Grids of the meshes among the shapes; `shapes` points to their arrays."""
     materials: wp.array
     environment: wp.array
     garment_index: wp.array
@@ -100,8 +99,8 @@ class Model:
     adjacency: wp.array
     """Particles that do not touch each other, as the mesh holds them apart."""
     touch: wp.array
-    """Of each particle: radius [m], friction [-], adhesion [N/m] and its radius [m] against particles. Two
-    particles rest at the sum of their radii; those inside of solids have none and touch no other."""
+    """Radius [m] of each particle, and its friction, adhesion [N/m] and adhesion radius [m] against
+    particles. Two particles rest at the sum of their radii; particles inside solids have none."""
     solids: Solids | None
     coarse: CoarseTable
 
@@ -137,9 +136,9 @@ class ModelBuilder:
             faces: Vertex indices, shape (F, 3).
             material: Fabric and contact parameters.
             rest: Unstrained positions [m], shape (V, 2) or (V, 3); `vertices` when not given.
-                Two layers that share their flat coordinates have no strain from the gap between
-                them. With two columns they are also the frame of the fabric: weft along the
-                first, warp along the second.
+                Layers that share flat coordinates are not strained by the gap between them.
+                Two columns also define the fabric's frame: weft along the first, warp along the
+                second.
             pinned: Vertices that do not move.
             env: Environment; all when None.
 
@@ -175,8 +174,8 @@ class ModelBuilder:
         """Add an elastic solid, given by its surface, to one environment or the same to all.
 
         An open surface (a hat, a glove) becomes a wall of one layer of tetrahedra behind it: the
-        particles are its vertices, and then their copies on the inside. A closed surface is
-        filled with a lattice, whose particles carry it; `GarmentParticles.get_surface` gives what to draw.
+        particles are its vertices, followed by their copies on the inside. A closed surface is
+        filled with a lattice that carries it; `GarmentParticles.get_surface` gives the surface.
 
         Args:
             vertices: Unstrained positions [m], shape (V, 3).
@@ -185,8 +184,8 @@ class ModelBuilder:
             thickness: Thickness of the wall of an open surface [m]; None for a closed one.
             resolution: Cubes of the lattice along the longest side of a closed surface.
             pinned: Vertices of an open surface that do not move, through the whole wall.
-            stiffness: Factor on Young's modulus at each vertex of an open surface, shape (V,), for
-                parts that are stiffer than others; 1 everywhere when None.
+            stiffness: Factor on Young's modulus at each vertex of an open surface, shape (V,); 1
+                everywhere when None.
             env: Environment; all when None.
 
         Raises:
@@ -246,7 +245,7 @@ class ModelBuilder:
             self._garments[e].append(entry)
 
     def add_body(self, name: str) -> int:
-        """Add a rigid body that moves by prescription; returns its index (0 is the world)."""
+        """Add a rigid body of prescribed motion; returns its index (0 is the world)."""
         self._bodies.append(name)
         return len(self._bodies) - 1
 

@@ -1,4 +1,4 @@
-"""The rigid shapes that particles may touch within a frame, and where they are in a substep."""
+"""Rigid shapes that particles may touch within a frame, and their poses in a substep."""
 
 import numpy as np
 import warp as wp
@@ -15,7 +15,7 @@ __all__ = ["NearShapes"]
 
 
 class NearShapes:
-    """Lists of shapes: those near the cloth of an environment, and of them those near each particle."""
+    """Lists of the shapes near the cloth of each environment, and near each particle."""
 
     def __init__(
         self,
@@ -28,10 +28,10 @@ class NearShapes:
         """Make the lists.
 
         Args:
-            model: What is simulated.
+            model: Model to simulate.
             config: Settings of the solver.
             limits: The same, for kernels.
-            overflow: Of each environment: entries that its lists had no room for, int32, shape (B,).
+            overflow: Entries without room in the lists of each environment, int32, shape (B,).
             launcher: Launches the kernels.
         """
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
@@ -49,18 +49,18 @@ class NearShapes:
         self.pose_now = by_shape(wp.transform)
         """Poses of the active shapes at its end."""
         self.near = wp.zeros(count * config.near_capacity, dtype=wp.int32, device=device)
-        """Places in `active` of the shapes near each particle, planes last."""
+        """Indices into `active` of the shapes near each particle, planes last."""
         self.near_count = wp.zeros(count, dtype=wp.int32, device=device)
-        """How many shapes are near each particle."""
+        """Number of shapes near each particle."""
         self.near_bodies = wp.zeros(count, dtype=wp.int32, device=device)
-        """How many of those are no planes."""
+        """Number of those that are no planes."""
         self._active_count = wp.zeros(envs, dtype=wp.int32, device=device)
         self._pose_middle, self._swept = by_shape(wp.transform), by_shape(wp.vec4)
         self._lower = wp.zeros(envs, dtype=wp.vec3, device=device)
         self._upper = wp.zeros(envs, dtype=wp.vec3, device=device)
 
     def search(self, state: State) -> None:
-        """List what may be touched within the coming frame."""
+        """List the shapes that may be touched within the coming frame."""
         m, c = self._model, self._config
         count = m.env_count * m.particles_per_env
         wp.launch(rigid.reset_bounds, dim=m.env_count, inputs=[self._lower, self._upper])
@@ -90,7 +90,7 @@ class NearShapes:
         )  # fmt: skip
 
     def grow(self) -> None:
-        """Make room for twice as many shapes near each particle; what is near is to be found anew.
+        """Double the room for shapes near each particle; a new search must follow.
 
         Raises:
             ContactOverflowError: If that takes more memory than is allowed.
@@ -100,7 +100,7 @@ class NearShapes:
         self.near = wp.zeros(size, dtype=wp.int32, device=self._model.device)
 
     def pose(self, state: State, fraction: float) -> None:
-        """Pose the active shapes at a fraction of the frame; what was their pose is the one before."""
+        """Pose the active shapes at a fraction of the frame, and keep their last pose."""
         wp.launch(
             rigid.pose_shapes,
             dim=self.active.shape,
@@ -111,7 +111,7 @@ class NearShapes:
         )  # fmt: skip
 
     def measure_penetration(self, state: State) -> np.ndarray:
-        """Measure how deep particles' centres are under a surface [m], at most, shape (B,); 0 where none is."""
+        """Measure the largest depth of a particle's centre inside a shape [m], shape (B,)."""
         m = self._model
         deepest = wp.zeros(m.env_count, dtype=wp.float32, device=m.device)
         wp.launch(

@@ -1,9 +1,9 @@
-"""Peirce's cantilever test: the bending length that a simulated strip shows, against the fabric's.
+"""Peirce's cantilever test: bending length of a simulated strip, against the fabric's.
 
 A strip is clamped level and hangs over an edge. In the laboratory it is advanced until the chord
 from the edge to its tip is 41.5 degrees below the level; the overhang is then twice the bending
-length (ASTM D1388). Here the overhang is chosen, and the bending length follows from the angle of the
-chord by the theory of the heavy elastica, which gives 41.49 degrees at that overhang.
+length (ASTM D1388). Here the overhang is chosen, and the bending length follows from the angle of
+the chord by the theory of the heavy elastica, which gives 41.49 degrees at that overhang.
 """
 
 from dataclasses import dataclass, replace
@@ -21,12 +21,12 @@ from dgl_physics.state import State
 
 @dataclass(frozen=True, kw_only=True)
 class PeirceResult:
-    """What a strip has shown."""
+    """Result of the test."""
 
     angle: float
-    """Of the chord from clamp to tip under the level [rad]."""
+    """Angle of the chord from clamp to tip under the level [rad]."""
     bending_length: float
-    """That the angle stands for [m]."""
+    """Measured bending length [m]."""
     expected: float
     """Bending length of the material [m]."""
     positions: np.ndarray
@@ -131,7 +131,7 @@ def measure_bending_length(
         material=replace(material, adhesion=0.0, drag=3.0, thickness=min(material.thickness, edge)),
     )
     model = builder.build()
-    # a damped strip creeps to its place: it must not fall asleep on the way
+    # a damped strip creeps to rest: it must not fall asleep before
     config = replace(config or SolverConfig(), sleep_distance=0.0)
     state, solver = State(model), SolverXPBD(model, config)
     for _ in range(frames):

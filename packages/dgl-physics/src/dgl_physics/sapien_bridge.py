@@ -51,7 +51,7 @@ def convert_shape(
     Args:
         shape: Plane, sphere, capsule, box, cylinder, convex mesh or triangle mesh.
         friction: Factor on the garment's friction; the shape's static friction when None.
-        is_measured: Whether contact impulses are added up.
+        is_measured: Add up contact impulses.
 
     Raises:
         UnsupportedShapeError: For any other kind.
@@ -103,7 +103,7 @@ def _convert_mesh(
 
 @lru_cache(maxsize=32)
 def _make_mesh(vertices: bytes, faces: bytes, is_convex: bool) -> CollisionMesh:  # noqa: FBT001
-    """Make a mesh of arrays' bytes; remembered, as grids of the same bodies are wanted again."""
+    """Make a mesh of arrays' bytes, cached, because the same bodies return."""
     points = np.frombuffer(vertices, dtype=np.float32).reshape(-1, 3)
     if is_convex:
         return CollisionMesh.hull(points)
@@ -166,7 +166,7 @@ class SapienCloth:
                     collider = convert_shape(shape, friction=factor, is_measured=can_move)
                 except (UnsupportedShapeError, MeshError) as err:
                     raise type(err)(f"body {component.name!r}: {err}") from err
-                # what cannot move belongs to the world: its pose is folded into the shape
+                # fixed bodies belong to the world: their pose is folded into the shape
                 if not can_move:
                     pose = component.entity_pose * _pose(collider.pose)
                     collider = replace(collider, pose=_flat(pose))
@@ -175,7 +175,7 @@ class SapienCloth:
         self.model: Model | None = None
 
     def build(self) -> None:
-        """Build model, state and solver from what was added."""
+        """Build model, state and solver of the added garments."""
         self.model = self._builder.build(self._device)
         self.state = State(self.model)
         self.solver = SolverXPBD(self.model, self.config)
@@ -199,7 +199,7 @@ class SapienCloth:
         self._forces = self._sum_forces()
 
     def measure_strain(self, env: int = 0) -> np.ndarray:
-        """Absolute relative change of length of every edge of an environment, shape (E,)."""
+        """Measure the absolute strain of every edge of an environment, shape (E,)."""
         positions = self.state.get_positions()[env]
         parts = []
         for g in self._built().garments:
@@ -210,7 +210,7 @@ class SapienCloth:
         return np.concatenate(parts)
 
     def get_forces(self) -> np.ndarray:
-        """Contact force [N] and torque about the centre of mass [N m] of each body.
+        """Return contact force [N] and torque about the centre of mass [N m] of each body.
 
         Returns:
             World frame, averaged over the last frame, shape (B, bodies, 6).
@@ -228,7 +228,7 @@ class SapienCloth:
         for e, b in np.argwhere(self._forces[..., :3].any(axis=-1)):
             component = self.bodies[e][b]
             is_driven = isinstance(component, physx.PhysxRigidDynamicComponent) and (
-                component.kinematic  # PhysX refuses forces on what its poses alone move
+                component.kinematic  # PhysX refuses forces on kinematic bodies
             )
             if isinstance(component, physx.PhysxRigidBodyComponent) and not is_driven:
                 force = self._forces[e, b]
@@ -269,7 +269,7 @@ class GarmentVisual:
     INSIDE_SHADE = 0.9
     """Brightness of the inside, a factor on the (linear) colour."""
     SPECULAR = 0.008
-    """Share of the light that falls straight on it and is reflected."""
+    """Share of perpendicular light that is reflected."""
 
     def __init__(
         self,
@@ -286,16 +286,15 @@ class GarmentVisual:
         """Add an entity with the garment's materials to the scene; it is empty until `update`.
 
         Args:
-            scene: Where the garment is drawn.
+            scene: Scene that shows the garment.
             faces: Triangles of particles, shape (F, 3), seen from outside counter-clockwise.
             colour: Base colour, linear, each in [0, 1]; used where there is no texture.
             roughness: 0 for a mirror, 1 for chalk.
-            uvs: Texture coordinates in tiles of each particle, shape (V, 2), or of each corner, shape
-                (F, 3, 2), where they differ on the two sides of a seam; needed with a texture, alone
-                unused.
+            uvs: Texture coordinates in tiles of each particle, shape (V, 2), or of each corner,
+                shape (F, 3, 2), where the two sides of a seam differ; needed with a texture.
             texture: One tile of the outside, shape (H, W, 3), uint8, sRGB.
-            thickness: Thickness of the cloth [m]; what is drawn lies half of it outwards, so that
-                of two layers that are pressed together the outer one is seen.
+            thickness: Thickness of the cloth [m]; the surface is drawn half of it outwards, so that
+                the outer of two layers is seen.
             name: Name of the entity.
         """
         if texture is not None:
@@ -309,9 +308,9 @@ class GarmentVisual:
                     f"got {texture.shape} {texture.dtype}"
                 )
         self._particle_faces = self.faces = np.asarray(faces, dtype=np.uint32)
-        """Triangles of what is drawn, shape (F, 3), uint32."""
+        """Triangles of the drawn vertices, shape (F, 3), uint32."""
         self.uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
-        """Texture coordinates of what is drawn, shape (W, 2), float32; W is V unless a seam is cut open."""
+        """Texture coordinates of the drawn vertices, shape (W, 2), float32."""
         self._particles: np.ndarray | None = None
         if self.uvs is not None and self.uvs.ndim == 3:
             self.faces, self.uvs, self._particles = _cut_seams(self.faces, self.uvs)
@@ -327,7 +326,7 @@ class GarmentVisual:
         scene.add_entity(self.entity)
 
     def compute_surface(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute what is drawn of particles: the outer surface of the cloth.
+        """Compute the drawn surface, the outside of the cloth.
 
         Args:
             positions: Of the particles [m], shape (V, 3), world frame.
@@ -369,15 +368,15 @@ class GarmentVisual:
 def _cut_seams(
     faces: np.ndarray, corner_uvs: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give every place in the texture a vertex of its own.
+    """Give every corner with its own texture coordinates a vertex of its own.
 
     Args:
         faces: Triangles of particles, shape (F, 3).
         corner_uvs: Texture coordinates of their corners, shape (F, 3, 2).
 
     Returns:
-        Triangles, shape (F, 3), uint32; texture coordinates of their vertices, shape (W, 2), float32; and the particle of
-        each vertex, shape (W,).
+        Triangles, shape (F, 3), uint32; texture coordinates of their vertices, shape (W, 2),
+        float32; and the particle of each vertex, shape (W,).
     """
     if corner_uvs.shape != (*faces.shape, 2):
         raise ValueError(

@@ -1,4 +1,4 @@
-"""The short way to a simulation of one environment: a model, its state and its solver in one."""
+"""A simulation of one environment: model, state and solver in one."""
 
 import numpy as np
 
@@ -15,19 +15,19 @@ class Scene:
     """A model of one environment, its state and its solver.
 
     Attributes:
-        model: What does not change.
-        state: What changes.
-        solver: What advances it.
+        model: Constants of the simulation.
+        state: Its state.
+        solver: Its solver.
     """
 
     def __init__(
         self, builder: ModelBuilder, config: SolverConfig | None = None, *, device: str = "cpu"
     ) -> None:
-        """Build.
+        """Build the model.
 
         Args:
-            builder: What the model consists of, for one environment.
-            config: Of the solver; the default when None.
+            builder: Garments and shapes of one environment.
+            config: Settings of the solver; the default when None.
             device: "cpu", or a CUDA device.
         """
         self.model = builder.build(device)
@@ -35,7 +35,7 @@ class Scene:
         self.solver = SolverXPBD(self.model, config)
 
     def step(self, frames: int = 1) -> None:
-        """Advance by so many frames."""
+        """Advance by a number of frames."""
         for _ in range(frames):
             self.solver.step(self.state)
 
@@ -44,7 +44,7 @@ class Scene:
 
         Args:
             poses: xyz [m] + quaternion wxyz of each body without the world, shape (N, 7).
-            is_jump: Without a path.
+            is_jump: Place the bodies there at once, without velocity.
         """
         world = np.array([[0.0, 0, 0, 1, 0, 0, 0]])
         all_poses = np.concatenate([world, np.reshape(poses, (-1, 7))])

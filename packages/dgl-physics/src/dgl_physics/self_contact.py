@@ -1,4 +1,4 @@
-"""Contact of particles with each other: which are near, and what keeps them apart."""
+"""Contact between particles: search for neighbours, and separation."""
 
 import numpy as np
 import warp as wp
@@ -15,7 +15,7 @@ __all__ = ["SelfContact"]
 
 
 class SelfContact:
-    """The particles near each other, searched for where they have moved, and their contact."""
+    """Lists of neighbouring particles, renewed where particles have moved, and their contact."""
 
     def __init__(
         self,
@@ -28,17 +28,17 @@ class SelfContact:
         """Make the lists.
 
         Args:
-            model: What is simulated.
+            model: Model to simulate.
             config: Settings of the solver.
             limits: The same, for kernels.
-            overflow: Of each environment: entries that its lists had no room for, int32, shape (B,).
+            overflow: Entries without room in the lists of each environment, int32, shape (B,).
             launcher: Launches the kernels.
         """
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
         self._launcher = launcher
         device, count = model.device, model.env_count * model.particles_per_env
         self.squeeze = wp.zeros(count, dtype=wp.vec3, device=device)
-        """By what each particle was pushed in the last solution [m]."""
+        """Push on each particle in the last solution [m]."""
         self._reach = model.contact_reach + config.neighbour_margin
         self._grid = wp.HashGrid(64, 64, 8, device=device)
         self._grid.reserve(count)
@@ -56,7 +56,7 @@ class SelfContact:
         self._crowd_next = wp.zeros(count, dtype=wp.float32, device=device)
 
     def mark_stirred(self, state: State) -> None:
-        """Mark the cells of space in which particles have moved, or may until the next search."""
+        """Mark the cells in which particles have moved, or may move before the next search."""
         m, c = self._model, self._config
         self._stirred.zero_()
         self._restless.zero_()
@@ -64,13 +64,14 @@ class SelfContact:
             selfcontact.mark_stirred,
             dim=m.env_count * m.particles_per_env,
             inputs=[
-                c.search_every * c.dt / c.substeps, self._limits, m.environment, m.inverse_mass, state.positions,
-                state.velocities, self._searched_at, self._stirred, self._restless,
+                c.search_every * c.dt / c.substeps, self._limits, m.environment, m.inverse_mass,
+                state.positions, state.velocities, self._searched_at, self._stirred,
+                self._restless,
             ],
         )  # fmt: skip
 
     def is_any_stirred(self) -> bool:
-        """Ask whether any cell was marked; where reading the answer would stall the device, say so."""
+        """Check for marked cells; True on a GPU, where reading the flags would stall the device."""
         return self._model.device != "cpu" or bool(self._restless.numpy().any())
 
     def search(self, state: State) -> None:
@@ -82,14 +83,14 @@ class SelfContact:
             selfcontact.find_neighbours,
             m.env_count * m.particles_per_env,
             [
-                self._grid.id, self._limits, m.environment, m.touch, self._reach, m.adjacency_start, m.adjacency,
-                self._stirred, state.positions, self._searched_at, self._neighbours, self._neighbour_count,
-                self._overflow,
+                self._grid.id, self._limits, m.environment, m.touch, self._reach,
+                m.adjacency_start, m.adjacency, self._stirred, state.positions, self._searched_at,
+                self._neighbours, self._neighbour_count, self._overflow,
             ],
         )  # fmt: skip
 
     def grow(self) -> None:
-        """Make room for twice as many neighbours of each particle; those that were stirred are to be searched for anew.
+        """Double the room for neighbours; a new search must follow.
 
         Raises:
             ContactOverflowError: If that takes more memory than is allowed.
@@ -115,11 +116,11 @@ class SelfContact:
         """Separate particles, with friction and adhesion.
 
         Args:
-            state: What is solved.
+            state: State to correct.
             dt: Length of the substep [s].
             inverse_mass: Of each particle [1/kg], 0 for those that do not move.
             previous: Positions at the start of the substep [m].
-            share: Of the corrections that is applied; with 0 contacts are counted alone.
+            share: Share of the corrections that is applied; 0 only counts contacts.
         """
         m = self._model
         count = m.env_count * m.particles_per_env
@@ -127,15 +128,16 @@ class SelfContact:
             selfcontact.solve_self_contact,
             count,
             [
-                dt, self._limits, m.touch, inverse_mass, state.positions, previous, self._neighbours,
-                self._neighbour_count, state.crowd, self._correction, self._squeeze_next, self._crowd_next,
+                dt, self._limits, m.touch, inverse_mass, state.positions, previous,
+                self._neighbours, self._neighbour_count, state.crowd, self._correction,
+                self._squeeze_next, self._crowd_next,
             ],
         )  # fmt: skip
         self._launcher.launch(
             selfcontact.apply_corrections,
             count,
             [
-                share, self._correction, self._squeeze_next, self._crowd_next, state.positions, self.squeeze,
-                state.crowd,
+                share, self._correction, self._squeeze_next, self._crowd_next, state.positions,
+                self.squeeze, state.crowd,
             ],
         )  # fmt: skip

@@ -28,7 +28,7 @@ def build_shape_table(
         to their arrays without owning them.
 
     Raises:
-        ValueError: If a mesh's grid does not reach that far.
+        ValueError: If a mesh's grid has a smaller reach.
     """
     meshes = list({id(s.mesh): s.mesh for _, s in shapes if s.mesh is not None}.values())
     for mesh in meshes:

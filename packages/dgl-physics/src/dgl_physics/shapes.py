@@ -13,7 +13,7 @@ KIND_CODES: dict[str, int] = {
     "plane": 0, "sphere": 1, "capsule": 2, "box": 3, "cylinder": 4, "convex": 5, "mesh": 6,
 }  # fmt: skip
 _SIZES = {"sphere": 1, "capsule": 1, "box": 3, "cylinder": 2}
-"""How many sizes must be positive."""
+"""Number of sizes that must be positive."""
 
 
 def _identity() -> np.ndarray:
@@ -32,13 +32,13 @@ class Shape:
     size: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """[m] sphere (radius, -, -); capsule, cylinder (radius, half length, -); box: half sizes."""
     mesh: CollisionMesh | None = None
-    """Surface of a "mesh", or of a "convex": a mesh that is one, such as `CollisionMesh.hull`."""
+    """Surface of a "mesh" or a "convex", such as `CollisionMesh.hull`."""
     pose: np.ndarray = field(default_factory=_identity)
     """Pose in the body's frame, xyz [m] + quaternion wxyz, shape (7,)."""
     friction: float = 1.0
     """Factor on the garment's friction; >= 0."""
     is_measured: bool = True
-    """Whether the impulse that cloth gives to it is added up in `State.impulse`."""
+    """Add the impulse of cloth on it to `State.impulse`."""
 
     def __post_init__(self) -> None:
         if self.kind not in KIND_CODES:

@@ -1,4 +1,4 @@
-"""What a builder keeps of one elastic solid until it builds the model."""
+"""Entries of elastic solids in a model builder."""
 
 from collections.abc import Sequence
 

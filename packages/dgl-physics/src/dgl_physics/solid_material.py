@@ -10,8 +10,8 @@ from dgl_physics.contact_material import ContactMaterial
 class SolidMaterial(ContactMaterial):
     """Parameters of one elastic solid: a hat, a glove.
 
-    Of contact, the thickness acts between solids and other garments, and between far places of
-    one solid; particles that are near each other at rest do not touch.
+    The thickness acts between solids and other garments, and between distant parts of one solid;
+    particles that are near each other at rest do not touch.
     """
 
     _POSITIVE: ClassVar[tuple[str, ...]] = (
@@ -32,8 +32,8 @@ class SolidMaterial(ContactMaterial):
     hats and gloves have 0."""
 
     damping: float = 0.002
-    """Time constant of the material's own damping [s]; >= 0. A vibration of angular frequency w
-    has the damping ratio w (damping + substep) / 2; the substep's share is the integrator's."""
+    """Time constant of the material's damping [s]; >= 0. A vibration of angular frequency w has the
+    damping ratio w (damping + substep) / 2, where the substep is the integrator's part."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

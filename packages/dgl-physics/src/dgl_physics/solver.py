@@ -22,7 +22,7 @@ from dgl_physics.stencils import Stencils
 __all__ = ["SolverXPBD"]
 
 PRESS_RATE = 30.0
-"""What the press of squeezed cloth on a shape rises by at most [N/s]: bodies answer to it a frame later."""
+"""Largest rate at which the press of squeezed cloth rises [N/s]: bodies react a frame later."""
 
 
 class SolverXPBD:
@@ -35,9 +35,9 @@ class SolverXPBD:
     The bodies move on straight lines from `body_start` to `body_end` during a frame, after which
     `body_end` becomes `body_start`.
 
-    Limitations: layers of cloth meet by their particles, not by their triangles, so that they are as
-    thick as the longest edges need, see `dgl_physics.topology.compute_radii`; rigid shapes meet
-    particles and the middles of edges.
+    Limitations: layers of cloth collide by their particles, not by their triangles, so the longest
+    edges decide their thickness, see `dgl_physics.topology.compute_radii`; rigid shapes collide
+    with particles and the middles of edges.
     """
 
     @quiet_warp()
@@ -121,7 +121,7 @@ class SolverXPBD:
             self._replay(name, lambda: lists.search(self._state))
 
     def _has_overflowed(self) -> bool:
-        """Ask whether an entry found no room, and forget it."""
+        """Check for entries that found no room, and reset their count."""
         if not self.config.is_guarded or not self._overflow.numpy().any():
             return False
         self._overflow.zero_()
@@ -133,13 +133,13 @@ class SolverXPBD:
         return self._graph_state
 
     def _is_asleep(self) -> bool:
-        """Ask whether nothing moves at all; on a GPU particles that sleep are passed over one by one."""
+        """Check if all cloth sleeps; on a GPU sleeping particles are skipped one by one."""
         if self.model.device != "cpu":
             return False  # reading the answer back would stall the device
         return bool((self._state.still.numpy() >= self._limits.sleep_frames).all())
 
     def _needs_search(self) -> bool:
-        """Ask whether particles have moved; on a GPU the search itself decides, unasked."""
+        """Check if particles have moved; on a GPU the search itself decides."""
         self._replay("stirred", lambda: self._contact.mark_stirred(self._state))
         return self._contact.is_any_stirred()
 
@@ -183,7 +183,8 @@ class SolverXPBD:
             sleep.ease_press,
             dim=state.press.shape,
             inputs=[
-                PRESS_RATE * self.config.dt**2, self._limits, state.still, self._pressed, state.press
+                PRESS_RATE * self.config.dt**2, self._limits, state.still, self._pressed,
+                state.press,
             ],
         )  # fmt: skip
         wp.launch(
@@ -202,26 +203,26 @@ class SolverXPBD:
         m, c, state, near = self.model, self.config, self._state, self._near
         count = m.env_count * m.particles_per_env
         dt = c.dt / c.substeps
-        rate = 1.0 / dt
         for k in part:
             self._launcher.launch(
                 cloth.integrate,
                 count,
                 [
                     wp.vec3(*c.gravity), state.gravity_scale, dt, m.environment, m.garment_index,
-                    m.materials, self._inverse_mass, state.positions, state.velocities, self._previous,
+                    m.materials, self._inverse_mass, state.positions, state.velocities,
+                    self._previous,
                 ],
             )  # fmt: skip
             self._contact.solve(state, dt, self._inverse_mass, self._previous)
-            # What is solved last holds best, so the stiff comes after the soft.
+            # The last constraints hold best, so stiff ones come after soft ones.
             self._solve_stencils(bending.solve_bending, m.bending, state, dt, state.bend_length)
             self._launcher.launch_colours(
                 cloth.solve_distances,
                 m.colour_start,
                 [
-                    1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass, state.positions,
-                    rate if m.is_stretch_damped else 0.0, m.garment_index, m.materials, state.edge_length,
-                    self._is_torn,
+                    1.0 / dt**2, m.pairs, m.rest_length, m.compliance, self._inverse_mass,
+                    state.positions, 1.0 / dt if m.is_stretch_damped else 0.0, m.garment_index,
+                    m.materials, state.edge_length, self._is_torn,
                 ],
             )  # fmt: skip
             self._solve_stencils(yarns.solve_yarns, m.yarns, state, dt, state.yarn_length)
@@ -244,16 +245,16 @@ class SolverXPBD:
                 [
                     dt, m.particles_per_env, self._limits, m.shapes, m.garment_index, m.materials,
                     self._inverse_mass, near.active, near.pose_before, near.pose_now, near.near,
-                    near.near_count, near.near_bodies, self._previous, self._contact.squeeze, state.positions,
-                    state.velocities, state.impulse, self._pressed, state.is_stuck,
-                    self._coarse.tension, self._is_torn,
+                    near.near_count, near.near_bodies, self._previous, self._contact.squeeze,
+                    state.positions, state.velocities, state.impulse, self._pressed,
+                    state.is_stuck, self._coarse.tension, self._is_torn,
                 ],
             )  # fmt: skip
 
     def _forget(self, state: State) -> None:
-        """Forget the substep before in the environments whose particles were set since then.
+        """Reset the memory of the last substep in environments whose particles were set.
 
-        Damping knows no lengths then, and contacts are counted without being resolved.
+        Lengths become unknown to damping, and contacts are counted without being solved.
         """
         m = self.model
         wp.copy(self._previous, state.positions)

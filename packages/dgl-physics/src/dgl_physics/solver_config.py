@@ -22,33 +22,33 @@ class SolverConfig:
     search_every: int = 5
     """Substeps after which particle contacts are searched for, where particles moved; >= 1."""
     neighbour_margin: float = 0.005
-    """Distance beyond thickness and adhesion that a search looks for [m]; > 0. Half of it is how
-    far a particle may move without a search."""
+    """Distance beyond thickness and adhesion that a search covers [m]; > 0. A particle may move
+    by half of it without a new search."""
     neighbour_capacity: int = 256
-    """Particles of higher index that a particle can be near to, to begin with: lists that are too short grow; >= 1."""
+    """Initial room for neighbours of higher index of a particle, >= 1; full lists grow."""
     near_capacity: int = 96
-    """Shapes that a particle can be near to, likewise; >= 1."""
+    """Initial room for shapes near a particle, likewise; >= 1."""
     list_memory: float = 2.0
     """Most memory that either kind of lists may grow to [GiB]; > 0."""
     sleep_distance: float = 1.5e-3
-    """Cloth is still while its particles stay this near to where they were, as the root of the mean square
-    over an environment [m]; 0 for cloth that never sleeps."""
+    """Cloth is still while its particles stay within this root mean square distance over an
+    environment [m]; 0 for cloth that never sleeps."""
     sleep_after: float = 0.5
-    """Time for which the cloth of an environment has been still that sleeps [s]; > 0. It wakes when a
-    body that can move comes near, or when particles or gravity are set."""
+    """Still time after which an environment's cloth sleeps [s]; > 0. It wakes when a movable body
+    comes near, or when particles or gravity are set."""
     max_speed: float = 15.0
-    """Particles are not faster than this [m/s]."""
+    """Bound on the speed of particles [m/s]."""
     separation_speed: float = 0.1
-    """Velocity that a contact may give by undoing an overlap [m/s]; > 0. The overlap itself is
-    undone at once; what exceeds this changes places and not velocities."""
+    """Largest velocity that a contact gives by undoing an overlap [m/s]; > 0. The overlap itself is
+    undone at once."""
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     """[m/s^2], world frame."""
     is_guarded: bool = True
-    """Raise when particles diverge, and let lists grow that are too short. Without it neither is looked at, and contacts
-    that find no room are left out."""
+    """Raise when particles diverge, and let full lists grow. Without it neither is checked, and
+    contacts that find no room are left out."""
     cpu_code: CpuCode = "auto"
-    """Code that a CPU runs: "vector" does eight constraints at a time, "warp" one; "auto" takes vector code where the CPU has
-    AVX2 and FMA or is an Arm of 64 bits, and says so in the log where it has not. Both give the same results, to the bit."""
+    """Code for a CPU: "vector" solves eight constraints at a time, "warp" one; "auto" is vector
+    code on x86 with AVX2 and FMA and on 64-bit Arm. Results are the same, to the bit."""
 
     def __post_init__(self) -> None:
         if not self.dt > 0:
@@ -75,7 +75,7 @@ class SolverConfig:
             raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 
     def make_limits(self, contact_reach: float) -> SolverLimits:
-        """Return what kernels look up.
+        """Return the settings of the kernels.
 
         Args:
             contact_reach: Largest distance at which two particles act on each other [m].

@@ -1,4 +1,4 @@
-"""All that changes during a simulation."""
+"""State of a simulation."""
 
 import numpy as np
 import warp as wp
@@ -12,22 +12,22 @@ class State:
     Attributes:
         positions: Particle positions [m], shape (B * V,), vec3, world frame.
         velocities: Particle velocities [m/s], shape (B * V,), vec3.
-        is_stuck: Whether a particle stuck to a rigid surface at the end of the last substep,
-            shape (B * V,), int32; the next substep takes it as held.
+        is_stuck: 1 for particles that stuck to a rigid surface at the end of the last substep,
+            shape (B * V,), int32; the next substep takes them as held.
         still: Frames for which an environment's cloth has been still, shape (B,), int32; after
             `SolverConfig.sleep_after` it sleeps.
-        anchor: Where the particles were when that count was 0 [m], shape (B * V,), vec3.
-        motion: Sum of the squares of their distances from there [m^2], shape (B,).
-        crowd: Share of the particles in their contacts, summed, shape (B * V,).
-        edge_length, bend_length, yarn_length: What the constraints measured in the last substep, for damping, by
-            constraint; negative where it is not known.
-        is_set: Whether an environment's particles were set since the last frame, shape (B,), int32.
+        anchor: Particle positions when that count was 0 [m], shape (B * V,), vec3.
+        motion: Sum of the squared distances from the anchors [m^2], shape (B,).
+        crowd: Sum of each particle's shares in its contacts, shape (B * V,).
+        edge_length, bend_length, yarn_length: Lengths of the constraints in the last substep, for
+            damping; negative where unknown.
+        is_set: 1 for environments whose particles were set since the last frame, shape (B,), int32.
         gravity_scale: Factor on gravity, shape (B,).
         body_start: Body poses at the start of the coming frame, shape (B, N), transform (xyzw).
         body_end: Body poses at its end.
-        impulse: Impulse [N s] and moment of impulse about the world's origin [N m s] that the
-            cloth gave to each shape during the last frame, shape (B, S), spatial vector: what its particles lost.
-        press: The same of cloth that is squeezed between shapes, which it presses apart; rising at a limited rate.
+        impulse: Impulse [N s] and moment of impulse about the world's origin [N m s] on each shape
+            by the cloth during the last frame, shape (B, S), spatial vector.
+        press: The same by cloth that is squeezed between shapes; it rises at a limited rate.
     """
 
     def __init__(self, model: Model) -> None:
@@ -70,19 +70,19 @@ class State:
         return self.velocities.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
 
     def get_is_stuck(self) -> np.ndarray:
-        """Return which particles stick to rigid surfaces, shape (B, V), bool."""
+        """Return a mask of the particles that stick to rigid surfaces, shape (B, V), bool."""
         m = self.model
         return self.is_stuck.numpy().reshape(m.env_count, m.particles_per_env) != 0
 
     def get_memory(self) -> np.ndarray:
-        """Return what the next substep takes from the last one, beside the particles, shape (M,), float32.
+        """Return the solver's memory of the last substep, shape (M,), float32.
 
-        Particles that are set without it go on as if they had just been let go; the difference is small.
+        Particles that are set without it continue almost, but not bitwise, as before.
         """
         return np.concatenate([a.numpy().astype(np.float32).ravel() for a in self._memory])
 
     def set_memory(self, memory: np.ndarray) -> None:
-        """Set what `get_memory` returned, in all environments, after the particles of the same time."""
+        """Restore the result of `get_memory`, after the particles of the same time."""
         sizes = [a.numpy().size for a in self._memory]
         memory = np.asarray(memory, dtype=np.float32)
         if memory.shape != (sum(sizes),):
@@ -147,15 +147,15 @@ class State:
         """Set the factor on gravity of each environment, shape (B,) or one number."""
         values = np.broadcast_to(np.asarray(scale, dtype=np.float32), (self.model.env_count,))
         if not np.array_equal(values, self.gravity_scale.numpy()):
-            self.still.zero_()  # what weighs otherwise does not go on sleeping
+            self.still.zero_()  # a change of weight wakes the cloth
         self.gravity_scale.assign(np.ascontiguousarray(values))
 
     def set_body_poses(self, poses: np.ndarray, *, is_jump: bool = False) -> None:
-        """Set where the bodies are at the end of the coming frame.
+        """Set the body poses at the end of the coming frame.
 
         Args:
             poses: xyz [m] + quaternion wxyz, shape (B, N, 7), body 0 (the world) included.
-            is_jump: The bodies were moved there without a path: no velocity follows from it.
+            is_jump: Place the bodies there at once, without velocity.
         """
         m = self.model
         expected = (m.env_count, m.body_count, 7)

@@ -18,7 +18,7 @@ class StencilBlock:
     vertices: np.ndarray
     """Vertex indices, shape (C, K), int."""
     weights: np.ndarray
-    """Four coefficients of each, shape (C, 4); what they mean is the constraint's."""
+    """Four coefficients of each, shape (C, 4); their meaning depends on the constraint."""
     compliance: np.ndarray
     """Inverse stiffness, shape (C,)."""
     damping_time: float

@@ -62,7 +62,7 @@ def compute_surface(tets: np.ndarray) -> np.ndarray:
 
 
 def check_orientation(faces: np.ndarray) -> bool:
-    """Check that neighbouring triangles turn the same way, and tell whether the mesh is closed.
+    """Check that neighbouring triangles turn the same way; returns True for a closed mesh.
 
     Raises:
         MeshError: If an edge is passed twice in the same direction.

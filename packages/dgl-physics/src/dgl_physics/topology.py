@@ -63,7 +63,8 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     bad = np.flatnonzero(counts > 2)
     if len(bad):
         raise MeshError(
-            f"{len(bad)} edges belong to more than two triangles, the first is {tuple(pairs[bad[0]])}"
+            f"{len(bad)} edges belong to more than two triangles, "
+            f"the first is {tuple(pairs[bad[0]])}"
         )
 
 
@@ -94,7 +95,7 @@ def compute_hinges(faces: np.ndarray) -> np.ndarray:
 
 
 def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
-    """Tell which hinges are open at rest.
+    """Find the hinges that are open at rest.
 
     A seam of two panels that lie on each other is folded by 180 degrees at rest; it has no
     bending stiffness here, as a sewn seam turns freely.
@@ -104,7 +105,7 @@ def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
         hinges: Shape (H, 4).
 
     Returns:
-        Shape (H,), bool: whether the wings lie on opposite sides of the edge.
+        Shape (H,), bool: True if the wings lie on opposite sides of the edge.
     """
     e0, e1, w0, w1 = (rest[hinges[:, k]] for k in range(4))
     axis = e1 - e0
@@ -116,7 +117,7 @@ def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
 
 
 def label_panels(faces: np.ndarray, open_hinges: np.ndarray) -> np.ndarray:
-    """Label the panels of a mesh: triangles that are joined by hinges that are open at rest.
+    """Label the panels of a mesh: triangles joined by hinges that are open at rest.
 
     Args:
         faces: Vertex indices, shape (F, 3).
@@ -217,10 +218,10 @@ def compute_adjacency(edges: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
 
 
 def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.ndarray:
-    """Compute how large a particle must be for hardly any edge to slip through the mesh.
+    """Compute particle radii that let hardly any edge slip through the mesh.
 
     Two edges of length L that cross in their middles have their ends L / sqrt(2) apart, and the
-    centre of a triangle is L / sqrt(3) from its corners. So edges of one length, not stretched, whose
+    centre of a triangle is L / sqrt(3) from its corners. So unstretched edges of one length whose
     ends keep a distance of L / sqrt(2) cannot pass each other.
 
     Limitations: particles that share an edge are not kept apart, edges of different length need a
@@ -243,7 +244,7 @@ def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.n
 
 
 def find_close_wings(rest: np.ndarray, faces: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Find the vertices opposite to an edge that are within touch where the mesh is flat.
+    """Find pairs of vertices opposite to an edge that touch where the mesh is flat.
 
     Args:
         rest: Rest positions [m], shape (V, 3).

@@ -10,13 +10,13 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 @wp.func
 def compute_denominator(compliance: wp.float32, w: wp.float32) -> wp.float32:
-    """Compute the stiffness that a hinge has within a pass, inverted.
+    """Compute the inverse of a hinge's stiffness within a pass.
 
-    A hinge sees the sheet after the passes over half of the hinges that it shares particles with,
-    which relieve it by about half of its own inverse mass where bending is smooth. So with half of
-    its inverse mass in the denominator, the stiffness of smooth bending is right to second order;
-    with all of it, it is too soft. As a factor of over-relaxation the half is 2 where the substep
-    does not resolve the stiffness, the limit of stability, so there it is all of it.
+    Half of the hinges that share particles with a hinge are solved before it, which relieves it by
+    about half of its inverse mass where bending is smooth. With half of its inverse mass in the
+    denominator smooth bending has the right stiffness to second order; with all of it, it is too
+    soft. Where the substep does not resolve the stiffness, half would be over-relaxation by 2, the
+    limit of stability, so all of it is used.
     """
     unresolved = w / (w + compliance)
     return compliance + w * 0.5 * (1.0 + unresolved * unresolved)

@@ -10,7 +10,7 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 
 TORN_STRETCH = wp.constant(3.0)
-"""An edge this many times its length pulls harder than any grip holds, which one pass cannot tell."""
+"""Stretch beyond which an edge slips out of every grip."""
 
 
 @wp.kernel
@@ -56,8 +56,8 @@ def solve_distances(
     """Project the distance constraints of one colour (Macklin et al. 2016, XPBD, eq. 18).
 
     One iteration per substep, so the multiplier starts at zero and need not be stored
-    (Macklin et al. 2019, Small Steps). A negative `damping_rate` is for no damping at all, and
-    `length_before` is left alone then. Particles of an edge beyond `TORN_STRETCH` are marked in `is_torn`.
+    (Macklin et al. 2019, Small Steps). A negative `damping_rate` switches damping off and leaves
+    `length_before` alone. Particles of an edge beyond `TORN_STRETCH` are marked in `is_torn`.
     """
     c = first + wp.tid()
     i = pairs[c][0]

@@ -15,7 +15,7 @@ def weigh(
     is_stuck: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3),
 ):
-    """What a particle adds to its node: its share of the place, and its share if it is held."""
+    """Compute a particle's share of its node's centre, and the same share if it is held."""
     i = node_particle[k]
     x = position[i]
     is_held = float(0.0)
@@ -41,7 +41,8 @@ def gather_nodes(
 ):
     """Compute the nodes' centres of mass; a node with a particle that is held does not move.
 
-    `held` gets the share of the held particles in the centre. Sums are made in four parts, as vector code does.
+    `held` gets the share of the held particles in the centre. Sums have four parts, as in the
+    vector code.
     """
     c = wp.tid()
     k = node_start[c]
@@ -131,7 +132,7 @@ def move_with_nodes(
         for k in range(4):
             c = nodes[i][k]
             if c >= 0:
-                # of the node's mass held, this particle has weight / inverse mass; times the latter
+                # its share of the held mass is weight / inverse mass; times the latter
                 moved += reaction[c] * (weights[i][k] * node_inverse_mass[c] / held[c])
         tension[i] = moved
         return
@@ -139,7 +140,7 @@ def move_with_nodes(
         c = nodes[i][k]
         if c >= 0:
             moved += weights[i][k] * (centre[c] - centre_before[c])
-    # Where cloth is overstretched for good, limits that cannot be kept must not throw particles.
+    # Limits that cannot be met must not throw particles.
     length = wp.length(moved)
     if length > farthest:
         moved = moved * (farthest / length)

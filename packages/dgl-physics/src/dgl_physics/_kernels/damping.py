@@ -4,7 +4,7 @@
 import warp as wp
 
 COUPLING = wp.constant(4.0)
-"""How much more inverse mass a change meets than a constraint's own, through its neighbours."""
+"""Inverse mass that a change meets through neighbours, over the constraint's own."""
 
 
 @wp.func
@@ -15,15 +15,13 @@ def compute_damping(
     compliance: wp.float32,
     w: wp.float32,
 ):
-    """Compute what damping adds to the multiplier of a constraint.
+    """Compute the damping part of a constraint's multiplier.
 
-    The force is `steps` times the stiffness times the change of the constraint's value since the
-    last pass over it, with the relaxation time in substeps as `steps`; 0 when nothing is known of
-    what was before, which is not looked at then. The change is taken at the same place of the
-    passes, so it is zero at rest and damping moves no equilibrium, unlike the change within the
-    substep (Macklin et al. 2016, eq. 26), which the other constraints have only undone in part. It
-    is held below what would turn the change around, and fades out where the substep does not
-    resolve the stiffness.
+    The force is `steps`, the relaxation time in substeps, times the stiffness times the change of
+    the constraint's value since the last pass over it; 0 where `before` is negative (unknown). The
+    change is between the same passes of two substeps, so it is zero at rest and damping moves no
+    equilibrium, unlike the change within a substep (Macklin et al. 2016, eq. 26). It never
+    reverses the change, and fades out where the substep does not resolve the stiffness.
     """
     if steps == 0.0 or before < 0.0:
         return float(0.0)

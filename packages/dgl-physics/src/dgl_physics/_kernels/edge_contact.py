@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Contact of the middles of edges with rigid shapes: what is thinner than a triangle does not pass between its corners."""
+"""Contact of the middles of edges with rigid shapes, which stops shapes thinner than a triangle."""
 
 import warp as wp
 
@@ -9,13 +9,13 @@ from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimit
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 REST_SHARE = wp.constant(0.25)
-"""Share of the rest offset at which a middle rests: between particles that lie on something round it is lower than they
-are, by 1.4 mm for an edge of 12 mm over a finger, and is left there."""
+"""Share of the rest offset at which the middle of an edge rests. Over a finger the middle of a
+12 mm edge lies 1.4 mm lower than its ends, and must stay there."""
 
 
 @wp.func
 def is_listed(near: wp.array(dtype=wp.int32), first: wp.int32, count: wp.int32, k: wp.int32):
-    """Whether the list of `count` shapes that begins at `first` has the shape `k`."""
+    """Find the shape `k` in the list of `count` shapes that begins at `first`; 1 or 0."""
     found = int(0)
     for c in range(count):
         if near[first + c] == k:
@@ -42,7 +42,7 @@ def solve_edge(
     position: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Push the middle of an edge out of the shapes near its ends `i` and `j`, one after the other."""
+    """Push the middle of the edge `i`, `j` out of the shapes near its ends, one after another."""
     w = inverse_mass[i] + inverse_mass[j]
     if w == 0.0 or m.is_solid == 1:
         return
@@ -106,10 +106,10 @@ def solve_edge_contact(
     position: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Resolve the contact of the middles of one colour's edges of cloth, with Coulomb's friction.
+    """Resolve the contact of the middles of the edges of one colour, with Coulomb friction.
 
-    An edge meets the shapes that are near one of its ends, but planes, which its ends meet first. Overlap from before the
-    substep, beyond what `separation_speed` gives, changes `previous` too: places then, and not velocities.
+    An edge meets the shapes near one of its ends, except planes, which its ends meet first. An
+    older overlap beyond `separation_speed` moves `previous` too, so that it gives no velocity.
     """
     pair = pairs[first + wp.tid()]
     i = pair[0]
@@ -128,7 +128,7 @@ def list_near_edges(
     listed: wp.array(dtype=wp.int32),
     listed_count: wp.array(dtype=wp.int32),
 ):
-    """List the edges with an end near a shape that is no plane, in their order: one thread, on a CPU."""
+    """List the edges with an end near a shape other than a plane, in one thread (CPU)."""
     count = int(0)
     for edge in range(pairs.shape[0]):
         pair = pairs[edge]
@@ -159,7 +159,7 @@ def solve_listed_edges(
     position: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Resolve the contact of the edges of `list_near_edges`, one after the other: one thread, on a CPU."""
+    """Resolve the contact of the edges of `list_near_edges`, in one thread (CPU)."""
     for k in range(listed_count[0]):
         pair = pairs[listed[k]]
         i = pair[0]

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""What a solver remembers of the substep before is forgotten where particles were set."""
+"""Reset the solver's memory of the last substep where particles were set."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ def forget_lengths(
     unknown: Any,
     lengths: wp.array(dtype=Any),
 ):
-    """Make a constraint's length unknown, which is negative; `particles` are those that it is about."""
+    """Set the remembered length of a constraint between `particles` to `unknown`."""
     k = wp.tid()
     if is_set[environment[particles[k][0]]] == 1:
         lengths[k] = unknown
@@ -29,7 +29,7 @@ def take_counts(
     counted: wp.array(dtype=wp.float32),
     crowd: wp.array(dtype=wp.float32),
 ):
-    """Take over what was counted."""
+    """Copy the counts of environments whose particles were set."""
     i = wp.tid()
     if is_set[environment[i]] == 1:
         crowd[i] = counted[i]

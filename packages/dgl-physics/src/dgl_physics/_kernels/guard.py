@@ -1,7 +1,7 @@
 # type: ignore  # kernels are in the language of Warp
-"""Looking for particles that went astray.
+"""Detection of diverged particles.
 
-Compiled without fast mathematics, which would assume that there are no NaNs.
+Compiled without fast mathematics, which assumes that there are no NaNs.
 """
 
 import warp as wp

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Where the surface of a moving shape is nearest to a point, and how it moves there."""
+"""Nearest point on the surface of a moving shape, and its displacement."""
 
 import warp as wp
 
@@ -11,21 +11,21 @@ wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 @wp.struct
 class Hit:
-    """The place of a shape's surface that is nearest to a point."""
+    """The point of a shape's surface that is nearest to a given point."""
 
     distance: wp.float32
-    """Signed: below 0 for a point inside [m]."""
+    """Signed distance [m], negative inside."""
     normal: wp.vec3
-    """Outwards, world frame."""
+    """Outward unit normal, world frame."""
     surface: wp.vec3
-    """The place, world frame [m]."""
+    """World frame [m]."""
     local: wp.vec3
-    """The place in the shape's frame [m]."""
+    """Frame of the shape [m]."""
 
 
 @wp.func
 def find_hit(shapes: ShapeTable, s: wp.int32, pose: wp.transform, x: wp.vec3) -> Hit:
-    """Find the place of the shape `s` at `pose` that is nearest to `x`."""
+    """Find the surface point of the shape `s` at `pose` that is nearest to `x`."""
     q = wp.transform_get_rotation(pose)
     at = wp.quat_rotate_inv(q, x - wp.transform_get_translation(pose))
     found = shape_distance(shapes.kind[s], shapes.size[s], shapes.grid[s], shapes.grids, at)
@@ -40,7 +40,7 @@ def find_hit(shapes: ShapeTable, s: wp.int32, pose: wp.transform, x: wp.vec3) ->
 
 @wp.func
 def find_drift(shapes: ShapeTable, s: wp.int32, pose_before: wp.transform, hit: Hit):
-    """Displacement of the place since the shape was at `pose_before` [m]; exactly 0 on a shape that stands."""
+    """Compute the displacement of a surface point since `pose_before` [m]; 0 for fixed shapes."""
     drift = wp.vec3(0.0, 0.0, 0.0)
     if shapes.is_moving[s] == 1:
         drift = hit.surface - wp.transform_point(pose_before, hit.local)

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Kernels that measure states: edges that pierce triangles, distances between particles.
+"""Kernels that measure intersections and distances of particles.
 
 Compiled without fast mathematics: signs of small volumes decide.
 """
@@ -22,7 +22,7 @@ def to_double(x: wp.vec3):
 
 @wp.func
 def is_pierced(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
-    """Whether the segment pq goes through the inside of the triangle abc."""
+    """Decide if the segment pq goes through the inside of the triangle abc."""
     zero = wp.float64(0.0)
     if volume(p, a, b, c) * volume(q, a, b, c) >= zero:
         return False

@@ -18,7 +18,7 @@ def bound_cloth(
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
 ):
-    """Bounding box of each environment's particles."""
+    """Compute the bounding box of each environment's particles."""
     i = wp.tid()
     if inverse_mass[i] > 0.0:
         env = i // particles_per_env
@@ -36,7 +36,7 @@ def reset_bounds(lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3))
 
 @wp.func
 def interpolate_pose(start: wp.transform, end: wp.transform, fraction: wp.float32):
-    """Pose on the straight way between two."""
+    """Interpolate between two poses."""
     p = wp.lerp(wp.transform_get_translation(start), wp.transform_get_translation(end), fraction)
     q0 = wp.transform_get_rotation(start)
     q1 = wp.transform_get_rotation(end)
@@ -60,11 +60,10 @@ def select_shapes(
 ):
     """List the shapes whose swept sphere meets the cloth's box, one thread an environment.
 
-    `middle` gets the pose of the shape in the middle of the frame, and `swept` the centre and
-    radius of a sphere that holds it during the whole frame: its own, and as much more as no point
-    of it moves from there.
-
-    Planes come last, so that the ground has the last word in a contact.
+    `middle` gets the shape's pose in the middle of the frame, and `swept` the centre and radius of
+    a sphere that contains it during the whole frame: its bounding radius plus the largest distance
+    that any of its points moves from the middle pose. Planes come last, so that contact with the
+    ground is solved last.
     """
     e = wp.tid()
     count = int(0)
@@ -78,8 +77,8 @@ def select_shapes(
             end = body_end[e, b]
             body = interpolate_pose(start, end, 0.5)
             pose = body * shapes.pose[s]
-            # The cosine of half of the frame's turn. From the middle of the frame to either end
-            # the body turns by that half, and a point moves by lever times the chord of it.
+            # Cosine of half of the frame's rotation. From the middle of the frame to either end
+            # the body turns by that half, and a point moves by its lever times the chord.
             cosine = wp.abs(
                 wp.dot(wp.transform_get_rotation(start), wp.transform_get_rotation(end))
             )
@@ -141,7 +140,7 @@ def find_reach(
     velocity: wp.array(dtype=wp.vec3),
     i: wp.int32,
 ):
-    """Distance from a surface within which the particle `i` may touch it in the coming frame [m]."""
+    """Compute the distance [m] within which a particle may touch a surface in this frame."""
     m = materials[garment[i]]
     # 0.3 m/s more than now: gravity and pulls act within the frame
     return m.rest_offset + m.adhesion_radius + (wp.length(velocity[i]) + 0.3) * dt
@@ -160,7 +159,7 @@ def bound_gap(
     x: wp.vec3,
     reach: wp.float32,
 ):
-    """Lower bound of the distance of a place from an active shape in the coming frame, where it is below `reach`."""
+    """Bound the distance of a point from an active shape during this frame from below."""
     s = active[e, k]
     if shapes.kind[s] == PLANE:
         end = body_end[e, shapes.body[s]] * shapes.pose[s]
@@ -225,10 +224,10 @@ def find_near_shapes(
 ):
     """List the active shapes that each particle may touch within the coming frame.
 
-    Planes come last, as in `active`: the first `near_bodies` shapes of a particle are other shapes.
+    Planes come last, as in `active`: the first `near_bodies` shapes of a particle are no planes.
 
-    A plane is near when its surface is at the start or at the end; another shape when its sphere
-    and then its surface are, where it is in the middle of the frame, within what it moves.
+    Planes are tested at the start and the end of the frame. Other shapes are tested at the middle
+    of the frame, by their swept sphere and then by their surface.
     """
     i = wp.tid()
     near_count[i] = 0
@@ -308,8 +307,8 @@ def resolve_rigid_contact(
                 push = -wp.min(m.adhesion * w * dt * dt, 1.0) * gap
                 support = -push
             x = x + n * push
-            # Tension that the coarse level found at this particle presses it on or pulls it off, and
-            # along the surface: friction has to hold it, but it moves nothing by itself.
+            # The tension found by the coarse level presses, lifts or drags the particle. Friction
+            # must hold it; it moves nothing by itself.
             pull = tension[i]
             along = wp.dot(n, pull)
             pressed = float(0.0)
@@ -334,7 +333,7 @@ def resolve_rigid_contact(
                 if pressed > 0.0:
                     j = n * (-pressed / (w * dt))
                     wp.atomic_add(press, e, s, wp.spatial_vector(j, wp.cross(hit.surface, j)))
-    # From what was corrected rather than from x - before: rounding would bias a small velocity.
+    # From the correction rather than from x - before: rounding would bias a small velocity.
     v = velocity[i] + (x - predicted) / dt
     # Overlap from before this substep must not throw the particle off a surface.
     leaving = wp.dot(v - surface_velocity, pushed) - limits.separation_speed
@@ -375,10 +374,10 @@ def solve_rigid_contact(
 ):
     """Resolve rigid contact, and update the velocity.
 
-    Contact comes last in the substep, so that a particle that sticks has exactly no tangential
-    displacement relative to the surface: no creep. The impulse that the particle gives to the
-    shape, and its moment about the world's origin, are added to `impulse`; what squeezed cloth presses the
-    shape with to `press`: that does not move the particle, whose other side presses on another shape. Particles
+    Contact comes last in the substep, so that a sticking particle has exactly no tangential
+    displacement relative to the surface: no creep. The impulse on the shape, and its moment about
+    the world's origin, are added to `impulse`. The pressure of squeezed cloth is added to `press`;
+    it does not move the particle, which presses on another shape with its other side. Particles
     marked in `is_torn` have no friction, and lose the mark.
     """
     resolve_rigid_contact(
@@ -400,7 +399,7 @@ def measure_penetration(
     position: wp.array(dtype=wp.vec3),
     deepest: wp.array(dtype=wp.float32),
 ):
-    """Largest depth of a particle's centre under the surface of a shape, by environment."""
+    """Find the largest depth of a particle's centre inside a shape, by environment."""
     i = wp.tid()
     e = i // particles_per_env
     for c in range(near_count[i]):

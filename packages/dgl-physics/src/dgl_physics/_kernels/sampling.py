@@ -6,21 +6,21 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 FAR = wp.constant(1.0e4)
-"""Farther than any part of a mesh [m]."""
+"""More than the extent of any mesh [m]."""
 ROOM = wp.constant(1.001)
-"""For rounding."""
+"""Factor that allows for rounding."""
 
 
 @wp.func
 def measure(mesh: wp.uint64, p: wp.vec3, most: wp.float32):
-    """Distance without its sign, known to be at most so much."""
+    """Compute the unsigned distance of a point, which must be at most `most`."""
     q = wp.mesh_query_point_no_sign(mesh, p, most)
     return wp.length(wp.mesh_eval_position(mesh, q.face, q.u, q.v) - p)
 
 
 @wp.func
 def find_sign(mesh: wp.uint64, p: wp.vec3):
-    """-1 inside and 1 outside by the winding number, which overlapping parts do not disturb."""
+    """Find the sign of a distance by the winding number, which allows overlapping parts."""
     return wp.mesh_query_point_sign_winding_number(mesh, p, FAR, 2.0, 0.5).sign
 
 

@@ -1,9 +1,8 @@
 # type: ignore  # kernels are in the language of Warp
 """Contact of particles with particles, of the same garment or of another.
 
-A particle is a sphere that is large enough for the spheres of a triangle, and those of an edge, to
-leave next to no gap that others could slip through: as long as particles keep apart, layers do.
-See `dgl_physics.topology.compute_radii`.
+A particle is a sphere, large enough that the spheres of a triangle leave hardly a gap for others:
+while particles keep apart, layers do. See `dgl_physics.topology.compute_radii`.
 """
 
 import warp as wp
@@ -13,24 +12,23 @@ from dgl_physics._kernels.types import SolverLimits
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 SEARCH_AGAIN = wp.constant(0.5)
-"""Share of the margin that a particle may move before what is near to it is searched again: where two
-approach each other by that, the margin is used up."""
+"""Share of the margin that a particle may move before its neighbours are searched for again: two
+particles that approach each other by this share use up the margin."""
 LOFT = wp.constant(0.1)
-"""Share of the thickness within which compressed cloth gets stiffer, with the cube of the depth, as fibres
-come together (van Wyk 1946)."""
+"""Share of the thickness over which compressed cloth stiffens, with the cube of the depth (van Wyk
+1946)."""
 CROWDED = wp.constant(0.75)
-"""Contacts of a particle count less where it has more of them than the inverse of this, each counted by
-the particle's share in it."""
+"""Contacts of a particle are scaled down where their sum of shares exceeds the inverse of this."""
 KEPT = wp.constant(0.95)
-"""Share of the crowd that is left in the next pass where contacts open, so that they do not take turns."""
+"""Share of the crowd kept in the next pass, so that contacts do not open and close in turns."""
 UNDONE = wp.constant(0.7)
-"""Share of an older overlap that is undone in a substep. Up to one half nothing is left of the speed that
-this gives where the overlap ends; more holds pinched cloth better, catches fewer edges, and leaves some."""
+"""Share of an older overlap that is undone in a substep. Up to one half no speed remains when the
+overlap ends; more holds pinched cloth better and catches fewer edges, but leaves some speed."""
 
 
 @wp.func
 def find_cell(x: wp.vec3, size: wp.float32, env: wp.int32, count: wp.int32):
-    """Entry of the table of stirred places, for a cubic cell of an environment."""
+    """Hash a cubic cell of an environment to an entry of the table of stirred cells."""
     a = int(wp.floor(x[0] / size)) * 73856093
     b = int(wp.floor(x[1] / size)) * 19349663
     c = int(wp.floor(x[2] / size)) * 83492791
@@ -49,10 +47,9 @@ def mark_stirred(
     stirred: wp.array(dtype=wp.int32),
     restless: wp.array(dtype=wp.int32),
 ):
-    """Mark the cells near to particles that will have moved too far by the next time this is asked.
+    """Mark the cells near particles that will have moved too far by the next search.
 
-    What is near to the others is in their lists already, so it makes no difference whether they
-    are searched too: a search gives the same contacts whatever was known before.
+    Searching unmarked particles too would change nothing: their lists are complete.
     """
     i = wp.tid()
     x = position[i]
@@ -91,10 +88,9 @@ def find_neighbours(
 ):
     """List the particles of higher index that may touch each particle before the next search.
 
-    Particles keep their lists where neither they nor others near them have moved since they were
-    searched for. Particles that the mesh holds apart are left out, and those without a radius
-    touch nothing. A list is in the order of indices, whatever the order in which the grid gives
-    them.
+    Particles keep their lists where nothing near them has moved since the last search. Particles
+    that the mesh holds apart are left out; those without a radius touch nothing. Lists are sorted
+    by index, whatever the order of the grid.
     """
     i = wp.tid()
     env = environment[i]
@@ -150,16 +146,16 @@ def solve_self_contact(
     squeeze_next: wp.array(dtype=wp.vec3),
     crowd_next: wp.array(dtype=wp.float32),
 ):
-    """Keep particles apart; rub and hold those that touch.
+    """Keep particles apart, with friction and adhesion.
 
     All pairs read the same positions and add to both particles' corrections (Jacobi), so the
-    result depends on no order but for rounding, and momentum is kept. What a pair approached in
-    this substep is undone, and of an older overlap a share; the speed that this gave is taken back,
-    all but a part, where the overlap ends. Where a particle has many contacts each counts less, by
-    `crowd`, the sum of its shares in them in the pass before. Friction cancels the tangential displacement
-    of the substep up to Coulomb's limit; adhesion is the paper's spring within a radius.
+    result depends on the order only by rounding, and momentum is kept. The approach within this
+    substep is undone, and a share of an older overlap; most of the speed that this gives is taken
+    back where the overlap ends. The contacts of a particle are scaled down by `crowd`, the sum of
+    its shares in them in the last pass. Friction cancels the tangential displacement up to
+    Coulomb's limit; adhesion is the paper's spring within a radius.
 
-    `squeeze_next` gets the overlap with the neighbours, along the direction in which they press.
+    `squeeze_next` gets the overlap with the neighbours, along their direction of pressure.
     """
     i = wp.tid()
     n_count = neighbour_count[i]
@@ -233,7 +229,7 @@ def apply_corrections(
     squeeze: wp.array(dtype=wp.vec3),
     crowd: wp.array(dtype=wp.float32),
 ):
-    """Move the particles by a share of their corrections, and make ready for the next pass."""
+    """Move the particles by a share of their corrections, and reset the sums."""
     i = wp.tid()
     position[i] = position[i] + share * correction[i]
     squeeze[i] = squeeze_next[i]

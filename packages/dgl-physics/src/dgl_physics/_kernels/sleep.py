@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Environments whose cloth has come to rest sleep until something may touch it."""
+"""Sleep of environments whose cloth is at rest, until something may touch it."""
 
 import warp as wp
 
@@ -34,7 +34,7 @@ def count_still_frames(
     motion: wp.array(dtype=wp.float32),
     still: wp.array(dtype=wp.int32),
 ):
-    """Count the frames for which an environment's cloth has been still, and begin to measure anew."""
+    """Count the frames for which an environment's cloth has been still, and reset the motion."""
     e = wp.tid()
     count = still[e] + 1
     farthest = limits.sleep_distance
@@ -57,9 +57,9 @@ def lay_down(
     mobility: wp.array(dtype=wp.float32),
     anchor: wp.array(dtype=wp.vec3),
 ):
-    """Give particles that sleep no speed and no inverse mass in the coming frame.
+    """Remove speed and inverse mass of sleeping particles for this frame.
 
-    `anchor` is where they were when they were last not still.
+    `anchor` holds their positions when they were last moving.
     """
     i = wp.tid()
     w = inverse_mass[i]
@@ -78,7 +78,7 @@ def clear_impulses(
     still: wp.array(dtype=wp.int32),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Begin to add up the impulses of a frame; cloth that sleeps goes on giving those of its last one."""
+    """Clear the impulses of a frame; sleeping cloth keeps those of its last frame."""
     e, s = wp.tid()
     if still[e] < limits.sleep_frames:
         impulse[e, s] = wp.spatial_vector()
@@ -92,7 +92,7 @@ def ease_press(
     pressed: wp.array2d(dtype=wp.spatial_vector),
     press: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Let the press of squeezed cloth on a shape rise by at most `rise` [N s] in a frame, and fall at once."""
+    """Limit the rise of the press on a shape to `rise` [N s] a frame; it falls at once."""
     e, s = wp.tid()
     if still[e] < limits.sleep_frames:
         wanted = pressed[e, s]
@@ -111,6 +111,6 @@ def add_motion(
     position: wp.array(dtype=wp.vec3),
     motion: wp.array(dtype=wp.float32),
 ):
-    """Add up the squares of how far the particles are from their anchors [m^2]."""
+    """Add up the squared distances of the particles from their anchors [m^2]."""
     i = wp.tid()
     wp.atomic_add(motion, environment[i], wp.length_sq(position[i] - anchor[i]))

@@ -31,7 +31,7 @@ class Bodies:
     row_count: wp.array(dtype=wp.int32)
     factor_row: wp.array(dtype=wp.int32)
     is_free: wp.array(dtype=wp.int32)
-    """Whether nothing of it is pinned, so that it keeps its angular momentum."""
+    """1 if no particle is pinned, so that angular momentum is kept."""
     entry_start: wp.array(dtype=wp.int32)
     """Of each row of a factor, its first entry."""
     column_start: wp.array(dtype=wp.int32)
@@ -59,10 +59,10 @@ def predict(
     trial: wp.array(dtype=wp.vec3),
     fall: wp.array(dtype=wp.vec3),
 ):
-    """Where elastic forces are evaluated: moved on, but before gravity of this substep.
+    """Predict the positions at which elastic forces are evaluated.
 
-    Without gravity, because at rest these are the places where forces balance. Ahead of time by
-    the damping's time constant, which is stiffness-proportional damping.
+    They leave out gravity of this substep, because forces balance without it at rest. They are
+    ahead by the damping's time constant, which gives stiffness-proportional damping.
     """
     r = wp.tid()
     i = particle[r]
@@ -83,12 +83,12 @@ def compute_element_forces(
     trial: wp.array(dtype=wp.vec3),
     forces: wp.array(dtype=wp.mat33),
 ):
-    """Forces of an element on its corners 1, 2, 3, as columns [N].
+    """Compute the forces of an element on its corners 1, 2, 3, as columns [N].
 
     Energy mu/2 (|F|^2 - 3) + lambda/2 (J - a)^2 - mu/2 log(|F|^2 + 1) with a = 1 + 3/4 mu/lambda
     (Smith, de Goes and Kim 2018, Stable Neo-Hookean Flesh Simulation, eq. 14). It is finite for
-    every F, also inverted ones, and without the logarithm an element of a small Poisson's ratio
-    that is squeezed to a point would stay there.
+    every F, also inverted ones. Without the logarithm an element of small Poisson's ratio that is
+    squeezed to a point would stay there.
     """
     t = wp.tid()
     k = elements.rows[t]
@@ -103,8 +103,8 @@ def compute_element_forces(
     cofactor = wp.matrix_from_cols(wp.cross(c1, c2), wp.cross(c2, c0), wp.cross(c0, c1))
     volume_ratio = wp.dot(c0, wp.cross(c1, c2))
     m = elements.moduli[t]
-    # Beyond twofold stretch the stiffness against change of volume outgrows what the factor
-    # knows, with the square of the cofactor: bound it.
+    # Beyond twofold stretch the stiffness against change of volume exceeds that of the factor,
+    # with the square of the cofactor: bound it.
     bound = 1.0 / wp.max(1.0, wp.ddot(cofactor, cofactor) / 12.0)
     pressure = (m[1] * (volume_ratio - 1.0) - 0.75 * m[0]) * bound
     stress = (m[0] * (1.0 - 1.0 / (wp.ddot(f, f) + 1.0))) * f + pressure * cofactor
@@ -121,9 +121,9 @@ def gather_forces(
     forces: wp.array(dtype=wp.mat33),
     step: wp.array(dtype=wp.vec3),
 ):
-    """Right side of the step: mass times the fall plus dt^2 times the elastic force.
+    """Compute the right side: mass times fall plus dt^2 times elastic force.
 
-    Each row gathers its own, so the sum has the same order everywhere.
+    Each row gathers its own terms, so the sum has the same order everywhere.
     """
     r = wp.tid()
     total = wp.vec3(0.0, 0.0, 0.0)
@@ -153,10 +153,9 @@ def find_levers(
     arm: wp.array(dtype=wp.vec3),
     lever: wp.array(dtype=wp.vec3),
 ):
-    """Arms from the centre of mass of free solids [m], and mass times arm.
+    """Compute arms from the centre of mass of free solids [m], and mass times arm.
 
-    At the beginning of the substep: angular momentum after it is the sum of m x0 x v, because
-    what moves along v has no arm to it.
+    Taken at the beginning of the substep: the angular momentum after it is the sum of m x0 x v.
     """
     b = wp.tid()
     first = bodies.first_row[b]
@@ -220,13 +219,11 @@ def level_step(
     turning: wp.array(dtype=wp.mat33),
     step: wp.array(dtype=wp.vec3),
 ):
-    """Take the rotation out of the step of free solids: weight and elasticity give none.
+    """Remove the rotation from the step of free solids: weight and elasticity cause none.
 
-    Adhesion gives some, which is neglected: it is weak.
-
-    The factor knows no rotations: it would give them the inertia of a stretch. So rotations are
-    split off with the true inertia, and it is asked for the rest alone. `turning` maps a rotation
-    to the angular momentum of the factor's answer to it.
+    The rotation that adhesion causes is neglected. The factor would give rotations the inertia of
+    a stretch, so they are split off with the true inertia. `turning` maps a rotation to the
+    angular momentum of the factor's response to it.
     """
     b = wp.tid()
     zero = wp.mat33(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -271,9 +268,9 @@ def move_bodies(
     shift: wp.array(dtype=wp.vec3),
     position: wp.array(dtype=wp.vec3),
 ):
-    """Move the particles by the step and by what contact shifts them, `shift` by the factor.
+    """Move the particles by the step and by the shift of contact.
 
-    Not those that are pinned or asleep, which have no inverse mass.
+    Pinned and sleeping particles, which have no inverse mass, stay.
     """
     b = wp.tid()
     first = bodies.first_row[b]

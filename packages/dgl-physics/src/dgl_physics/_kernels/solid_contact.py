@@ -1,9 +1,9 @@
 # type: ignore  # kernels are in the language of Warp
 """Contact of elastic solids with rigid shapes, within the implicit step.
 
-A push on one particle of a stiff solid moves its surroundings as well, so pushing particles apart
-one by one after the step, as for cloth, is much too soft and not stable. Here all contacts of a
-solid are solved together, with the inverse of the step's matrix as their compliance.
+A push on one particle of a stiff solid moves its surroundings as well, so pushing particles one by
+one after the step, as for cloth, is much too soft and unstable. All contacts of a solid are solved
+together, with the inverse of the step's matrix as their compliance.
 """
 
 import warp as wp
@@ -16,10 +16,10 @@ from dgl_physics._kernels.types import ParticleMaterial, ShapeTable, SolverLimit
 wp.set_module_options({"enable_backward": False, "fast_math": True})
 
 MARGIN = wp.constant(0.002)
-"""Gap below which a contact may be reached by what the others push [m]."""
+"""Gap below which the pushes of other contacts may close a contact [m]."""
 
 EDGE_MARGIN = wp.constant(0.0005)
-"""The same for the middles of edges [m]: fewer, as there are many that nothing ever touches."""
+"""The same for the middles of edges [m]; smaller, because there are many of them."""
 
 PRECISION = wp.constant(3.0e-8)
 """Sweeps end when no contact moves by more than this [m]."""
@@ -27,14 +27,14 @@ PRECISION = wp.constant(3.0e-8)
 
 @wp.struct
 class Touches:
-    """What each point touches: the nearest shape, or none.
+    """The nearest shape of each contact point, if any.
 
-    Points are the rows, and after them the middles of the surface's edges: what is thinner than a triangle does not pass
-    between its corners.
+    Points are the rows, followed by the middles of the surface's edges, which stop shapes that are
+    thinner than a triangle.
     """
 
     ends: wp.array(dtype=wp.vec2i)
-    """The two rows that a point is midway between; of a row's own point twice that row."""
+    """The two rows that a point lies midway between; twice the same for a row's own point."""
     shape: wp.array(dtype=wp.int32)
     """Shape, or -1."""
     normal: wp.array(dtype=wp.vec3)
@@ -46,7 +46,7 @@ class Touches:
     arm: wp.array(dtype=wp.vec3)
     """From the centre of mass of a free solid [m]."""
     lever: wp.array(dtype=wp.vec3)
-    """What the factor answers to mass times arm."""
+    """Response of the factor to mass times arm."""
     row_count: wp.int32
     """Points that are rows."""
 
@@ -115,8 +115,9 @@ def find_touches(
 ):
     """Find the nearest shape of each point where the step without contact would bring it.
 
-    The middle of an edge meets the shapes that are near one of its ends, but planes, which its ends meet first, and
-    what both its ends are pressed to, which keep it out. So the rows come first: `first` is 0 for them, and their number for edges.
+    The middle of an edge meets the shapes near one of its ends, except planes, which its ends meet
+    first, and shapes that both ends are pressed to. So rows come before edges: `first` is 0 for
+    rows and their number for edges.
     """
     p = first + wp.tid()
     r = touches.ends[p][0]
@@ -160,7 +161,7 @@ def find_touches(
                 slip = (x - before) - find_drift(shapes, s, pose_before[e, k], hit)
                 touches.shape[p] = s
                 touches.normal[p] = n
-                # an overlap from before is left no faster than at the separation speed
+                # an older overlap opens no faster than at the separation speed
                 start = gap - wp.dot(n, slip)
                 touches.gap[p] = gap - wp.min(0.0, start + limits.separation_speed * dt)
                 touches.slip[p] = slip - n * wp.dot(n, slip)
@@ -177,7 +178,7 @@ def get_compliance(
     one: wp.vec2i,
     other: wp.vec2i,
 ):
-    """How far a unit push on one point moves another by the factor [1/kg]."""
+    """Compute the displacement of one point by a unit push on another [1/kg]."""
     a = base + (one[0] - first) * n_rows - first
     if one[0] == one[1] and other[0] == other[1]:
         return bodies.inverse[a + other[0]]
@@ -213,11 +214,11 @@ def solve_touches(
     row_push: wp.array(dtype=wp.vec3),
     impulse: wp.array2d(dtype=wp.spatial_vector),
 ):
-    """Projected Gauss-Seidel over the contacts of a solid, one thread a solid.
+    """Solve the contacts of a solid by projected Gauss-Seidel, one thread a solid.
 
-    A push [kg m] is an impulse times dt; the compliance of two points is an entry of the inverse, or the mean of four
-    [1/kg], the same in all directions. Coulomb's limit as for cloth: all slip is taken out, up to
-    friction times the normal push.
+    A push [kg m] is an impulse times dt. The compliance of two points [1/kg] is an entry of the
+    inverse, or the mean of four, the same in all directions. As for cloth, all slip is removed, up
+    to friction times the normal push.
     """
     b = wp.tid()
     first = bodies.first_row[b]

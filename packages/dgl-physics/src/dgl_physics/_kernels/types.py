@@ -6,7 +6,7 @@ import warp as wp
 
 @wp.struct
 class ParticleMaterial:
-    """Parameters of one garment that kernels look up; see `dgl_physics.ContactMaterial`."""
+    """Parameters of one garment; see `dgl_physics.ContactMaterial`."""
 
     friction: wp.float32
     adhesion: wp.float32
@@ -17,12 +17,12 @@ class ParticleMaterial:
     """Force of compressed cloth over its depth and mass [1/s^2]."""
     stretch_damping: wp.float32
     is_solid: wp.int32
-    """Whether rigid contact is resolved with elasticity, in `_kernels.solid_contact`."""
+    """1 if rigid contact is resolved with elasticity, in `_kernels.solid_contact`."""
 
 
 @wp.struct
 class SolverLimits:
-    """Numbers of the solver that no garment owns."""
+    """Settings of the solver; see `dgl_physics.SolverConfig`."""
 
     max_speed: wp.float32
     separation_speed: wp.float32
@@ -32,9 +32,9 @@ class SolverLimits:
     neighbour_capacity: wp.int32
     near_capacity: wp.int32
     sleep_frames: wp.int32
-    """Frames for which cloth that sleeps has been still."""
+    """Still frames after which cloth sleeps."""
     sleep_distance: wp.float32
-    """How far particles of still cloth are from their anchors, as the root of the mean square [m]."""
+    """Root mean square distance of still particles from their anchors, at most [m]."""
 
 
 @wp.struct

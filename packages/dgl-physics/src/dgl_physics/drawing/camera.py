@@ -1,4 +1,4 @@
-"""Where a camera stands, and what it maps where."""
+"""Pinhole cameras."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Axes = tuple[Vector3, Vector3, Vector3]
 
 @dataclass(frozen=True, kw_only=True)
 class PinholeCamera:
-    """A fixed pinhole camera in the world, with square pixels and its optical axis in the middle of the picture."""
+    """A fixed pinhole camera with square pixels and a centred optical axis."""
 
     position: Vector3
     """Optical centre [m], world frame."""
@@ -51,13 +51,14 @@ class PinholeCamera:
         half_width: float,
         size: tuple[int, int],
     ) -> PinholeCamera:
-        """Aim a camera at a place.
+        """Aim a camera at a point.
 
         Args:
-            middle: Place in the middle of the picture [m], shape (3,), world frame.
+            middle: Point in the middle of the picture [m], shape (3,), world frame.
             towards: Direction from there to the camera, of any length, shape (3,).
-            right: Direction to the right in the picture, of any length, shape (3,); perpendicular to `towards`.
-            distance: Of the camera from the place [m]; large for a view that is nearly parallel.
+            right: Direction to the right in the picture, perpendicular to `towards`, of any
+                length, shape (3,).
+            distance: Of the camera from the point [m]; large for a nearly parallel view.
             half_width: Half of the width that the picture shows at that distance [m].
             size: Width and height of the picture [pixels].
 
@@ -88,27 +89,27 @@ class PinholeCamera:
 
     @property
     def transform_camera_to_world(self) -> np.ndarray:
-        """Pose of the OpenCV camera frame (x right, y down, z forward) in the world, shape (4, 4)."""
+        """Pose of the OpenCV frame (x right, y down, z forward) in the world, shape (4, 4)."""
         T = np.eye(4)
         T[:3, :3] = np.array(self.axes).T
         T[:3, 3] = self.position
         return T
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Find where places are in the picture.
+        """Project points into the picture.
 
         Args:
             points: [m], shape (N, 3), world frame, in front of the camera.
 
         Returns:
-            Columns, rows [pixels] and depths along the optical axis [m], shape (N, 3); the first pixel's centre is at
-            (0.5, 0.5).
+            Columns, rows [pixels] and depths along the optical axis [m], shape (N, 3); the centre
+            of the first pixel is (0.5, 0.5).
         """
         seen = (points - np.array(self.position)) @ np.array(self.axes).T @ self.intrinsics.T
         return np.column_stack([seen[:, :2] / seen[:, 2:], seen[:, 2]])
 
     def compute_rays(self) -> np.ndarray:
-        """Ways through the pixels' centres, of depth 1 along the optical axis, shape (H, W, 3), world frame."""
+        """Compute rays through the pixels, of depth 1, shape (H, W, 3), world frame."""
         (f, _, cx), (_, _, cy), _ = self.intrinsics
         x = (np.arange(self.width) + 0.5 - cx) / f
         y = (np.arange(self.height) + 0.5 - cy) / f

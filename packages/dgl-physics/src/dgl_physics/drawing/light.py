@@ -1,4 +1,4 @@
-"""The light of a studio as tables: the dome as surfaces of all kinds see it, and the values of pictures."""
+"""Light of a studio as tables: blurred domes, reflection, and the values of pictures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 GAMMA = 2.2
 """Pictures have this power of linear values."""
 _SINES, _COSINES = 65, 64
-_TILTS, _TURNS = 32, 16  # of the facets that a rough mirror is made of
+_TILTS, _TURNS = 32, 16  # of the facets of a rough mirror
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,13 +17,13 @@ class Studio:
     """One lamp, and a dome that is the same all around."""
 
     direction: tuple[float, float, float]
-    """Where the lamp's light goes, of any length, world frame."""
+    """Direction of the lamp's light, of any length, world frame."""
     colour: tuple[float, float, float]
     """Light of the lamp, linear; a white surface that faces it shines with this over pi."""
     dome: Callable[[np.ndarray], np.ndarray]
-    """Light by the sine of the height above the horizon, of any shape; linear, one axis more."""
+    """Function from sines of elevations to linear colours, which adds an axis."""
     shade: float
-    """Brightness of what lies in shadow, linear, a factor."""
+    """Brightness in shadow, a linear factor."""
 
 
 def _shine_evenly(sine: np.ndarray) -> np.ndarray:
@@ -36,10 +36,10 @@ DAYLIGHT = Studio(direction=(0.5, 0.6, -1.0), colour=(1.6, 1.6, 1.6), dome=_shin
 
 @lru_cache(maxsize=64)  # for the next scene
 def blur_dome(studio: Studio, roughness: float) -> np.ndarray:
-    """Blur the dome as a rough mirror does, by the sine of the mirrored way in [-1, 1], shape (65, 3).
+    """Blur the dome for a roughness, by the sine of the reflection's elevation, shape (65, 3).
 
-    A roughness of 1 is also what a matt surface sees. Source: Karis 2013, Real Shading in Unreal Engine 4: the
-    prefiltered environment of the split sum, whose eye looks along the normal.
+    A roughness of 1 also serves for diffuse light. Source: Karis 2013, Real Shading in Unreal
+    Engine 4: the prefiltered environment of the split sum, whose eye looks along the normal.
     """
     sines = np.linspace(-1.0, 1.0, _SINES)
     if roughness == 0.0:
@@ -56,9 +56,9 @@ def blur_dome(studio: Studio, roughness: float) -> np.ndarray:
 
 
 def compute_mirror(roughness: float) -> np.ndarray:
-    """Share of the dome's light that a surface mirrors, by the cosine to the eye in [0, 1], shape (64, 2).
+    """Compute the reflection of the dome, by the cosine to the eye in [0, 1], shape (64, 2).
 
-    The first is a factor on its reflection of straight light, the second a term.
+    The first column is a factor on its reflection of perpendicular light, the second a term.
     Source: Karis 2014, Physically Based Shading on Mobile, a fit of the split sum's second part.
     """
     cosine = np.linspace(0.0, 1.0, _COSINES)

@@ -1,26 +1,26 @@
-"""What can be drawn: triangle meshes and how their surfaces look."""
+"""Triangle meshes to draw, and the look of their surfaces."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 SHADOW = -1
-"""Segment of a mesh that is no surface but a shadow: it darkens what is behind it."""
+"""Segment of a shadow, which darkens the pixels behind it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Image:
-    """A picture that is laid on a surface; its first row is at v = 0."""
+    """A texture; its first row is at v = 0."""
 
     pixels: np.ndarray
     """Shape (H, W, 3), uint8, sRGB."""
     is_repeated: bool = True
-    """Whether it repeats; otherwise its edge goes on."""
+    """Repeat the picture; otherwise its edge is extended."""
 
     def build_levels(self) -> list[np.ndarray]:
-        """Halve the picture again and again, shapes (H, W, 3), uint8.
+        """Build mipmaps, shapes (H, W, 3), uint8.
 
-        By the mean of sRGB values, as SAPIEN does: patterns from afar are darker than by that of linear ones.
+        By the mean of sRGB values, as in SAPIEN, which darkens distant patterns.
         """
         levels = [self.pixels]
         while min(levels[-1].shape[:2]) > 1:
@@ -33,7 +33,7 @@ class Image:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceLook:
-    """How a surface looks, as in glTF: a blend of plastic and metal."""
+    """Look of a surface, as in glTF: a blend of plastic and metal."""
 
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Linear, each in [0, 1]; unused with an image."""
@@ -42,10 +42,10 @@ class SurfaceLook:
     metallic: float = 0.0
     """0 for plastic, 1 for bare metal."""
     specular: float = 0.0
-    """Share of the light that falls straight on it and is reflected, metal aside; 0.04 for most plastics."""
+    """Share of perpendicular light that is reflected, metal aside; 0.04 for most plastics."""
     image: Image | None = None
     inside_shade: float = 0.0
-    """Brightness of its back, a factor on the linear colour; 0 where the back is not seen."""
+    """Brightness of the back, a factor on the linear colour; 0 to cull it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,8 +60,8 @@ class Mesh:
     """Vertex indices, counter-clockwise from outside, shape (F, 3)."""
     surface: SurfaceLook
     segment: int
-    """What the segmentation picture shows of it; `SHADOW` for a shadow."""
+    """Number in the segmentation; `SHADOW` for a shadow."""
     body: int | None = None
-    """Number of the body it moves with; None for what never moves, whose frame is the world's."""
+    """Number of its body; None for a fixed mesh, in the world frame."""
     uvs: np.ndarray | None = None
-    """Places in the surface's image, shape (V, 2)."""
+    """Texture coordinates, shape (V, 2)."""

@@ -1,4 +1,4 @@
-"""Draws meshes as cameras see them."""
+"""Rasteriser of triangle meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,31 +33,31 @@ _DEVICE = "cpu"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
-    """What a camera sees, drawn once and used for everything."""
+    """Picture of a camera: colours, positions and segments."""
 
     rgb: np.ndarray
     """Shape (H, W, 3), uint8."""
     points: np.ndarray
-    """Place of each pixel [m], shape (H, W, 3), world frame; NaN where nothing is."""
+    """Position of each pixel [m], shape (H, W, 3), world frame; NaN for background."""
     segments: np.ndarray
-    """Segment of each pixel, shape (H, W), int32; 0 where nothing is."""
+    """Segment of each pixel, shape (H, W), int32; 0 for background."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """Which triangle each pixel shows."""
+    """Visible triangle of each pixel."""
 
     meshes: np.ndarray
-    """Number of its mesh, shape (H, W), int32; -1 where nothing is."""
+    """Number of its mesh, shape (H, W), int32; -1 for background."""
     faces: np.ndarray
-    """Number of the triangle in its mesh, shape (H, W), int32; -1 where nothing is."""
+    """Number of the triangle in its mesh, shape (H, W), int32; -1 for background."""
     points: np.ndarray
-    """Place of each pixel [m], shape (H, W, 3), world frame; NaN where nothing is."""
+    """Position of each pixel [m], shape (H, W, 3), world frame; NaN for background."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
-    """A camera, and what it sees of all that never moves."""
+    """A camera, and its view of the fixed meshes."""
 
     lens: Camera
     keys: wp.array
@@ -67,11 +67,11 @@ class _View:
 
 
 class Rasteriser:
-    """Draws what moves over what never does, which is drawn once a camera.
+    """Draws moving meshes over fixed ones, which are drawn once for each camera.
 
-    Everything is computed on the processor, in one thread, and equal scenes give equal pictures to the last bit.
+    It runs on the CPU in one thread; equal scenes give equal pictures, to the bit.
 
-    Limitations: nothing is transparent, edges are not smoothed, and shadows are meshes of their own.
+    Limitations: no transparency, no smooth edges; shadows are meshes of their own.
     """
 
     @quiet_warp()
@@ -79,10 +79,10 @@ class Rasteriser:
         """Prepare meshes.
 
         Args:
-            meshes: What there is.
-            studio: The light.
+            meshes: Fixed and moving meshes.
+            studio: Light.
         """
-        # Poses and triangles of what never moves come first.
+        # Fixed meshes come first.
         order = sorted(range(len(meshes)), key=lambda k: meshes[k].body is not None)
         ordered = [meshes[k] for k in order]
         still = [mesh for mesh in ordered if mesh.body is None]
@@ -144,7 +144,7 @@ class Rasteriser:
 
     @quiet_warp()
     def draw_picture(self, camera: PinholeCamera) -> Picture:
-        """Draw colours, and what is where."""
+        """Draw colours, positions and segments."""
         view = self._get_view(camera)
         rgb, points, segments = (wp.clone(a) for a in (view.rgb, view.points, view.segments))
         keys = self._draw_moving(view)
@@ -159,7 +159,7 @@ class Rasteriser:
 
     @quiet_warp()
     def find_triangles(self, camera: PinholeCamera) -> Sight:
-        """Find which triangle each pixel shows, and where; nothing where a shadow is."""
+        """Find the visible triangle and position of each pixel; shadows count as background."""
         view = self._get_view(camera)
         points, segments = wp.clone(view.points), wp.clone(view.segments)
         keys = self._draw_moving(view)
@@ -236,11 +236,11 @@ class Rasteriser:
 
 
 def weigh_corners(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Find the weights of triangles' corners at places on them.
+    """Compute barycentric weights of points on triangles.
 
     Args:
         corners: [m], shape (N, 3, 3): triangle, corner, axis.
-        points: A place on each triangle, or nearly [m], shape (N, 3).
+        points: A point on or near each triangle [m], shape (N, 3).
 
     Returns:
         Shape (N, 3), float64; not negative, and their sum is 1.

@@ -32,7 +32,8 @@ auto project = [&](int c, int n) __attribute__((always_inline)) {
         J[l] = pairs.data[c + (l < n ? l : 0)][1];
     }
     f8x4 a = lane::rows4(place, I), b = lane::rows4(place, J);
-    f8 rest = lane::some(rest_length.data + c, n), soft = lane::some(compliance.data + c, n) * inverse_dt2;
+    f8 rest = lane::some(rest_length.data + c, n);
+    f8 soft = lane::some(compliance.data + c, n) * inverse_dt2;
     f8x3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
     f8 w = a.w + b.w, length = lane::sqrt(lane::dot(d, d));
     i8 acts = (w > 0.0f) & (length > 1.0e-9f);

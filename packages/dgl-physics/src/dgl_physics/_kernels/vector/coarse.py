@@ -89,7 +89,8 @@ for (int i = 0; i < count; i++) {
             moved += weight.y * shift[node[1]];
             moved += weight.z * shift[node[2]];
             moved += weight.w * shift[node[3]];
-            float length = __builtin_sqrtf(moved.x * moved.x + moved.y * moved.y + moved.z * moved.z);
+            float length = __builtin_sqrtf(
+                moved.x * moved.x + moved.y * moved.y + moved.z * moved.z);
             if (length > farthest) moved *= farthest / length;
             lane::set_row3(position.data, i, lane::row3(position.data, i) + moved);
         }

@@ -1,4 +1,4 @@
-"""What the vector code of all twins begins with: eight lanes, and how they are read from rows and written back."""
+"""Prelude of all vector code: eight lanes, read from rows of arrays and written back."""
 
 from dgl_physics._kernels.damping import COUPLING
 
@@ -21,7 +21,9 @@ struct lane {
     static inline f8 min(f8 a, f8 b) { return __builtin_elementwise_min(a, b); }
     static inline f8 max(f8 a, f8 b) { return __builtin_elementwise_max(a, b); }
     static inline f8 sqrt(f8 a) { return __builtin_elementwise_sqrt(a); }
-    static inline f8 join(f4 a, f4 b) { return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
+    static inline f8 join(f4 a, f4 b) {
+        return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+    }
     static inline f8 dot(f8x3 a, f8x3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     static inline f8 load(const float* p) { return *(const f8_any*)p; }
     static inline void store(float* p, f8 v) { *(f8_any*)p = v; }
@@ -33,7 +35,9 @@ struct lane {
         for (int l = 0; l < 8; l++) v[l] = p[l < n ? l : 0];
         return v;
     }
-    static inline i8 some(const int* p, int n) { return __builtin_bit_cast(i8, some((const float*)p, n)); }
+    static inline i8 some(const int* p, int n) {
+        return __builtin_bit_cast(i8, some((const float*)p, n));
+    }
     static inline void put(int* p, i8 v, int n) { put((float*)p, __builtin_bit_cast(f8, v), n); }
     static inline void put(float* p, f8 v, int n) {
         if (n == 8) store(p, v);
@@ -58,7 +62,8 @@ struct lane {
             }
         } order{};
         typedef unsigned char u8x8 __attribute__((ext_vector_type(8), aligned(1), may_alias));
-        return __builtin_ia32_permvarsi256(v, __builtin_convertvector(*(const u8x8*)order.of[bits], i8));
+        i8 moved = __builtin_convertvector(*(const u8x8*)order.of[bits], i8);
+        return __builtin_ia32_permvarsi256(v, moved);
 #else
         i8 w = v;
         for (int l = 0, n = 0; l < 8; l++)
@@ -158,8 +163,8 @@ struct lane {
             if (bits >> l & 1) q[3 * l] = v.x[l], q[3 * l + 1] = v.y[l], q[3 * l + 2] = v.z[l];
     }
     static inline f8x3 rows3(const wp::vec3* p, const int* i) {
-        f8x4 v = turn(row3(p, i[0]), row3(p, i[1]), row3(p, i[2]), row3(p, i[3]), row3(p, i[4]), row3(p, i[5]),
-                      row3(p, i[6]), row3(p, i[7]));
+        f8x4 v = turn(row3(p, i[0]), row3(p, i[1]), row3(p, i[2]), row3(p, i[3]),
+                      row3(p, i[4]), row3(p, i[5]), row3(p, i[6]), row3(p, i[7]));
         return {v.x, v.y, v.z};
     }
     static inline f8x4 rows4(const f4_any* p, const int* i) {
@@ -184,8 +189,9 @@ struct lane {
         for (int l = 0; l < n; l++) p[i[l]] = rows[l];
     }
 
-    // Places with inverse masses behind them are faster to gather and to scatter than rows of three.
-    static inline void pack(const wp::vec3* place, const float* inverse_mass, f4_any* packed, int count) {
+    // Positions packed with inverse masses are faster to gather and scatter than rows of three.
+    static inline void pack(
+        const wp::vec3* place, const float* inverse_mass, f4_any* packed, int count) {
         for (int i = 0; i < count; i++) {
             f4 x = row3(place, i);
             x.w = inverse_mass[i];
@@ -204,4 +210,4 @@ struct lane {
     }
 """
 )
-"""Lanes `f8`, rows of arrays gathered into lanes (`rows3`, `rows4`) and scattered from them (`set_rows3`)."""
+"""Lanes `f8`; `rows3` and `rows4` gather rows of arrays into lanes, `set_rows4` scatters them."""

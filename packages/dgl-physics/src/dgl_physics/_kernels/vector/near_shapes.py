@@ -14,7 +14,7 @@ wp.set_module_options({"enable_backward": False})
 @wp.func_native(
     LANES
     + """
-// Beside each other: x, y, z and reach of all particles. The list that this returns the length of stands in front.
+// Rows of x, y, z and reach of all particles. The found list is written before them.
 int total = position.shape[0];
 float* x = (float*)(scratch.data + total + 8);
 float* y = x + total + 8;
@@ -24,7 +24,8 @@ int begin = e * particles_per_env, end = begin + particles_per_env;
 wp::vec4 ball = swept.data[e * swept.shape[1] + k];
 int found = 0;
 for (int i = begin; i < end; i += 8) {
-    f8 dx = lane::load(x + i) - ball[0], dy = lane::load(y + i) - ball[1], dz = lane::load(z + i) - ball[2];
+    f8 dx = lane::load(x + i) - ball[0], dy = lane::load(y + i) - ball[1];
+    f8 dz = lane::load(z + i) - ball[2];
     f8 far = (lane::load(reach + i) + ball[3]) * 1.0001f;
     int bits = lane::bits((dx * dx + dy * dy + dz * dz < far * far) & (far > 0.0f));
     if (i + 8 > end) bits &= (1 << (end - i)) - 1;
@@ -43,7 +44,7 @@ def find_close(
     swept: wp.array2d(dtype=wp.vec4),
     scratch: wp.array(dtype=wp.int32),
 ) -> wp.int32:
-    """List the particles whose reach meets the sphere of an active shape that is no plane, and more."""
+    """List at least the particles whose reach meets the swept sphere of an active shape."""
     ...
 
 
@@ -64,7 +65,7 @@ def set_place(
     reach: wp.float32,
     scratch: wp.array(dtype=wp.int32),
 ):
-    """Write a row of what `find_close` reads."""
+    """Write a row for `find_close`."""
     ...
 
 
@@ -77,7 +78,7 @@ return ((float*)(scratch.data + total + 8))[i + 3 * (total + 8)];
 def get_reach(
     i: wp.int32, position: wp.array(dtype=wp.vec3), scratch: wp.array(dtype=wp.int32)
 ) -> wp.float32:
-    """Read what `set_place` wrote."""
+    """Read the reach written by `set_place`."""
     ...
 
 
@@ -105,7 +106,7 @@ def find_near_shapes(
     overflow: wp.array(dtype=wp.int32),
     scratch: wp.array(dtype=wp.int32),
 ):
-    """Ask all particles about one shape after the other: the spheres of shapes exclude most of them."""
+    """Test all particles against one shape after another; its sphere excludes most of them."""
     for i in range(count):
         near_count[i] = 0
         near_bodies[i] = 0

@@ -8,8 +8,8 @@ solve_rigid_contact = make_twin(
     rigid.solve_rigid_contact,
     f"const int PLANE = {int(PLANE)};"
     """
-// Particles that are near nothing or near one plane that stands still, the ground, are done here, eight neighbours of
-// one garment at a time. The others are left over.
+// Particles near nothing, or near one fixed plane (the ground), are solved here, eight of one
+// garment at a time. The others are left over.
 int left = 0, planes = 0, ground = 0;
 for (int s = 0; s < shapes.kind.shape[0]; s++)
     if (shapes.kind.data[s] == PLANE) planes++, ground = s;
@@ -25,8 +25,10 @@ for (int i = 0; i < count; i += 8) {
     i8 acts = (own < n) & (w != 0.0f);
     i8 meets = shapes_near > 0;
     i8 is_alike_all = is_alike ? -1 : 0, is_still_all = is_still ? -1 : 0;
-    i8 takes = acts & (lane::some(near_bodies.data + i, n) == 0) & ((shapes_near == 0) | is_still_all) & is_alike_all;
-    for (int rest = lane::bits(acts & ~takes); rest; rest &= rest - 1) scratch.data[left++] = i + __builtin_ctz(rest);
+    i8 takes = acts & (lane::some(near_bodies.data + i, n) == 0) & is_alike_all;
+    takes = takes & ((shapes_near == 0) | is_still_all);
+    for (int rest = lane::bits(acts & ~takes); rest; rest &= rest - 1)
+        scratch.data[left++] = i + __builtin_ctz(rest);
     lane::put(is_torn.data + i, acts & ~takes ? torn : 0, n);
     int taken = lane::bits(takes);
     if (taken == 0) continue;
@@ -47,7 +49,8 @@ for (int i = 0; i < count; i += 8) {
         f8x3 normal = {lane::all(up[0]), lane::all(up[1]), lane::all(up[2])};
         f8x3 r = {x.x - pose.p[0], x.y - pose.p[1], x.z - pose.p[2]};
         f8 turned = 2.0f * (q.x * r.x + q.y * r.y + q.z * r.z);
-        f8 distance = r.z * (2.0f * q.w * q.w - 1.0f) + q.z * turned - (q.x * r.y - q.y * r.x) * q.w * 2.0f;
+        f8 distance = r.z * (2.0f * q.w * q.w - 1.0f) + q.z * turned
+            - (q.x * r.y - q.y * r.x) * q.w * 2.0f;
         f8 gap = distance - m.rest_offset;
         meets = meets & (gap < m.adhesion_radius);
         i8 inside = meets & (gap < 0.0f);
@@ -73,7 +76,8 @@ for (int i = 0; i < count; i += 8) {
              meets ? x.z + normal.z * push - slip.z * kept : x.z};
         pushed = {inside ? normal.x : zero, inside ? normal.y : zero, inside ? normal.z : zero};
     }
-    v = {v.x + (x.x - predicted.x) / dt, v.y + (x.y - predicted.y) / dt, v.z + (x.z - predicted.z) / dt};
+    v = {v.x + (x.x - predicted.x) / dt, v.y + (x.y - predicted.y) / dt,
+         v.z + (x.z - predicted.z) / dt};
     f8 leaving = lane::max(lane::dot(v, pushed) - limits.separation_speed, zero);
     v = {v.x - pushed.x * leaving, v.y - pushed.y * leaving, v.z - pushed.z * leaving};
     f8 speed = lane::sqrt(lane::dot(v, v));

@@ -1,6 +1,6 @@
 """Twins of `_kernels.selfcontact`: contact of particles with particles.
 
-Lists of neighbours are read eight at a time, so the array ends with eight entries more than the lists have.
+Lists of neighbours are read eight at a time, so the array has eight spare entries at its end.
 """
 
 from dgl_physics._kernels import selfcontact
@@ -11,20 +11,21 @@ solve_self_contact = make_twin(
     f"const float LOFT = {float(selfcontact.LOFT)}f, CROWDED = {float(selfcontact.CROWDED)}f;"
     f"const float UNDONE = {float(selfcontact.UNDONE)}f;"
     """
-// Of each particle: its place and radius; how it has moved and its crowd; inverse mass, friction, adhesion and its radius.
+// Of each particle: position, radius; displacement, crowd; inverse mass, friction, adhesion, radius.
 f4_any* place = (f4_any*)scratch.data;
 f4_any* moved = place + count;
 f4_any* nature = moved + count;
 float stickiest = 0.0f;
 for (int i = 0; i < count; i++) {
-    f4 x = lane::row3(position.data, i), d = x - lane::row3(previous.data, i), t = lane::row4(touch.data, i);
+    f4 x = lane::row3(position.data, i), d = x - lane::row3(previous.data, i);
+    f4 t = lane::row4(touch.data, i);
     stickiest = t.w > stickiest ? t.w : stickiest;
     place[i] = (f4){x.x, x.y, x.z, t.x};
     moved[i] = (f4){d.x, d.y, d.z, crowd.data[i]};
     nature[i] = (f4){inverse_mass.data[i], t.y, t.z, t.w};
 }
-// Sums of each particle, apart for the pairs that it is the first and the second of: corrections with the shares in
-// contacts, and what squeezes it. They are added up in the order in which threads of the kernel would.
+// Sums of each particle, apart for pairs in which it comes first and second: corrections, shares in
+// contacts, and squeeze. They are added up in the order of the kernel's threads.
 f8_any* first = (f8_any*)(nature + count);
 f8_any* second = first + count;
 for (int i = 0; i < 2 * count; i++) first[i] = 0.0f;
@@ -59,7 +60,8 @@ auto solve = [&](int k, int n) __attribute__((always_inline)) {
     i8 slides = length2 > limit * limit;
     f8 kept = slides ? limit / lane::sqrt(slides ? length2 : 1.0f) : 1.0f;
     f8 share = inertia / crowding;
-    f8x3 change = {(normal.x * push - slip.x * kept) * share, (normal.y * push - slip.y * kept) * share,
+    f8x3 change = {(normal.x * push - slip.x * kept) * share,
+                   (normal.y * push - slip.y * kept) * share,
                    (normal.z * push - slip.z * kept) * share};
 
     f8 adhesion = 0.5f * (own.z + other.z) * dt * dt, pull = depth / crowding;
@@ -69,12 +71,14 @@ auto solve = [&](int k, int n) __attribute__((always_inline)) {
     change = {meets ? change.x : drawn.x, meets ? change.y : drawn.y, meets ? change.z : drawn.z};
     ci = near ? ci : 0.0f;
     cj = near ? cj : 0.0f;
-    f8 loft = lane::min(depth / (LOFT * thickness), lane::all(1.0f)), size = deep ? depth * loft * loft : 0.0f;
+    f8 loft = lane::min(depth / (LOFT * thickness), lane::all(1.0f));
+    f8 size = deep ? depth * loft * loft : 0.0f;
     f4 rows[8], presses[8];
     lane::back({normal.x * size, normal.y * size, normal.z * size, zero}, presses);
     lane::back({change.x * ci, change.y * ci, change.z * ci, deep ? wi * inertia : 0.0f}, rows);
     for (int l = 0; l < n; l++) first[at[l]] += lane::join(rows[l], presses[l]);
-    lane::back({-(change.x * cj), -(change.y * cj), -(change.z * cj), deep ? wj * inertia : 0.0f}, rows);
+    f8 weight = deep ? wj * inertia : 0.0f;
+    lane::back({-(change.x * cj), -(change.y * cj), -(change.z * cj), weight}, rows);
     for (int l = 0; l < n; l++) second[to[l]] += lane::join(rows[l], -presses[l]);
 };
 auto solve_found = [&](int n) {
@@ -86,7 +90,7 @@ auto solve_found = [&](int n) {
     }
 };
 
-// Most of what is listed is out of reach: what may not be is collected, to fill the lanes.
+// Most listed pairs are out of reach; the others are collected to fill the lanes.
 for (int i = 0; i < count; i++) {
     int n = neighbour_count.data[i];
     const int* list = neighbours.data + i * limits.neighbour_capacity;
@@ -119,7 +123,7 @@ for (int i = 0; i < count; i++) {
 find_neighbours = make_twin(
     selfcontact.find_neighbours,
     """
-// Particles are sorted by the cubic cells of a box, x fastest: three cells in a row are one range of particles.
+// Particles are sorted by cubic cells, x fastest: three cells in a row are one range of particles.
 const int row = count + 16;
 int* cell_of = scratch.data;
 int* joined_to = cell_of + row;
@@ -137,7 +141,8 @@ for (int i = 0; i < count; i++) joined_to[i] = -1;
 auto row_of = [&](int i) { return lane::row3(position.data, i); };
 auto is_counted = [&](int i) {
     f4 x = row_of(i);
-    return touch.data[i][0] > 0.0f && __builtin_fabsf(x.x) + __builtin_fabsf(x.y) + __builtin_fabsf(x.z) < 1.0e4f;
+    return touch.data[i][0] > 0.0f
+        && __builtin_fabsf(x.x) + __builtin_fabsf(x.y) + __builtin_fabsf(x.z) < 1.0e4f;
 };
 
 for (int from = 0, to; from < count; from = to) {
@@ -163,14 +168,15 @@ for (int from = 0, to; from < count; from = to) {
     for (int c = 0; c <= total; c++) begin[c] = 0;
     for (int i = from; i < to; i++) {
         f4 at = (row_of(i) - low) / size;
-        cell_of[i] = is_counted(i) ? (((int)at.z + 1) * ny + (int)at.y + 1) * nx + (int)at.x + 1 : -1;
+        int cell = (((int)at.z + 1) * ny + (int)at.y + 1) * nx + (int)at.x + 1;
+        cell_of[i] = is_counted(i) ? cell : -1;
         if (cell_of[i] >= 0) begin[cell_of[i] + 1]++;
     }
     for (int c = 0; c < total; c++) begin[c + 1] += begin[c];
     int counted = begin[total];
     for (int i = to - 1; i >= from; i--)
         if (cell_of[i] >= 0) sorted.index[--begin[cell_of[i] + 1]] = i;
-    // Each cell's particles now begin where `begin[cell + 1]` says, and end where the next one's begin.
+    // The particles of a cell now begin at `begin[cell + 1]` and end where the next cell's begin.
     int* first = begin + 1;
     first[total] = counted;
     for (int k = 0; k < counted; k++) {
@@ -179,13 +185,14 @@ for (int from = 0, to; from < count; from = to) {
         sorted.x[k] = x.x, sorted.y[k] = x.y, sorted.z[k] = x.z;
     }
 
-    // The particles of a cell share what is around them, which is laid side by side when the first of them asks.
+    // The particles of a cell share their surroundings, which are copied side by side once.
     int laid_for = -1, laid = 0;
     auto lay_out = [&](int c) {
         laid_for = c, laid = 0;
         for (int dz = -1; dz <= 1; dz++)
             for (int dy = -1; dy <= 1; dy++) {
-                int k = first[c + (dz * ny + dy) * nx - 1], end = first[c + (dz * ny + dy) * nx + 2];
+                const int* range = first + c + (dz * ny + dy) * nx;
+                int k = range[-1], end = range[2];
                 do {
                     lane::store(around.index + laid, lane::load(sorted.index + k));
                     lane::store(around.x + laid, lane::load(sorted.x + k));
@@ -214,21 +221,24 @@ for (int from = 0, to; from < count; from = to) {
         int found = 0;
         for (int k = 0; k < laid; k += 8) {
             i8 j = lane::load(around.index + k);
-            f8x3 d = {x.x - lane::load(around.x + k), x.y - lane::load(around.y + k), x.z - lane::load(around.z + k)};
+            f8x3 d = {x.x - lane::load(around.x + k), x.y - lane::load(around.y + k),
+                      x.z - lane::load(around.z + k)};
             int bits = lane::bits((lane::dot(d, d) < reach * reach) & (j > i));
             lane::store(near + found, lane::compress(j, bits));
             found += __builtin_popcount(bits);
         }
-        for (int k = adjacency_start.data[i]; k < adjacency_start.data[i + 1]; k++) joined_to[adjacency.data[k]] = i;
+        for (int k = adjacency_start.data[i]; k < adjacency_start.data[i + 1]; k++)
+            joined_to[adjacency.data[k]] = i;
         int kept = 0;
-        lane::store(near + found, (i8)(i));  // what fills the last lanes is joined to nothing, and left out by its index
+        lane::store(near + found, (i8)(i));  // fills the last lanes; its index leaves it out
         for (int q = 0; q < found; q += 8) {
             i8 j = lane::load(near + q);
             f8x3 y = lane::rows3(position.data, near + q);
             f8x3 d = {x.x - y.x, x.y - y.y, x.z - y.z};
             int size[8];
             lane::store(size, 4 * j);
-            f8 far = own.x + lane::pick(sizes, size) + lane::max(lane::all(own.w), lane::pick(sizes + 3, size))
+            f8 far = own.x + lane::pick(sizes, size)
+                + lane::max(lane::all(own.w), lane::pick(sizes + 3, size))
                 + limits.neighbour_margin;
             int bits = lane::bits(
                 (lane::dot(d, d) < far * far) & (lane::pick(joined_to, near + q) != i) & (j > i));
@@ -238,9 +248,10 @@ for (int from = 0, to; from < count; from = to) {
         int* list = neighbours.data + i * limits.neighbour_capacity;
         int listed = kept < limits.neighbour_capacity ? kept : limits.neighbour_capacity;
         lane::store(near + kept, (i8)(count - 1));  // none is greater
-        if (kept <= 8 && limits.neighbour_capacity >= 8) lane::store(list, lane::sort(lane::load(near)));
+        if (kept <= 8 && limits.neighbour_capacity >= 8)
+            lane::store(list, lane::sort(lane::load(near)));
         else
-            // Each goes to the place that the number of smaller ones says.
+            // Each goes to the place given by the number of smaller ones.
             for (int q = 0; q < kept; q++) {
                 int smaller = 0;
                 for (int k = 0; k < kept; k += 8)
@@ -260,7 +271,8 @@ for (int from = 0, to; from < count; from = to) {
 apply_corrections = make_twin(
     selfcontact.apply_corrections,
     """
-auto move = [&](float* x, float* change, float* now, float* next, int k, int n) __attribute__((always_inline)) {
+auto move = [&](float* x, float* change, float* now, float* next, int k, int n)
+    __attribute__((always_inline)) {
     lane::put(x + k, lane::some(x + k, n) + share * lane::some(change + k, n), n);
     lane::put(now + k, lane::some(next + k, n), n);
     lane::put(change + k, (f8)(0.0f), n);

@@ -1,4 +1,4 @@
-"""Makes the twin of a kernel out of C++."""
+"""Twins of kernels, made of C++."""
 
 import inspect
 import linecache
@@ -17,17 +17,17 @@ def make_twin(
 ) -> Callable[..., None]:
     """Make a kernel of one thread that does what `count` threads of another do.
 
-    The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it may write to. Where the
-    first argument of the kernel is `first`, it solves constraints of one colour; its twin solves those of all, one colour
-    after the other, and takes the array `colour_start` in the place of `count` and `first`. Its code defines a function
-    of the first of up to eight constraints of a colour and their number, and gives it to `FOR_EACH_COLOUR`.
+    The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it
+    may write to. A kernel whose first argument is `first` solves the constraints of one colour; its
+    twin solves all colours in turn, and takes the array `colour_start` instead of `count` and
+    `first`. Its code passes `FOR_EACH_COLOUR` a function of the first of up to eight constraints of
+    a colour and their number.
 
     Args:
-        kernel: The kernel that it is the twin of.
-        code: C++ with the arguments' names. Its result, where there is a `rest`, is how many threads it has left over,
-            whose numbers it writes to the beginning of `scratch`.
-        rest: Does what a thread of the kernel does, for those that the code has left over. Takes the number of the
-            thread and the arguments of the kernel.
+        kernel: The kernel.
+        code: C++ with the arguments' names. With a `rest` it returns the number of threads left
+            over, and writes their indices to the beginning of `scratch`.
+        rest: Does the work of a left-over thread. Takes its index and the kernel's arguments.
     """
     made = cast(wp.Kernel, kernel)
     own = inspect.get_annotations(made.func)
@@ -54,7 +54,11 @@ def make_twin(
     source = "\n".join(lines) + "\n"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     scope: dict[str, Any] = {
-        "__name__": f"{made.module.name}.vector", "wp": wp, "types": types, "code": LANES + code, "rest": rest
-    }  # fmt: skip
+        "__name__": f"{made.module.name}.vector",
+        "wp": wp,
+        "types": types,
+        "code": LANES + code,
+        "rest": rest,
+    }
     exec(compile(source, file, "exec"), scope)
     return scope[made.key]

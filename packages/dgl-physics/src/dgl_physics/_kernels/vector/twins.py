@@ -25,4 +25,4 @@ TWINS: dict[Callable[..., None], Callable[..., None]] = {
     rigid.find_near_shapes: vector_near_shapes.find_near_shapes,
     rigid.solve_rigid_contact: vector_rigid.solve_rigid_contact,
 }
-"""By the kernel that Warp compiles everywhere."""
+"""Vector code by the kernel that it replaces on a CPU."""

@@ -1,8 +1,8 @@
 # type: ignore  # kernels are in the language of Warp
-"""Vertices to the picture, triangles to pixels, pixels to places.
+"""Projection of vertices, rasterisation of triangles, positions of pixels.
 
-A pixel holds one 64-bit key: the bits of its inverse depth above, the number of its triangle below, counted
-from 1. The largest key is what is seen, in whatever order triangles come.
+A pixel holds one 64-bit key: its inverse depth in the upper bits, the number of its triangle,
+counted from 1, in the lower ones. The largest key is seen, in whatever order triangles come.
 """
 
 import warp as wp
@@ -43,8 +43,8 @@ def draw_triangles(
 ):
     """Enter triangles from `first` on in the keys of the pixels they cover.
 
-    Homogeneous coordinates need no clipping (Olano and Greer 1997). They are counted from a corner of the
-    triangle's rectangle, or rounding would spoil small ones.
+    Homogeneous coordinates need no clipping (Olano and Greer 1997). Their origin is a corner of the
+    triangle's rectangle, which keeps small triangles exact.
     """
     t = first + wp.tid()
     corners = geometry.triangles[t]
@@ -79,7 +79,7 @@ def draw_triangles(
     a = a - origin * a[2]
     b = b - origin * b[2]
     c = c - origin * c[2]
-    # The weight of a corner, over the depth, is linear in the picture: its slopes and its value at the origin.
+    # The weight of a corner over the depth is linear in the picture: slopes, value at the origin.
     ea = wp.cross(b, c)
     eb = wp.cross(c, a)
     ec = wp.cross(a, b)
@@ -124,37 +124,37 @@ def draw_triangles(
 
 @wp.func
 def _get_first(place: wp.float32, size: wp.int32) -> wp.int32:
-    """First pixel whose centre is not before a place [pixels]."""
+    """Find the first pixel whose centre is not before a position [pixels]."""
     return wp.int32(wp.ceil(wp.clamp(place - 0.5, 0.0, wp.float32(size))))
 
 
 @wp.func
 def _get_last(place: wp.float32, size: wp.int32) -> wp.int32:
-    """Last pixel whose centre is not behind a place [pixels]."""
+    """Find the last pixel whose centre is not behind a position [pixels]."""
     return wp.int32(wp.floor(wp.clamp(place - 0.5, -1.0, wp.float32(size - 1))))
 
 
 @wp.func
 def _enter(slope: wp.float32, value: wp.float32) -> wp.float32:
-    """Where a row comes inside of an edge, with a pixel to spare."""
+    """Find the column where a row enters an edge, less one pixel."""
     return wp.where(slope > 0.0, -value / slope - 1.0, -1.0)
 
 
 @wp.func
 def _leave(slope: wp.float32, value: wp.float32) -> wp.float32:
-    """Where a row goes outside of an edge, with a pixel to spare."""
+    """Find the column where a row leaves an edge, plus one pixel."""
     return wp.where(slope < 0.0, -value / slope + 1.0, 1.0e6)
 
 
 @wp.func
 def get_triangle(key: wp.uint64) -> wp.int32:
-    """Number of the triangle that a pixel shows; -1 for none."""
+    """Return the number of the triangle that a pixel shows; -1 for none."""
     return wp.int32(key & wp.uint64(0xFFFFFFFF)) - 1
 
 
 @wp.func
 def trace(camera: Camera, pixel: wp.int32) -> wp.vec3:
-    """Way through a pixel's centre, of depth 1 along the optical axis, world frame."""
+    """Compute the ray through a pixel's centre, of depth 1 along the optical axis, world frame."""
     ray = wp.vec3(
         (wp.float32(pixel % camera.width) + 0.5 - camera.centre_x) / camera.focal,
         (wp.float32(pixel // camera.width) + 0.5 - camera.centre_y) / camera.focal,
@@ -173,7 +173,7 @@ def locate_pixels(
     points: wp.array(dtype=wp.vec3),
     segments: wp.array(dtype=wp.int32),
 ):
-    """Write what the pixels show and where it is, for triangles from `first` on that are no shadow."""
+    """Write segments and positions of pixels that show a triangle from `first` on, no shadow."""
     i = wp.tid()
     t = get_triangle(keys[i])
     if t < first:

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Pixels to colours: textures and light."""
+"""Colours of pixels: textures and light."""
 
 import warp as wp
 
@@ -41,7 +41,7 @@ def shade_pixels(
             wp.uint8(wp.float32(seen[2]) * looks.shade),
         )
         return
-    # The corners' weights at this pixel, and for the texture's sake at its neighbours, as in `draw_triangles`.
+    # Weights of the corners at this pixel and, for the texture, at its neighbours.
     corners = geometry.triangles[t]
     origin = wp.vec3(wp.float32(i % camera.width) + 0.5, wp.float32(i // camera.width) + 0.5, 0.0)
     a = geometry.projected[corners[0]]
@@ -90,7 +90,7 @@ def _weigh(a: wp.float32, b: wp.float32, c: wp.float32) -> wp.vec3:
 def _sample(
     looks: Looks, texture: TextureLevels, uv: wp.vec2, right: wp.vec2, down: wp.vec2
 ) -> wp.vec3:
-    """Look a colour up, linear, as fine as the pixel: `right` and `down` are places of its neighbours."""
+    """Sample a texture, linear, at the pixel's scale; `right`, `down`: uv of its neighbours."""
     u = uv[0]
     v = uv[1]
     size = wp.vec2(wp.float32(texture.width), wp.float32(texture.height))
@@ -116,7 +116,7 @@ def _fetch(
     u: wp.float32,
     v: wp.float32,
 ) -> wp.vec3:
-    """Blend the four texels of a level around a place, linear."""
+    """Blend the four texels of a level around a position, linear."""
     first = texture.first
     width = texture.width
     height = texture.height
@@ -171,9 +171,9 @@ def _look_up_dome(looks: Looks, row: wp.int32, sine: wp.float32) -> wp.vec3:
 
 @wp.func
 def _shine(looks: Looks, number: wp.int32, albedo: wp.vec3, n: wp.vec3, v: wp.vec3) -> wp.vec3:
-    """Light that a surface sends to the eye, linear.
+    """Compute the light that a surface sends to the eye, linear.
 
-    A matt share and a mirrored one: GGX, Schlick's Fresnel and Smith's shadowing as Karis (2013) writes them.
+    Diffuse and specular: GGX, Schlick's Fresnel and Smith's shadowing, after Karis (2013).
     """
     material = looks.materials[number]
     metallic = material.metallic

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""What the kernels of the rasteriser work on."""
+"""Data of the rasteriser's kernels."""
 
 import warp as wp
 
@@ -30,7 +30,7 @@ class Camera:
 
 @wp.struct
 class Geometry:
-    """All triangles, those of what never moves first."""
+    """All triangles; fixed meshes come first."""
 
     body: wp.array(dtype=wp.int32)
     """Number of the pose that a vertex moves with, shape (V,)."""
@@ -39,7 +39,7 @@ class Geometry:
     local_normal: wp.array(dtype=wp.vec3)
     """Their normals, shape (V,), frame of their body."""
     uv: wp.array(dtype=wp.vec2)
-    """Places in textures, shape (V,)."""
+    """Texture coordinates, shape (V,)."""
     triangles: wp.array(dtype=wp.vec3i)
     """Vertices of each, counter-clockwise from outside, shape (F,)."""
     material: wp.array(dtype=wp.int32)
@@ -52,7 +52,7 @@ class Geometry:
 
 @wp.struct
 class ShadedMaterial:
-    """What a surface looks like."""
+    """Look of a surface."""
 
     colour: wp.vec3
     """Base colour, linear; unused with a texture."""
@@ -61,29 +61,29 @@ class ShadedMaterial:
     metallic: wp.float32
     """0 for plastic, 1 for bare metal."""
     specular: wp.float32
-    """Share of the light that falls straight on it and is reflected, metal aside."""
+    """Share of perpendicular light that is reflected, metal aside."""
     inside_shade: wp.float32
-    """Brightness of its back, a factor on the linear colour; 0 where the back is not seen."""
+    """Brightness of the back, a factor on the linear colour; 0 to cull it."""
     texture: wp.int32
     """Number of its texture; -1 for none."""
     segment: wp.int32
-    """What the segmentation shows of it; -1 for a shadow, which darkens what is there already."""
+    """Number in the segmentation; -1 for a shadow, which darkens the pixels behind it."""
 
 
 @wp.struct
 class TextureLevels:
-    """A picture with its mipmaps, one after the other among all texels."""
+    """A picture and its mipmaps, one after another among all texels."""
 
     first: wp.int32
-    """Where the finest level begins [texels]."""
+    """First texel of the finest level."""
     width: wp.int32
     """[texels]"""
     height: wp.int32
     """[texels]"""
     levels: wp.int32
-    """How often it has been halved, and one."""
+    """Number of mipmap levels."""
     is_repeated: wp.int32
-    """Whether the picture repeats; otherwise its edge goes on."""
+    """1 to repeat the picture; 0 to extend its edge."""
 
 
 @wp.struct
@@ -99,13 +99,13 @@ class Looks:
     lamp: wp.vec3
     """Light of the lamp, linear."""
     shade: wp.float32
-    """Brightness of what is in shadow, a factor on the values of the picture."""
+    """Brightness in shadow, a factor on the values of the picture."""
     dome: wp.array2d(dtype=wp.vec3)
-    """Light of the dome, linear, by the sine of the height in [-1, 1]: a row as it is, one as matt surfaces
-    see it, and one as each material mirrors it."""
+    """Light of the dome, linear, by the sine of the elevation in [-1, 1]: the dome itself, its
+    diffuse light, and one row for the reflection of each material."""
     mirror: wp.array2d(dtype=wp.vec2)
-    """Share of that light that each material mirrors, by the cosine to the eye in [0, 1]: a factor on its
-    reflection of straight light, and a term."""
+    """Factor and term of each material's reflection of the dome, by the cosine to the eye in
+    [0, 1]."""
     decode: wp.array(dtype=wp.float32)
     """Linear value of each of 256 values of a texture."""
     encode: wp.array(dtype=wp.uint8)
