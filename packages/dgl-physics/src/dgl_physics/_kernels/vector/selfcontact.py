@@ -11,7 +11,7 @@ solve_self_contact = make_twin(
     f"const float LOFT = {float(selfcontact.LOFT)}f, CROWDED = {float(selfcontact.CROWDED)}f;"
     f"const float UNDONE = {float(selfcontact.UNDONE)}f;"
     """
-// Of each particle: position, radius; displacement, crowd; inverse mass, friction, adhesion, radius.
+// Of each particle: position, radius; motion, crowd; inverse mass, friction, adhesion, radius.
 f4_any* place = (f4_any*)scratch.data;
 f4_any* moved = place + count;
 f4_any* nature = moved + count;
