@@ -19,6 +19,7 @@ from dgl_bench.physics.fabrics import compute_elastica
 from dgl_bench.physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
 from dgl_bench.physics.hat import measure_change, press_hat
 from dgl_bench.physics.panel import Panel
+from dgl_bench.physics.peirce import compute_chord_angle
 from dgl_bench.physics.rendering import measure_extent, render
 from dgl_bench.physics.sheets import (
     join,
@@ -33,7 +34,6 @@ from dgl_bench.physics.speed_scenes import SpeedScene, make_hanging
 from dgl_physics import ModelBuilder, SimulationDivergedError, SolverConfig
 from dgl_physics.launcher import find_vector_obstacle
 from dgl_physics.measure import find_intersections
-from dgl_physics.peirce import compute_chord_angle
 from dgl_physics.scene import Scene
 from dgl_physics.tetrahedra import check_orientation
 from dgl_physics.topology import check_mesh, compute_edges

@@ -4,9 +4,9 @@ import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
 from dgl_bench.physics.figures import Bars, Chart, Curve, Figure
+from dgl_bench.physics.peirce import PeirceResult, measure_bending_length
 from dgl_bench.rows import Row
 from dgl_physics import FABRICS
-from dgl_physics.peirce import PeirceResult, measure_bending_length
 
 __all__ = ["compute_elastica", "measure_fabrics"]
 

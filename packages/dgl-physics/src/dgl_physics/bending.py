@@ -93,17 +93,3 @@ def unfold_hinges(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
         height = np.linalg.norm(np.cross(edge, wing - e0), axis=1) / length
         flat[:, 2 + k] = np.column_stack([along, side * height])
     return flat
-
-
-def compute_bending_length(stiffness: float, area_density: float, gravity: float = 9.81) -> float:
-    """Compute Peirce's bending length c = (B / (w g))^(1/3) [m] of a fabric.
-
-    Args:
-        stiffness: Flexural rigidity B per width [N m].
-        area_density: Mass per area w [kg/m^2].
-        gravity: [m/s^2].
-
-    Source:
-        F. T. Peirce: The "Handle" of Cloth as a Measurable Quantity, J. Textile Inst. 21, 1930.
-    """
-    return (stiffness / (area_density * gravity)) ** (1 / 3)

@@ -11,7 +11,6 @@ from functools import cache
 
 import numpy as np
 
-from dgl_physics.bending import compute_bending_length
 from dgl_physics.material import ClothMaterial
 from dgl_physics.model import ModelBuilder
 from dgl_physics.solver import SolverXPBD
@@ -36,6 +35,20 @@ class PeirceResult:
     def error(self) -> float:
         """Relative error of the bending length."""
         return self.bending_length / self.expected - 1.0
+
+
+def compute_bending_length(stiffness: float, area_density: float, gravity: float = 9.81) -> float:
+    """Compute Peirce's bending length c = (B / (w g))^(1/3) [m] of a fabric.
+
+    Args:
+        stiffness: Flexural rigidity B per width [N m].
+        area_density: Mass per area w [kg/m^2].
+        gravity: [m/s^2].
+
+    Source:
+        F. T. Peirce: The "Handle" of Cloth as a Measurable Quantity, J. Textile Inst. 21, 1930.
+    """
+    return (stiffness / (area_density * gravity)) ** (1 / 3)
 
 
 def compute_chord_angle(overhang: np.ndarray | float, *, steps: int = 100) -> np.ndarray:
