@@ -21,6 +21,7 @@ from dgl_bench.physics.hat import measure_change, press_hat
 from dgl_bench.physics.panel import Panel
 from dgl_bench.physics.peirce import compute_chord_angle
 from dgl_bench.physics.rendering import measure_extent, render
+from dgl_bench.physics.selfcontact import measure_gaps
 from dgl_bench.physics.sheets import (
     join,
     make_bowl,
@@ -137,6 +138,21 @@ def test_the_elastica_has_the_chord_of_peirces_test(overhang):
     assert np.arctan2(-up, out) == pytest.approx(float(compute_chord_angle(overhang)), rel=1e-3)
     lengths = np.linalg.norm(np.diff(shape, axis=0), axis=1)
     assert lengths.sum() == pytest.approx(overhang)
+
+
+def test_gaps_match_brute_force():
+    vertices, faces = make_sheet(0.1, 0.1, 0.0125)
+    x = vertices + np.random.default_rng(0).normal(0, 0.008, vertices.shape)
+    gaps = measure_gaps(x, faces, reach=0.015)
+    distance = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.fill_diagonal(distance, np.inf)
+    for k in range(3):
+        distance[faces[:, k], faces[:, k - 1]] = distance[faces[:, k - 1], faces[:, k]] = np.inf
+    nearest = distance.min(axis=1)
+    assert np.isinf(gaps[nearest > 0.015 + 1e-6]).all()
+    inside = nearest < 0.015 - 1e-6
+    assert inside.sum() > 20
+    assert gaps[inside] == pytest.approx(nearest[inside], abs=1e-6)
 
 
 def test_change_of_shape_knows_no_rigid_motion_and_sees_one_particle():

@@ -1,13 +1,15 @@
 """Sheets, a run of frames, and the devices to run on."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
 
-from dgl_physics import ModelBuilder, SolverConfig, SolverXPBD, State
+from dgl_physics import ModelBuilder, SolverConfig
+from dgl_physics.scene import Scene
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)], ids=["cpu", "cuda"])
@@ -45,41 +47,34 @@ def hex_sheet(width, length, edge, *, height=0.0):
     return vertices, np.array(faces, dtype=np.int32)
 
 
-class Run:
-    """A model, its state and its solver, of sheets and shapes given to `simulate`."""
+class Run(Scene):
+    """A scene whose settings are keywords, and whose steps can be chained."""
 
     def __init__(self, builder, *, device="cpu", **config):
-        self.model = builder.build(device)
-        self.state = State(self.model)
-        self.solver = SolverXPBD(self.model, SolverConfig(**config))
-        self.mass = np.zeros(self.model.env_count * self.model.particles_per_env)
-        w = self.model.inverse_mass.numpy()
-        self.mass[w > 0] = 1.0 / w[w > 0]
+        super().__init__(builder, SolverConfig(**config), device=device)
 
     def step(self, frames=1):
-        for _ in range(frames):
-            self.solver.step(self.state)
+        super().step(frames)
         return self
 
-    def move(self, poses, *, is_jump=False):
-        """Set the poses of the bodies of the only environment, given without the world's."""
-        world = [[0, 0, 0, 1, 0, 0, 0]]
-        poses = np.concatenate([world, np.reshape(poses, (-1, 7))])
-        self.state.set_body_poses(poses[None].astype(np.float32), is_jump=is_jump)
 
-    @property
-    def x(self):
-        return self.state.get_positions()[0].astype(np.float64)
+@pytest.fixture
+def unrefused():
+    """Find the rows (call, message) whose call raises no ValueError with that message."""
 
-    @property
-    def v(self):
-        return self.state.get_velocities()[0].astype(np.float64)
+    def find(rows, error=ValueError):
+        wrong = []
+        for call, message in rows:
+            try:
+                call()
+            except error as err:
+                if not re.search(message, str(err)):
+                    wrong.append((message, str(err)))
+            else:
+                wrong.append((message, "nothing is raised"))
+        return wrong
 
-    def strain(self):
-        """Relative change of length of each edge, shape (E,)."""
-        g = self.model.garments[0]
-        ends = self.x[g.first + g.edges]
-        return np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) / g.rest_lengths - 1.0
+    return find
 
 
 @pytest.fixture

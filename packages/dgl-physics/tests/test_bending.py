@@ -43,7 +43,7 @@ def bent(vertices, angle, curvature):
 
 @pytest.mark.parametrize("angle", np.radians([0, 20, 45, 77, 90]))
 @pytest.mark.parametrize("edge", [0.0125, 0.006])
-def test_a_cylinder_costs_what_the_rigidity_says(sheet, edge, angle):
+def test_rolling_up_costs_the_energy_of_the_rigidity(sheet, edge, angle):
     """B k^2 / 2 per area, in all directions and for all sizes of triangles: 2 %."""
     vertices, faces = sheet(0.3, 0.3, edge)
     block = make_bending(vertices, faces, B)
@@ -131,7 +131,7 @@ def test_a_pass_keeps_both_momenta(sheet, device):
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_a_flapping_sheet_keeps_its_momentum(run, sheet, device, damping):
-    """0.5 s of a bent, turning, stiff sheet: linear to 1e-4, angular to 1.5 %, as without bending."""
+    """0.5 s of a bent, turning, stiff sheet: linear to 1e-4, angular to 1.5 %."""
     vertices, faces = sheet(0.2, 0.1, 0.0125)
     x = bent(vertices, 0.3, 10.0)
     builder = ModelBuilder(1)

@@ -11,7 +11,7 @@ RADIUS = 0.009  # of a finger's tip [m]
 
 
 def count_pierced(x, faces, start, end):
-    """Count the triangles of particles (V, 3) that the segment from `start` to `end` passes through."""
+    """Count the triangles of particles (V, 3) that a segment passes through."""
     corner, one, two = (x[faces[:, k]] for k in range(3))
     one, two, way, arm = one - corner, two - corner, end - start, start - corner
     across = np.cross(way, two)
@@ -25,7 +25,7 @@ def count_pierced(x, faces, start, end):
 
 
 def poke(run, sheet, builder, device, *, beside):
-    """Push a finger, tip first, 5 cm into a sheet that is held at its rim; how many triangles are around it then."""
+    """Push a finger 5 cm into a sheet held at its rim; returns the triangles around it."""
     vertices, faces = sheet(0.12, 0.12, EDGE)
     rim = np.flatnonzero(np.abs(vertices[:, :2]).max(axis=1) > 0.05)
     builder.add_garment(vertices, faces, pinned=rim)
@@ -42,14 +42,14 @@ def poke(run, sheet, builder, device, *, beside):
 
 @pytest.mark.parametrize("beside", [(0.004, 0.003), (0.002, 0.005), (0.0, 0.004)])
 def test_a_finger_does_not_pass_between_particles(run, sheet, builder, device, beside, monkeypatch):
-    """It did while particles alone met it: the triangle in front of it was stretched over its tip."""
+    """Contact of particles alone let the triangle before the tip stretch over it."""
     assert poke(run, sheet, builder, device, beside=beside) == 0
     monkeypatch.setattr(EdgeContact, "solve", lambda self, state, dt, inverse_mass, previous: None)
     assert poke(run, sheet, type(builder)(1), device, beside=beside) == 1
 
 
 def hang_over_needle(run, sheet, builder, device, *, depth, frames, friction=0.0):
-    """Lay an edge across a thin bar along x, whose top is `depth` above where the edge's middle is, without gravity."""
+    """Lay an edge across a thin bar along x, `depth` under its top, without gravity."""
     vertices, faces = sheet(0.05, 0.05, EDGE)
     material = ClothMaterial(drag=0.0, adhesion=0.0, friction=friction)
     builder.add_garment(vertices, faces, material=material)
@@ -65,7 +65,7 @@ def hang_over_needle(run, sheet, builder, device, *, depth, frames, friction=0.0
 
 
 def test_an_old_overlap_is_undone_without_a_throw(run, sheet, builder, device):
-    """Edges 1 mm within a bar that no particle touches leave it at once, and slower than `separation_speed`."""
+    """Edges 1 mm inside a bar leave it at once, slower than `separation_speed`."""
     r, total = hang_over_needle(run, sheet, builder, device, depth=0.001, frames=1)
     assert r.x[:, 2].max() > 0.001  # the ends of the edges have risen
     assert np.abs(r.v).max() < 0.15
@@ -74,8 +74,8 @@ def test_an_old_overlap_is_undone_without_a_throw(run, sheet, builder, device):
     assert total[2] < 0  # the bar is pressed down
 
 
-def test_what_is_above_the_middle_of_an_edge_is_left_alone(run, sheet, builder, device):
-    """A middle may be nearer than the rest offset of particles, down to a quarter of it: 1 mm of 4."""
+def test_a_shape_above_the_middle_of_an_edge_moves_nothing(run, sheet, builder, device):
+    """A middle may be as near as a quarter of the rest offset: 1 mm of 4."""
     r, total = hang_over_needle(run, sheet, builder, device, depth=-0.0011, frames=5)
     assert np.abs(r.x[:, 2]).max() < 1e-6
     assert np.abs(total).max() == 0.0
@@ -86,7 +86,7 @@ THIN = 0.002
 
 
 def press_on_an_edge(run, *, depth, at):
-    """A ball of 2 mm goes down on a clamped felt of 3 mm at a place [m] of it; the run and the ball's height."""
+    """Lower a ball of 2 mm onto a clamped felt of 3 mm; returns the run and the ball's height."""
     builder = ModelBuilder()
     x = (np.arange(9) - 4) * SOLID_EDGE
     vertices = np.array([(a, b, 0.0) for a in x for b in x])

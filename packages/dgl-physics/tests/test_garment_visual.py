@@ -1,4 +1,4 @@
-"""What a picture shows of a garment: its outside, its texture, its thickness."""
+"""Pictures of a garment show its outside, its texture and its thickness."""
 
 import numpy as np
 import pytest
@@ -15,21 +15,31 @@ CORNERS = (SQUARE[:, :2] + 1) / 2
 RED_AND_BLUE = np.repeat(np.array([[[200, 20, 20]], [[20, 20, 200]]], np.uint8), 2, axis=1)
 
 
-@pytest.fixture
-def photograph():
-    """Take a picture from 1 m above the origin: colour and height of the middle row's pixels."""
+@pytest.fixture(scope="module")
+def studio():
+    """A scene and its camera, 1 m above the origin; made once, as its shaders take seconds."""
     sapien.render.set_camera_shader_dir("default")
     scene = sapien.Scene()
     scene.set_ambient_light([1, 1, 1])
+    camera = scene.add_camera("above", 32, 32, 1.0, 0.1, 10.0)
+    camera.entity.set_pose(sapien.Pose([0, 0, 1], [np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
+    return scene, camera
+
+
+@pytest.fixture
+def photograph(studio):
+    """Take a picture: colour and height of each pixel."""
+    scene, camera = studio
+    before = set(scene.entities)
 
     def take():
-        camera = scene.add_camera("above", 32, 32, 1.0, 0.1, 10.0)
-        camera.entity.set_pose(sapien.Pose([0, 0, 1], [np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
         scene.update_render()
         camera.take_picture()
         return camera.get_picture("Color")[..., :3], 1.0 + camera.get_picture("Position")[..., 2]
 
-    return scene, take
+    yield scene, take
+    for entity in set(scene.entities) - before:
+        scene.remove_entity(entity)
 
 
 def test_texture_lies_as_its_coordinates_say(photograph):

@@ -57,7 +57,7 @@ def test_a_damaged_file_is_made_again(folder, make, caplog):
     assert grid_cache._read(path) is not None
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch, caplog, folder, make):
+def test_a_folder_that_cannot_be_written_is_logged(tmp_path, monkeypatch, caplog, folder, make):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert make().grid is not None

@@ -76,7 +76,7 @@ def test_a_mesh_lets_slide_above_the_friction_angle(run, sheet, meshes, device):
 
 
 def test_cloth_does_not_creep_on_a_round_mesh(run, sheet, meshes):
-    """Where normals are interpolated from facets, sticking is sticking too."""
+    """Sticking is exact with interpolated normals too."""
     builder = ModelBuilder()
     builder.add_garment(*sheet(0.06, 0.06, EDGE, height=0.006), material=ClothMaterial(drag=3.0))
     pose = np.array([0, 0, -0.1, 1, 0, 0, 0])
@@ -143,7 +143,7 @@ def test_nothing_tunnels_at_the_speed_of_hands(run, sheet, meshes, device, kind)
     assert lowest > REST - 4e-4
 
 
-def test_what_starts_inside_comes_out_the_shortest_way(run, meshes):
+def test_particles_inside_leave_by_the_shortest_way(run, meshes):
     """Small triangles just under each face of a block leave it through that face."""
     half = np.array([0.05, 0.06, 0.07])
     triangle = np.array([[-2, -1, 0], [2, -1, 0], [0, 2, 0]]) * 1e-3
@@ -196,7 +196,7 @@ def count_near(solver):
     return solver._near.near_count.numpy()
 
 
-def test_only_what_is_near_a_large_body_is_looked_up(run, sheet, meshes):
+def test_only_particles_near_a_large_body_are_looked_up(run, sheet, meshes):
     """A body of 1.7 m in whose sphere all cloth is: near is what is within millimetres."""
     for shape in (
         Shape(kind="mesh", mesh=solid(meshes.make_box([0.2, 0.15, 0.85]), max_nodes=300_000)),

@@ -77,18 +77,18 @@ def drop_in_a_heap(run, sheet, builder):
     return gap[gap < THICKNESS]
 
 
-def test_most_of_a_heap_keeps_its_distance(run, sheet, builder):
+def test_most_particles_of_crumpled_cloth_keep_apart(run, sheet, builder):
     gaps = drop_in_a_heap(run, sheet, builder)
     assert len(gaps) > 100
     assert np.median(gaps) > 0.85 * THICKNESS
 
 
-def test_all_of_a_heap_keeps_its_distance(run, sheet, builder):
+def test_all_particles_of_crumpled_cloth_keep_apart(run, sheet, builder):
     assert drop_in_a_heap(run, sheet, builder).min() > 0.5 * THICKNESS
 
 
 def lie_on_cloth(run, sheet, *, friction, scale, tangent, frames=60):
-    """How far a patch slides down a slope of fixed cloth."""
+    """Measure the slip of a patch down a slope of fixed cloth."""
     builder = ModelBuilder(1)
     material = ClothMaterial(
         friction=friction, particle_friction_scale=scale, adhesion=0.0, drag=0.0
@@ -119,7 +119,7 @@ def test_steep_slopes_overcome_friction_between_particles(run, sheet):
 
 
 def hang_below_cloth(run, sheet, *, adhesion, scale):
-    """How far a patch falls from fixed cloth above it within half a second."""
+    """Measure the fall of a patch from fixed cloth above it within half a second."""
     builder = ModelBuilder(1)
     material = ClothMaterial(adhesion=adhesion, particle_adhesion_scale=scale, drag=5.0)
     upper, upper_faces = sheet(0.15, 0.15, EDGE)

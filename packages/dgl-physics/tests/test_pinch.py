@@ -30,7 +30,7 @@ def pinch(
 
     Returns:
         The run, the indices of the particles between the fingers, and where these were relative
-        to the fingers at the end of the lift and in each frame of the hold, shape (frames + 1, N, 3).
+        to the fingers after the lift and in each frame of the hold, shape (frames + 1, N, 3).
     """
     material = ClothMaterial(**material)
     builder = ModelBuilder(1)
@@ -107,8 +107,8 @@ def test_one_finger_lifts_nothing(run, sheet, builder, name):
 
 
 @pytest.mark.parametrize(("lift", "holds"), [(0.02, True), (0.1, False)])
-def test_what_is_pulled_beyond_three_times_its_length_slips(run, sheet, lift, holds):
-    """Two fingers hold a strip whose foot, 7 cm below, is fast, and rise; friction is the original's."""
+def test_cloth_pulled_beyond_three_times_its_length_slips(run, sheet, lift, holds):
+    """Lift a strip, fixed 7 cm below, with two fingers of the original's friction."""
     material = ClothMaterial(friction=25.0)
     builder = ModelBuilder(1)
     vertices, faces = sheet(0.05, 0.09, EDGE)

@@ -110,7 +110,7 @@ def test_ground_that_reaches_behind_the_camera_is_seen_up_to_the_horizon():
     np.testing.assert_allclose(near[..., 2], 0.0, atol=1e-3)
 
 
-def test_what_is_too_near_or_too_far_is_not_seen():
+def test_meshes_nearer_or_farther_than_the_planes_are_hidden():
     camera = replace(ABOVE, near=1.0, far=2.5)
     heights = {11: 2.1, 12: 1.9, 13: 0.6, 14: 0.4}  # at 0.9, 1.1, 2.4 and 2.6 m
     for segment, height in heights.items():
@@ -119,7 +119,7 @@ def test_what_is_too_near_or_too_far_is_not_seen():
         assert (seen == segment).any() == (segment in (12, 13))
 
 
-def test_wrong_shapes_and_what_stands_still_are_refused():
+def test_wrong_shapes_and_fixed_meshes_are_refused():
     drawn = Rasteriser([make_square(), make_box(np.ones(3))], STUDIO)
     with pytest.raises(ValueError, match=r"poses must have shape \(1, 7\); got \(2, 7\)"):
         drawn.set_poses(np.zeros((2, 7)))
@@ -236,7 +236,7 @@ def test_a_fine_pattern_from_afar_is_its_mean():
     assert len(image.build_levels()) == 9
 
 
-def test_a_shadow_darkens_what_is_behind_it_and_is_nothing_else():
+def test_a_shadow_only_darkens_the_pixels_behind_it():
     floor = make_square(5.0)
     shadow = make_square(0.2, 0.001, segment=SHADOW, body=0)
     post = make_square(0.1, 0.3, segment=BOX)
@@ -253,7 +253,7 @@ def test_a_shadow_darkens_what_is_behind_it_and_is_nothing_else():
     np.testing.assert_allclose(ratio, STUDIO.shade, atol=0.02)
 
 
-def test_what_moves_is_drawn_where_it_has_moved_and_pictures_are_kept():
+def test_moving_meshes_are_drawn_at_their_poses_and_pictures_are_kept():
     drawn = Rasteriser([make_square(5.0), make_box(np.full(3, 0.1))], STUDIO)
     drawn.set_poses(IDENTITY)
     first = drawn.draw_picture(ABOVE)

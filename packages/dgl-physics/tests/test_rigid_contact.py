@@ -60,7 +60,7 @@ def test_a_shape_scales_the_friction(run, sheet):
 
 
 def hold_under_ceiling(run, sheet, *, adhesion, device="cpu", **material):
-    """How far a patch has fallen from a ceiling after 1 s, having started within its reach."""
+    """Measure the fall of a patch from a ceiling in 1 s, from within its reach."""
     builder = ModelBuilder(1)
     material = {"adhesion_radius": 0.004, "adhesion": adhesion, "drag": 5.0} | material
     start = -REST - 0.5 * material["adhesion_radius"]
@@ -77,8 +77,8 @@ def weight_of_particle():
     return ClothMaterial().area_density * EDGE**2 * np.sqrt(0.75) * G
 
 
-def test_adhesion_holds_what_its_spring_can_carry(run, sheet, device):
-    """The spring is strongest at the end of its reach, k r; it holds iff that exceeds the weight."""
+def test_adhesion_holds_the_weight_that_its_spring_carries(run, sheet, device):
+    """The spring holds if its largest force, k r, exceeds the weight."""
     critical = weight_of_particle() / 0.004
     held = hold_under_ceiling(run, sheet, adhesion=1.5 * critical, device=device)
     assert np.abs(held).max() < 0.003
@@ -99,7 +99,7 @@ def test_without_adhesion_nothing_hangs(run, sheet):
     assert hold_under_ceiling(run, sheet, adhesion=100.0, adhesion_radius=0.0).min() > 1.0
 
 
-def test_impulses_are_what_the_cloth_lost(run, sheet, builder, device):
+def test_impulses_are_the_momentum_lost_by_the_cloth(run, sheet, builder, device):
     """Summed over a fall on a box: impulse on the box = weight x time + change of momentum."""
     vertices, faces = sheet(0.1, 0.1, EDGE, height=0.1)
     builder.add_garment(vertices, faces, material=ClothMaterial(drag=0.0))
@@ -174,7 +174,7 @@ def test_draped_cloth_does_not_penetrate(run, sheet, builder, shape, distance):
     assert worst > REST - 1e-4
 
 
-def test_a_moving_surface_carries_what_lies_on_it(run, sheet, builder):
+def test_a_moving_surface_carries_the_cloth_on_it(run, sheet, builder):
     """A tray accelerates and turns: cloth on it keeps its place on the tray.
 
     Bodies have a constant velocity within a frame. The step of velocity between two frames must

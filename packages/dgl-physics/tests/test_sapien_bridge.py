@@ -227,7 +227,7 @@ def test_meshes_have_their_scale(meshes, kind, scale):
 
 
 def test_a_mesh_with_a_hole_is_no_hull(meshes):
-    """What is let fall over the middle of a ring falls through it, over its bar it stays."""
+    """Cloth falls through the middle of a ring and stays on its bar."""
     scene = make_scene()
     vertices, faces = meshes.make_torus(0.06, 0.02, rings=64)
     shape = physx.PhysxCollisionShapeTriangleMesh(

@@ -1,6 +1,6 @@
 """Solids from surfaces: fillings, skins, and what is refused."""
 
-import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -72,8 +72,8 @@ def test_the_surface_of_a_wall_is_closed_and_seen_from_outside(run, sheet):
         builder.build().garments[0].get_surface(builder.build().initial_positions[0].astype(float))
     )
     a, b, c = (positions[surface[:, k]] for k in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]],
-                                         vertices[faces[:, 2]] - vertices[faces[:, 0]]), axis=1)  # fmt: skip
+    d, e, f = (vertices[faces[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(e - d, f - d), axis=1)
     assert np.sum(a * np.cross(b, c)) / 6 == pytest.approx(area.sum() * 0.003, rel=1e-3)
     np.testing.assert_array_equal(positions[: len(vertices)], vertices.astype(np.float32))
 
@@ -101,9 +101,8 @@ def test_a_factor_solves_its_matrix():
     np.testing.assert_allclose(f.inverse @ matrix, np.eye(n), atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("vertices", "tets", "message"),
-    [
+def test_bad_tetrahedra_are_refused(builder, unrefused):
+    rows = [
         (TET[:, :2], ONE, r"vertices must have shape \(V, 3\) .* got \(4, 2\)"),
         (TET, ONE[:, :3], r"tets must have shape \(T, 4\) .* got \(1, 3\)"),
         (TET, ONE.astype(float), "tets must be integers; got float64"),
@@ -112,11 +111,9 @@ def test_a_factor_solves_its_matrix():
         (TET, ONE[:, [1, 0, 2, 3]], "1 tetrahedra are inverted or flat, the first is 0"),
         (TET * [1, 1, 1e-4], ONE, "1 tetrahedra are inverted or flat"),
         (np.concatenate([TET, [[1, 1, 1]]]), ONE, "1 vertices belong to no tetrahedron"),
-    ],
-)
-def test_bad_tetrahedra(builder, vertices, tets, message):
-    with pytest.raises(MeshError, match=message):
-        builder.add_tetrahedra(vertices, tets)
+    ]
+    rows = [(partial(builder.add_tetrahedra, v, tets), message) for v, tets, message in rows]
+    assert unrefused(rows, MeshError) == []
 
 
 def test_bad_surfaces(builder):
@@ -165,17 +162,6 @@ def half_ball():
     faces = faces[(vertices[faces, 2] > -1e-9).all(axis=1)]
     used, index = np.unique(faces, return_inverse=True)
     return vertices[used], index.reshape(-1, 3)
-
-
-@pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(SolidMaterial)])
-def test_materials_are_checked(field):
-    with pytest.raises(ValueError, match=rf"{field} must be >=? 0; got -0.1"):
-        SolidMaterial(**{field: -0.1})
-    with pytest.raises(ValueError, match=rf"{field} must be >=? 0; got nan"):
-        SolidMaterial(**{field: float("nan")})
-    if field in ("density", "youngs_modulus", "rest_offset", "thickness"):
-        with pytest.raises(ValueError, match=rf"{field} must be > 0; got 0"):
-            SolidMaterial(**{field: 0.0})
 
 
 def test_poissons_ratio_has_a_limit():

@@ -37,7 +37,7 @@ def smooth(**changes):
 
 @pytest.mark.parametrize("substeps", [4, 12])
 @pytest.mark.parametrize("modulus", [1e5, 1e6, 1e8])
-def test_a_hanging_bar_stretches_as_its_modulus_says(run, builder, device, modulus, substeps):
+def test_a_hanging_bar_stretches_by_its_modulus(run, builder, device, modulus, substeps):
     """Elongation rho g L^2 / 2 E, here 1 %; the stiffness does not depend on the substeps."""
     vertices, tets = bar(2, 2, 12)
     length = 12 * CELL
@@ -51,8 +51,8 @@ def test_a_hanging_bar_stretches_as_its_modulus_says(run, builder, device, modul
     assert np.abs(r.v).max() < 1e-3
 
 
-def test_each_part_of_a_bar_stretches_as_its_own_stiffness_says(run, builder, device):
-    """Elongation of the lower half rho g L^2 / 8 E; of the upper one, which carries it too, three times that."""
+def test_each_part_of_a_bar_stretches_by_its_own_stiffness(run, builder, device):
+    """The lower half stretches by rho g L^2 / 8 E, the upper one by three times that."""
     vertices, tets = bar(2, 2, 16)
     half = 8 * CELL
     stiffness = np.where(vertices[:, 2] > half, 4.0, 1.0)
@@ -175,7 +175,7 @@ def test_a_fall_is_free_and_a_landing_gives_the_weight(run, builder):
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_friction_on_a_slope(run, builder, share):
-    """At tan = 0.8 mu creeps by less than 0.05 mm/s; slides at 1.2 mu with g (sin - mu cos), within 10 %."""
+    """At tan = 0.8 mu it creeps by < 0.05 mm/s; at 1.2 mu it slides with g (sin - mu cos): 10 %."""
     friction = 0.5
     slope = np.arctan(share * friction)
     vertices, tets = bar(4, 4, 2)

@@ -59,7 +59,7 @@ class Pinch:
         return finger
 
     def move(self, start, end, frames):
-        """Drive the tips from +-start to +-end [m]; their places [m] and the cloth's forces on them [N], (T, 2)."""
+        """Drive the tips from +-start to +-end [m]; returns positions [m], forces [N], (T, 2)."""
         places, forces = [], []
         for k in range(frames):
             height = start + (end - start) * min((k + 1) / 40, 1.0)
@@ -105,7 +105,7 @@ def test_more_layers_stop_them_earlier(sheet):
     assert compute_gaps(four)[-1] > compute_gaps(two)[-1] + 0.005
 
 
-def test_opening_fingers_are_let_go(sheet):
+def test_opening_fingers_release_the_cloth(sheet):
     pinch = Pinch(sheet, 2)
     pinch.move(0.05, CLOSED, 90)
     places, forces = pinch.move(CLOSED, 0.05, 90)

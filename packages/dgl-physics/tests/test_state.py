@@ -1,4 +1,4 @@
-"""What a state holds is all there is: restoring, masked resets, batches, devices."""
+"""A state is complete: restoring, masked resets, batches, devices."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_a_restored_state_goes_on_alike(run, sheet, device, make):
 
 @pytest.mark.parametrize("make", [drape_builder, heap_builder])
 def test_particles_set_without_memory_go_on_almost_alike(run, sheet, device, make):
-    """What is forgotten is the damping of one substep; and it makes no difference what came before."""
+    """Setting particles resets the damping of one substep, whatever came before."""
     r = run(make(sheet, (0.2,)), device=device).step(30)
     snapshot = r.state.get_positions(), r.state.get_velocities(), r.state.get_is_stuck()
     expected = r.step(5).x

@@ -120,10 +120,7 @@ def _spread_patches(faces: np.ndarray, count: int) -> np.ndarray:
 def _divide(start: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
     """Divide a graph by the nearest of seeds that are as far from each other as possible."""
     vertex_count = len(start) - 1
-    bounds, around = (
-        start.tolist(),
-        neighbours.tolist(),
-    )  # lists are quicker than arrays, item by item
+    bounds, around = start.tolist(), neighbours.tolist()  # quicker than arrays, item by item
     distance, owner = [vertex_count] * vertex_count, [0] * vertex_count
     for k in range(count):
         seed = distance.index(max(distance))

@@ -17,13 +17,6 @@ class CoarseStep:
     """Limits on the distances between the nodes of the coarse level, see `dgl_physics.coarse`."""
 
     def __init__(self, model: Model, sweeps: int, launcher: Launcher) -> None:
-        """Make the arrays.
-
-        Args:
-            model: Model to simulate.
-            sweeps: Passes over the limits in each substep; 0 leaves them out.
-            launcher: Launches the kernels.
-        """
         self._model, self._sweeps, self._launcher = model, sweeps, launcher
         device, nodes = model.device, max(model.coarse.node_count, 1)
         count = model.env_count * model.particles_per_env

@@ -8,15 +8,10 @@ _GIB = 2**30
 
 
 def grow_list(what: str, size: int, memory: float) -> int:
-    """Double the size of lists.
-
-    Args:
-        what: Name of their content.
-        size: Present number of entries, of 4 bytes each.
-        memory: Memory that they may take [GiB].
+    """Double the `size` of lists, in entries of 4 bytes.
 
     Raises:
-        ContactOverflowError: If they would take more memory.
+        ContactOverflowError: If they would take more than `memory` [GiB].
     """
     needed = 2 * size * 4 / _GIB
     if needed > memory:

@@ -20,13 +20,6 @@ class EdgeContact:
     """
 
     def __init__(self, model: Model, limits: SolverLimits, near: NearShapes) -> None:
-        """Make the list.
-
-        Args:
-            model: Model to simulate.
-            limits: Settings of the solver.
-            near: The shapes near each particle.
-        """
         self._model, self._limits, self._near = model, limits, near
         self._is_listed = model.device == "cpu"
         count = len(model.pairs) if self._is_listed else 0
@@ -45,14 +38,7 @@ class EdgeContact:
             )  # fmt: skip
 
     def solve(self, state: State, dt: float, inverse_mass: wp.array, previous: wp.array) -> None:
-        """Push edges out of shapes.
-
-        Args:
-            state: State to correct.
-            dt: Length of the substep [s].
-            inverse_mass: Of each particle [1/kg], 0 for those that do not move.
-            previous: Positions at the start of the substep [m].
-        """
+        """Push edges out of shapes; `previous` holds positions at the start of the substep."""
         m, near = self._model, self._near
         inputs = [
             dt, m.particles_per_env, self._limits, m.shapes, m.pairs, m.garment_index, m.materials,

@@ -90,15 +90,9 @@ class ElasticStep:
         inverse_mass: wp.array,
         previous: wp.array,
     ) -> None:
-        """Move the solids' particles, which have been integrated, by elasticity and contact.
+        """Move the solids' integrated particles by elasticity and contact.
 
-        Args:
-            gravity: [m/s^2], world frame.
-            state: State to advance.
-            limits: Of the solver.
-            near: The shapes near each particle, posed for this substep.
-            inverse_mass: Of each particle [1/kg], 0 for those that do not move.
-            previous: Positions at the start of the substep [m].
+        `near` is posed for this substep; `previous` holds positions at its start.
         """
         m, s, count = state.model, self._solids, self._solids.particle.size
         wp.launch(

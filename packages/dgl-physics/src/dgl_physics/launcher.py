@@ -55,16 +55,7 @@ class Launcher:
     """Launches kernels on one device; see `dgl_physics._kernels.vector` for their twins."""
 
     def __init__(self, device: str, cpu_code: CpuCode, particle_count: int) -> None:
-        """Choose the code.
-
-        Args:
-            device: Warp device.
-            cpu_code: Code for a CPU.
-            particle_count: Number of particles of all environments.
-
-        Raises:
-            UnsupportedCpuError: If vector code is wanted where it cannot run.
-        """
+        """Choose the code; raises UnsupportedCpuError for vector code that cannot run."""
         self._is_cpu = device == "cpu"
         self._twins: dict[Kernel, Kernel] = {}
         self._starts: dict[tuple[int, ...], wp.array] = {}
@@ -95,12 +86,9 @@ class Launcher:
             wp.launch(kernel, dim=dim, inputs=inputs)
 
     def launch_colours(self, kernel: Kernel, colour_start: tuple[int, ...], inputs: list) -> None:
-        """Launch a kernel on constraints, one colour after the other.
+        """Launch a kernel on constraints, one colour after another.
 
-        Args:
-            kernel: Its first argument is the first constraint of the launch.
-            colour_start: First constraint of each colour, and the end of the last.
-            inputs: Its other arguments.
+        Its first argument is the first constraint of the launch; `inputs` are the others.
         """
         if twin := self._twins.get(kernel):
             if colour_start not in self._starts:

@@ -1,4 +1,4 @@
-"""Measures of cloth as functions of arrays: strain, intersections, closest particles."""
+"""Measures of cloth as functions of arrays: strain and intersections."""
 
 # pyright: reportArgumentType=false
 import numpy as np
@@ -6,9 +6,9 @@ import warp as wp
 
 from dgl_physics._kernels import measure as kernels
 from dgl_physics.quiet import quiet_warp
-from dgl_physics.topology import check_arrays, compute_adjacency, compute_edges
+from dgl_physics.topology import check_arrays, compute_edges
 
-__all__ = ["compute_strain", "find_intersections", "measure_gaps"]
+__all__ = ["compute_strain", "find_intersections"]
 
 
 def compute_strain(
@@ -52,7 +52,9 @@ def find_intersections(
         Touching, with a volume of exactly zero, is no intersection. Layers that have passed through
         each other completely show only where a seam or fold joins them.
     """
-    positions, faces = _check(positions, faces)
+    positions, faces = np.asarray(positions), np.asarray(faces)
+    check_arrays(positions, faces, "faces", 3)
+    positions, faces = positions.astype(np.float32), faces.astype(np.int32)
     edges = compute_edges(faces)
     with wp.ScopedDevice(device):
         points = wp.array(positions, dtype=wp.vec3)
@@ -73,45 +75,3 @@ def find_intersections(
             capacity = n
         rows = found.numpy()[:n]
     return rows[np.lexsort(rows.T[::-1])].astype(np.int32)
-
-
-@quiet_warp()
-def measure_gaps(
-    positions: np.ndarray, faces: np.ndarray, *, reach: float, device: str = "cpu"
-) -> np.ndarray:
-    """Measure the distance of each particle to the nearest one that it shares no edge with.
-
-    Args:
-        positions: [m], shape (V, 3).
-        faces: Vertex indices, shape (F, 3).
-        reach: Largest distance that is searched [m]; > 0. Second neighbours of flat cloth are 1.7
-            edges apart, so a smaller reach finds contacts and folds only.
-        device: Warp device.
-
-    Returns:
-        Distance between particles' centres [m], shape (V,), infinite where nothing is in reach.
-    """
-    if not reach > 0:
-        raise ValueError(f"reach must be > 0; got {reach}")
-    positions, faces = _check(positions, faces)
-    start, adjacency = compute_adjacency(compute_edges(faces), len(positions))
-    with wp.ScopedDevice(device):
-        points = wp.array(positions, dtype=wp.vec3)
-        grid = wp.HashGrid(64, 64, 64)
-        grid.build(points, reach)
-        gaps = wp.zeros(len(positions), dtype=wp.float32)
-        wp.launch(
-            kernels.measure_gaps,
-            dim=len(positions),
-            inputs=[
-                grid.id, reach, wp.array(start, dtype=wp.int32),
-                wp.array(adjacency, dtype=wp.int32), points, gaps,
-            ],
-        )  # fmt: skip
-        return gaps.numpy()
-
-
-def _check(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    positions, faces = np.asarray(positions), np.asarray(faces)
-    check_arrays(positions, faces, "faces", 3)
-    return positions.astype(np.float32), faces.astype(np.int32)

@@ -25,15 +25,7 @@ class NearShapes:
         overflow: wp.array,
         launcher: Launcher,
     ) -> None:
-        """Make the lists.
-
-        Args:
-            model: Model to simulate.
-            config: Settings of the solver.
-            limits: The same, for kernels.
-            overflow: Entries without room in the lists of each environment, int32, shape (B,).
-            launcher: Launches the kernels.
-        """
+        """Make the lists; `overflow` counts each environment's entries without room, shape (B,)."""
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
         self._launcher = launcher
         device, envs = model.device, model.env_count

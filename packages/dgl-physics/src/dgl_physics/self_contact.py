@@ -25,15 +25,7 @@ class SelfContact:
         overflow: wp.array,
         launcher: Launcher,
     ) -> None:
-        """Make the lists.
-
-        Args:
-            model: Model to simulate.
-            config: Settings of the solver.
-            limits: The same, for kernels.
-            overflow: Entries without room in the lists of each environment, int32, shape (B,).
-            launcher: Launches the kernels.
-        """
+        """Make the lists; `overflow` counts each environment's entries without room, shape (B,)."""
         self._model, self._config, self._limits, self._overflow = model, config, limits, overflow
         self._launcher = launcher
         device, count = model.device, model.env_count * model.particles_per_env
@@ -115,12 +107,8 @@ class SelfContact:
     ) -> None:
         """Separate particles, with friction and adhesion.
 
-        Args:
-            state: State to correct.
-            dt: Length of the substep [s].
-            inverse_mass: Of each particle [1/kg], 0 for those that do not move.
-            previous: Positions at the start of the substep [m].
-            share: Share of the corrections that is applied; 0 only counts contacts.
+        A `share` of the corrections is applied; 0 only counts contacts. `previous` holds positions
+        at the start of the substep.
         """
         m = self._model
         count = m.env_count * m.particles_per_env

@@ -15,11 +15,8 @@ class SolidMaterial(ContactMaterial):
     """
 
     _POSITIVE: ClassVar[tuple[str, ...]] = (
-        "rest_offset",
-        "thickness",
-        "density",
-        "youngs_modulus",
-    )
+        "rest_offset", "thickness", "density", "youngs_modulus",
+    )  # fmt: skip
 
     density: float = 400.0
     """Mass per volume [kg/m^3]; > 0. Felt and foam are about 100 to 400, rubber 1000."""

@@ -231,13 +231,9 @@ class SolverXPBD:
             near.pose(state, (k + 1) / c.substeps)
             if self._elastic is not None:
                 self._elastic.launch(
-                    wp.vec3(*c.gravity),
-                    state,
-                    self._limits,
-                    near,
-                    self._inverse_mass,
+                    wp.vec3(*c.gravity), state, self._limits, near, self._inverse_mass,
                     self._previous,
-                )
+                )  # fmt: skip
             self._edge_contact.solve(state, dt, self._inverse_mass, self._previous)
             self._launcher.launch(
                 rigid.solve_rigid_contact,
@@ -297,14 +293,9 @@ class SolverXPBD:
 
     @quiet_warp()
     def measure_penetration(self, state: State) -> np.ndarray:
-        """Measure how deep particles are inside rigid shapes after the last frame.
+        """Measure the largest depth of a particle's centre inside a shape [m], shape (B,).
 
-        Args:
-            state: The state that was stepped last.
-
-        Returns:
-            Largest depth of a particle's centre under a surface [m], shape (B,); 0 when none is
-            inside. Particles rest `ClothMaterial.rest_offset` above a surface.
+        Taken after the last frame of `state`; particles rest `rest_offset` above a surface.
         """
         return self._near.measure_penetration(state)
 

@@ -51,28 +51,18 @@ class SolverConfig:
     code on x86 with AVX2 and FMA and on 64-bit Arm. Results are the same, to the bit."""
 
     def __post_init__(self) -> None:
-        if not self.dt > 0:
-            raise ValueError(f"dt must be > 0; got {self.dt}")
-        if self.substeps < 1:
-            raise ValueError(f"substeps must be >= 1; got {self.substeps}")
-        if not self.neighbour_margin > 0:
-            raise ValueError(f"neighbour_margin must be > 0; got {self.neighbour_margin}")
-        if not (self.sleep_distance >= 0 and self.sleep_after > 0):
-            raise ValueError(
-                f"sleep_distance must be >= 0 and sleep_after > 0; got {self.sleep_distance} and "
-                f"{self.sleep_after}"
-            )
+        for name in ("dt", "neighbour_margin", "list_memory", "sleep_after"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be > 0; got {getattr(self, name)}")
+        for name in ("substeps", "search_every", "neighbour_capacity", "near_capacity"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be >= 1; got {getattr(self, name)}")
+        if not self.sleep_distance >= 0:
+            raise ValueError(f"sleep_distance must be >= 0; got {self.sleep_distance}")
         if self.cpu_code not in get_args(CpuCode):
             raise ValueError(
                 f"cpu_code must be one of {list(get_args(CpuCode))}; got {self.cpu_code!r}"
             )
-        for name in ("neighbour_capacity", "near_capacity"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be >= 1; got {getattr(self, name)}")
-        if not self.list_memory > 0:
-            raise ValueError(f"list_memory must be > 0; got {self.list_memory}")
-        if self.search_every < 1:
-            raise ValueError(f"search_every must be >= 1; got {self.search_every}")
 
     def make_limits(self, contact_reach: float) -> SolverLimits:
         """Return the settings of the kernels.
@@ -88,7 +78,6 @@ class SolverConfig:
         limits.near_capacity = self.near_capacity
         limits.sleep_distance = self.sleep_distance
         limits.sleep_frames = max(1, round(self.sleep_after / self.dt))
-        limits.cell_size = 2.0 * (
-            contact_reach + self.neighbour_margin
-        )  # A query visits few cells.
+        # A query visits few cells.
+        limits.cell_size = 2.0 * (contact_reach + self.neighbour_margin)
         return limits

@@ -61,18 +61,15 @@ class State:
 
     def get_positions(self) -> np.ndarray:
         """Return particle positions [m], shape (B, V, 3)."""
-        m = self.model
-        return self.positions.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
+        return self.positions.numpy().reshape(self.model.env_count, -1, 3).copy()
 
     def get_velocities(self) -> np.ndarray:
         """Return particle velocities [m/s], shape (B, V, 3)."""
-        m = self.model
-        return self.velocities.numpy().reshape(m.env_count, m.particles_per_env, 3).copy()
+        return self.velocities.numpy().reshape(self.model.env_count, -1, 3).copy()
 
     def get_is_stuck(self) -> np.ndarray:
         """Return a mask of the particles that stick to rigid surfaces, shape (B, V), bool."""
-        m = self.model
-        return self.is_stuck.numpy().reshape(m.env_count, m.particles_per_env) != 0
+        return self.is_stuck.numpy().reshape(self.model.env_count, -1) != 0
 
     def get_memory(self) -> np.ndarray:
         """Return the solver's memory of the last substep, shape (M,), float32.

@@ -1,5 +1,5 @@
 # type: ignore  # kernels are in the language of Warp
-"""Kernels that measure intersections and distances of particles.
+"""Kernels that find intersections of a mesh.
 
 Compiled without fast mathematics: signs of small volumes decide.
 """
@@ -37,14 +37,6 @@ def is_corner(i: wp.int32, face: wp.vec3i):
     return i == face[0] or i == face[1] or i == face[2]
 
 
-@wp.func
-def is_neighbour(j: wp.int32, start: wp.int32, end: wp.int32, adjacency: wp.array(dtype=wp.int32)):
-    for k in range(start, end):
-        if adjacency[k] == j:
-            return True
-    return False
-
-
 @wp.kernel
 def find_crossings(
     mesh: wp.uint64,
@@ -73,27 +65,3 @@ def find_crossings(
                 slot = wp.atomic_add(count, 0, 1)
                 if slot < capacity:
                     found[slot] = wp.vec3i(e[0], e[1], face)
-
-
-@wp.kernel
-def measure_gaps(
-    grid: wp.uint64,
-    reach: wp.float32,
-    adjacency_start: wp.array(dtype=wp.int32),
-    adjacency: wp.array(dtype=wp.int32),
-    position: wp.array(dtype=wp.vec3),
-    gap: wp.array(dtype=wp.float32),
-):
-    """Distance of each particle to the nearest one that it shares no edge with, up to a reach."""
-    i = wp.tid()
-    x = position[i]
-    nearest = wp.float32(wp.inf)
-    query = wp.hash_grid_query(grid, x, reach)
-    j = wp.int32(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i:
-            if not is_neighbour(j, adjacency_start[i], adjacency_start[i + 1], adjacency):
-                d = wp.length(position[j] - x)
-                if d <= reach:
-                    nearest = wp.min(nearest, d)
-    gap[i] = nearest

@@ -193,15 +193,8 @@ class Rasteriser:
         )
         _launch(shading.draw_backdrop, count, lens, self._looks, view.rgb)
         _launch(raster.place_vertices, self._still_vertices, lens, 0, self._poses, self._geometry)
-        _launch(
-            raster.draw_triangles,
-            self._still_faces,
-            lens,
-            0,
-            self._geometry,
-            self._looks,
-            view.keys,
-        )
+        faces = self._still_faces
+        _launch(raster.draw_triangles, faces, lens, 0, self._geometry, self._looks, view.keys)
         self._shade(lens, view.keys, view.rgb, first=0)
         self._locate(lens, view.keys, view.points, view.segments, first=0)
         return view
@@ -223,16 +216,9 @@ class Rasteriser:
         self, lens: Camera, keys: wp.array, points: wp.array, segments: wp.array, *, first: int
     ) -> None:
         _launch(
-            raster.locate_pixels,
-            len(keys),
-            lens,
-            first,
-            self._geometry,
-            self._looks,
-            keys,
-            points,
-            segments,
-        )
+            raster.locate_pixels, len(keys), lens, first, self._geometry, self._looks, keys,
+            points, segments,
+        )  # fmt: skip
 
 
 def weigh_corners(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -321,11 +307,7 @@ def _make_material(surface: SurfaceLook, segment: int, numbers: dict[int, int]) 
 
 
 def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
-    textures, texels, first = (
-        [TextureLevels()],
-        [np.zeros((1, 3), np.uint8)],
-        1,
-    )  # Warp has no use for none
+    textures, texels, first = [TextureLevels()], [np.zeros((1, 3), np.uint8)], 1  # none is refused
     for image in images:
         levels = image.build_levels()
         texture = TextureLevels()
@@ -336,10 +318,8 @@ def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
         textures.append(texture)
         texels += [level.reshape(-1, 3) for level in levels]
         first += sum(len(level) * level.shape[1] for level in levels)
-    return (
-        _make(textures[1:] or textures, TextureLevels),
-        _make(np.concatenate(texels), wp.vec3ub),
-    )
+    texels = np.concatenate(texels)
+    return _make(textures[1:] or textures, TextureLevels), _make(texels, wp.vec3ub)
 
 
 def _make(values: np.ndarray | Sequence[Any], dtype: Any) -> wp.array:
