@@ -176,8 +176,8 @@ def _advise_on_validation(data: Path, policy: Path) -> str:
     """Say that nothing was held out to validate on, and how to collect one more episode."""
     import dgl_sadp
     from dgl_collect import OutputFolderError
-    from dgl_collect.results import read_results
-    from dgl_collect.run_folder import ATTEMPTS_FILE, read_run
+    from dgl_collect.results import ATTEMPTS_FILE, read_results
+    from dgl_collect.run_folder import read_run
 
     tasks = dgl_sadp.read_card(policy).get("tasks") or ["TASK"]
     folder = data.absolute().parent if data.name in ("", ".") else data.parent
