@@ -61,7 +61,7 @@ class Courier(StandIn):
 
 
 def make_courier(task: str, options: dict) -> Courier:
-    """Build stand-ins; see `dgl_collect.attempts.AttemptFactory`."""
+    """Build stand-ins; see `dgl_collect.attempt_jobs.AttemptFactory`."""
     return Courier(options["seconds"])
 
 

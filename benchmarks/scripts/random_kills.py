@@ -106,7 +106,7 @@ def make_episode(rng: np.random.Generator, seed: int, frames: int) -> Episode:
 
 
 def make_stand_in(task: str, options: dict) -> StandIn:
-    """Build stand-ins; see `dgl_collect.attempts.AttemptFactory`."""
+    """Build stand-ins; see `dgl_collect.attempt_jobs.AttemptFactory`."""
     return StandIn(
         options.get("seconds", 1.0), options.get("frames", 4), succeeds=options.get("all", False)
     )

@@ -10,7 +10,7 @@ from dgl_bench.collect.components import COMPONENTS, REST, STEP
 from dgl_bench.collect.stopwatch import Stopwatch, watch_functions
 from dgl_bench.process_memory import measure_process_memory
 from dgl_collect.attempt import make_attempt_runner
-from dgl_collect.attempts import AttemptRunner
+from dgl_collect.attempt_jobs import AttemptRunner
 from dgl_collect.options import RecordOptions
 from dgl_collect.results import AttemptResult
 
@@ -96,7 +96,7 @@ class TimedOptions(RecordOptions):
 
 
 def make_timed_attempts(task: str, options: TimedOptions) -> "TimedAttempts":
-    """Build the attempts of a task; see `dgl_collect.attempts.AttemptFactory`."""
+    """Build the attempts of a task; see `dgl_collect.attempt_jobs.AttemptFactory`."""
     return TimedAttempts(make_attempt_runner(task, options), options.launched)
 
 
@@ -115,7 +115,7 @@ class TimedAttempts:
     def run(
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
-        """Make one attempt; see `dgl_collect.attempts.AttemptRunner`."""
+        """Make one attempt; see `dgl_collect.attempt_jobs.AttemptRunner`."""
         watch, began = Stopwatch(), time.time()
         with watch_functions(watch, COMPONENTS), watch.part(REST):
             result = self._runner.run(

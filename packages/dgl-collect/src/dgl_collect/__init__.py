@@ -1,7 +1,7 @@
 """Collection of garment-manipulation demonstrations: recording, episode files, parallel runs."""
 
-from dgl_collect.attempts import AttemptFactory as AttemptFactory
-from dgl_collect.attempts import AttemptRunner as AttemptRunner
+from dgl_collect.attempt_jobs import AttemptFactory as AttemptFactory
+from dgl_collect.attempt_jobs import AttemptRunner as AttemptRunner
 from dgl_collect.episodes import Episode as Episode
 from dgl_collect.episodes import StageRecord as StageRecord
 from dgl_collect.episodes import read_episode as read_episode

@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 def make_attempt_runner(task: str, options: RecordOptions) -> "Attempts":
-    """Build the attempts of a collection; see `dgl_collect.attempts.AttemptFactory`."""
+    """Build the attempts of a collection; see `dgl_collect.attempt_jobs.AttemptFactory`."""
     setup = make_setup(task, options)
     return Attempts(setup, setup.make_runner(Expert()), recorded=options.record)
 
@@ -63,7 +63,7 @@ class Attempts:
     def run(
         self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
     ) -> AttemptResult:
-        """Make one attempt; see `dgl_collect.attempts.AttemptRunner`."""
+        """Make one attempt; see `dgl_collect.attempt_jobs.AttemptRunner`."""
         recorder = None
         if self._recorded is not None:
             recorder = EpisodeRecorder(self.env, with_approach=self._recorded == "approaches")

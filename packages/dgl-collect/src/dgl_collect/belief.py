@@ -1,4 +1,4 @@
-"""What a robot believes of the scene, from what it has seen: for its decisions, never for its success."""
+"""Beliefs: the scene as cameras see it, for decisions and never for the verdict."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -10,39 +10,39 @@ from dgl_tasks.sensing import Sensed
 from dgl_tasks.success import AREA_CELL
 
 _PER_AREA, _PER_VOLUME = 0.51, 33.0
-# flat area by what is covered, and by the volume under what is seen [1/m]: a least-squares fit to flings of tops, dresses and
-# trousers of the training split. What lies flat is 15 mm high; where it is folded, more layers lie on each other.
+# Flat area by covered area, and by the volume below the seen surface [1/m]: a least-squares fit to flings
+# of tops, dresses and trousers of the training split. Flat cloth is 15 mm high, folded cloth higher.
 
 
 class BelievedView:
-    """The scene as the robot believes it to be; implements `dgl_tasks.success.SceneView`."""
+    """The believed scene; implements `dgl_tasks.success.SceneView`."""
 
     def __init__(self, sensed: Sensed, *, landmarks: Mapping[str, np.ndarray]) -> None:
-        """Take what is known.
+        """Build the view.
 
         Args:
-            sensed: What is sensed now.
-            landmarks: The demonstration's points as they were found before the garment was touched [m], shape (3,).
+            sensed: The present snapshot.
+            landmarks: Points of the demonstration, found before the garment was touched [m], shape (3,).
         """
         self._sensed, self.landmarks = sensed, landmarks
 
     @cached_property
     def top(self) -> np.ndarray:
-        """What the garment camera sees [m], shape (N, 3)."""
+        """Points seen by the garment camera [m], shape (N, 3)."""
         return self._see("garment_camera")
 
     @cached_property
     def surface(self) -> np.ndarray:
-        """What both cameras see [m], shape (N, 3)."""
+        """Points seen by both cameras [m], shape (N, 3)."""
         return np.concatenate([self.top, self._see("environment_camera")])
 
     @cached_property
     def flat_area(self) -> float:
-        """What the garment would cover lying flat [m^2], as its height tells; infinite when it is out of sight."""
+        """Estimated area of the garment lying flat [m^2]; infinite when it is out of sight."""
         return estimate_flat_area(self.top) if len(self.top) else np.inf
 
     tilt = np.nan
-    """Nobody sees it."""
+    """Not seen."""
 
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:
@@ -57,10 +57,10 @@ class BelievedView:
 
 
 def estimate_flat_area(points: np.ndarray) -> float:
-    """Estimate what a garment that lies on the ground would cover lying flat, from how high it lies.
+    """Estimate the flat area of a garment on the ground from its height.
 
     Args:
-        points: What is seen of it from above [m], shape (N, 3): half of `AREA_CELL` apart, z from the ground.
+        points: Points seen from above [m], shape (N, 3): half of `AREA_CELL` apart, z from the ground.
 
     Returns:
         The area [m^2], counted in cells as `dgl_tasks.success.compute_covered_area` does.

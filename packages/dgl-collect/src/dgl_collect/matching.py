@@ -1,4 +1,4 @@
-"""The matchers that attempts choose from: the generator's exact correspondence, and the learned one."""
+"""Matchers of attempts: the generator's exact correspondence, and the learned model."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, get_args
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
 
 MatcherName = Literal["exact", "gam"]
-"""Which matcher finds the demonstrated points: one that knows the simulated garment, or the Garment
-Affordance Model, which sees the clouds alone."""
+"""Names of matchers: `exact` knows the simulated garment, `gam` is the Garment Affordance Model, which
+sees clouds alone."""
 
 FindMatcher = Callable[["GarmentEnv"], Matcher]
 """Gives the matcher for the garment of an environment as it is now."""

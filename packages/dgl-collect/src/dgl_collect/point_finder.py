@@ -1,4 +1,4 @@
-"""Where the demonstration's points are on a garment that is seen, look after look."""
+"""Points of the demonstration, found in clouds of the garment at hand."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,33 +11,33 @@ from dgl_gam import GamError, Matcher, choose_pair, restrict_to_places
 from dgl_tasks.errors import PerceptionError
 
 HANDS_APART = 0.15
-"""Least distance between the places that two hands take hold of [m]: nearer, the hands are in each other's way."""
+"""Least distance between the grasp points of two hands [m]; nearer hands would collide."""
 APART = 0.25
-"""Points farther from each other than this are not taken together by one hand [m]."""
+"""Largest distance between points that one hand takes together [m]."""
 PLACE_SCALE = 0.05
-"""Distance from a place at which the affordance of the garment around it has fallen to exp(-1/2) [m] (original code)."""
+"""Distance at which the affordance around a grasp point falls to exp(-1/2) [m] (original code)."""
 
 
 class PointFinder:
-    """Finds the demonstration's points in clouds of one garment, and remembers where they lay at first."""
+    """Finds the points of a demonstration on one garment, and remembers their first positions."""
 
     def __init__(self, demonstration: Demonstration, demo_cloud: np.ndarray) -> None:
         """Prepare an attempt.
 
         Args:
-            demonstration: Whose points they are, and what its stages grasp.
+            demonstration: Its points and the grasps of its stages.
             demo_cloud: Visible points of its garment lying flat [m], shape (N, 3).
         """
         self._demonstration, self._demo_cloud = demonstration, demo_cloud
         self._is_turned_over = False
         self.points: dict[str, np.ndarray] = {}
-        """All points, where they lay when the garment was last looked at as a whole [m], shape (3,), world frame."""
+        """Positions of all points at the last `look` [m], shape (3,), world frame."""
 
     def look(self, cloud: np.ndarray, matcher: Matcher) -> None:
-        """Look at the garment as a whole: where its points lie, and whether it lies on its face.
+        """Find all points, and tell if the garment lies on its face.
 
         Args:
-            cloud: What is seen of it [m], shape (M, 3), world frame.
+            cloud: Seen points of the garment [m], shape (M, 3), world frame.
             matcher: Of the garment as it lies.
         """
         self._is_turned_over = False
@@ -60,30 +60,28 @@ class PointFinder:
     def find_stage_points(
         self, stage: Stage, cloud: np.ndarray, matcher: Matcher
     ) -> dict[str, np.ndarray]:
-        """Give the points that a stage's formulas use: found anew, or where they lay at first."""
+        """Return the points for a stage's formulas: found anew if it looks again, else the first."""
         return self.find_points(cloud, matcher) if stage.looks_again else self.points
 
     def find_grasps(
         self, stage: Stage, cloud: np.ndarray, matcher: Matcher, names: Mapping[str, Value]
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
-        """Find what the hands of a stage take.
+        """Find the grasp points of a stage.
 
-        Where the garment has been looked at before, points are looked for near their old places, see
-        `Stage.moved_at_most`.
+        After a first `look`, points are searched near their first positions; see `Stage.moved_at_most`.
 
         Args:
             stage: The stage.
-            cloud: What is seen of the garment [m], shape (M, 3), world frame.
+            cloud: Seen points of the garment [m], shape (M, 3), world frame.
             matcher: Of the garment as it lies.
-            names: What the formulas of places may name.
+            names: Names for formulas; see `name_scene`.
 
         Returns:
-            The point on the garment for each working hand [m], shape (3,), and the similarity of every point of
-            the cloud to the places that the left and the right hand grasp, shape (2, M); of a hand that rests, to those
-            of the other one.
+            The grasp point of each working hand [m], shape (3,), and the similarity of every cloud point
+            to those of the left and the right hand, shape (2, M); a resting hand has the other one's.
 
         Raises:
-            PerceptionError: If nothing of the garment is near where a point was.
+            PerceptionError: If nothing of the garment is near the first position of a point.
         """
         grasp: dict[Side, np.ndarray] = {}
         similarities, pair = [], []
@@ -119,7 +117,7 @@ class PointFinder:
         return found, similarity
 
     def _is_crossed(self, stage: Stage) -> bool:
-        """Whether the left hand would grasp to the right of the right one."""
+        """Tell if the left hand would grasp to the right of the right one."""
         x = {
             side: np.mean([self.points[name][0] for name in stage.grasp[side].points])
             for side in SIDES
@@ -127,7 +125,7 @@ class PointFinder:
         return bool(x["left"] > x["right"])
 
     def _choose_grasp(self, names: Sequence[str], found: np.ndarray) -> np.ndarray:
-        """Choose midway between points [m], shape (N, 3); of some that one hand cannot take together the one left behind."""
+        """Return the mean of points [m], shape (N, 3), or the least moved of points too far apart."""
         distances = np.linalg.norm(found[:, None] - found[None], axis=2)
         if self.points and distances.max() > APART:
             moved = [np.linalg.norm(p - self.points[n]) for n, p in zip(names, found, strict=True)]
@@ -144,7 +142,7 @@ class PointFinder:
 
 
 def _has_pair(stage: Stage) -> bool:
-    """Whether each hand takes hold of a point of its own."""
+    """Tell if each hand grasps one point of its own."""
     return all(side in stage.grasp and len(stage.grasp[side].points) == 1 for side in SIDES)
 
 

@@ -1,7 +1,7 @@
-"""Recorded episodes with the affordance that another matcher sees in their clouds.
+"""Relabelling: recorded episodes with the affordance of another matcher.
 
-What the hands did stays as it was. A policy that will be run behind the Garment Affordance Model learns from what that
-model sees, whoever guided the demonstration; and new weights of the model do not need new demonstrations.
+Motions stay as they were. A policy that will run behind the Garment Affordance Model learns from the
+affordance of that model, and new weights of the model need no new demonstrations.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,11 +25,11 @@ from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.objects import compute_frames
 
 WITHIN = 0.15
-"""Farthest that a matched point may be from where the hand took hold [m]."""
+"""Largest distance of a matched point from the recorded one [m]."""
 
 
 class Relabeller:
-    """Gives the episodes of one task the affordance of a matcher that sees clouds alone."""
+    """Gives episodes of one task the affordance of a matcher that sees clouds alone."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class Relabeller:
             task: Environment id.
             options: `demonstration`, for one of one's own.
             matcher: Finds the demonstrated points; the Garment Affordance Model when None.
-            weights: Its weights, a file ending in .safetensors; those that come with `dgl_gam` when None.
+            weights: Its weights (.safetensors); those of `dgl_gam` when None.
 
         Raises:
             UnknownTaskError: If there is no such task.
@@ -58,7 +58,7 @@ class Relabeller:
         )
         if not self._demonstration.points:
             raise ValueError(
-                f"{task} has no points that a matcher finds: its episodes hold no affordance to be replaced"
+                f"{task} has no points for a matcher: its episodes hold no affordance to replace"
             )
         garment = load_garment(self._demonstration.garment)
         surface = sample_visible_surface(garment.vertices, garment.faces)
@@ -74,12 +74,12 @@ class Relabeller:
             episode: Of this task.
 
         Returns:
-            The episode, and how far a matched point is from the point that the recorded affordance prefers, which is
-            where the hand went, at most [m].
+            The episode, and the largest distance of a matched point from the recorded one, to which
+            the hand went [m].
 
         Raises:
             ValueError: If the episode is of another task, or has other stages.
-            TaskError: If a stage's points are not near where they lay when the episode began.
+            TaskError: If a point of a stage is not found near its first place.
         """
         stages = self._demonstration.learned_stages
         if episode.task != self.task.id:
@@ -118,16 +118,16 @@ class Relabeller:
 
 @dataclass
 class Relabelling:
-    """What became of a folder of episodes; each file is in one of these."""
+    """Outcome for a folder of episodes; each file is in one of these."""
 
     written: list[Path] = field(default_factory=list)
     """Relabelled now."""
     kept: list[Path] = field(default_factory=list)
     """Relabelled before."""
     left_out: dict[Path, float] = field(default_factory=dict)
-    """How far a matched point was from where the hand went [m], infinite where none was found."""
+    """Distance of a matched point from the recorded one [m]; infinite where none was found."""
     refused: dict[Path, str] = field(default_factory=dict)
-    """What is wrong with a file."""
+    """Fault of each refused file."""
 
 
 def relabel_episodes(
@@ -138,17 +138,17 @@ def relabel_episodes(
     within: float = WITHIN,
     on_file: Callable[[Path], None] | None = None,
 ) -> Relabelling:
-    """Write relabelled copies of episodes, of those whose matched points are where the hands went.
+    """Write relabelled copies of the episodes whose matched points are near the recorded ones.
 
-    A hand that was sent elsewhere than the matcher would have sent it teaches nothing about what follows a match. Files that
-    exist are whole and are not made again, so an interrupted run goes on where it was.
+    Other episodes would teach motions that do not follow from the match. Files that exist are whole and
+    are kept, so an interrupted run continues.
 
     Args:
         paths: Episode files.
         out: Folder for the copies, which keep their names.
         relabeller: Of the episodes' task.
-        within: Farthest that a matched point may be from where the hand went [m].
-        on_file: Told each path before it is read.
+        within: Largest distance of a matched point from the recorded one [m].
+        on_file: Called with each path before it is read.
 
     Raises:
         ValueError: If `within` is not positive, or `out` is the folder of an episode.

@@ -1,4 +1,4 @@
-"""Replay of an episode: the recorded commands once more, and what differs from the record."""
+"""Replay of an episode: its commands once more, compared with the record."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PICTURES = ("image", "env_point_cloud", "garment_point_cloud", "object_point_cl
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """How far a recorded array and the replay's are apart."""
+    """Difference between a recorded array and the replay's."""
 
     name: str
     """Key of the array in the episode file."""
@@ -43,39 +43,39 @@ class Difference:
     largest: float
     """Largest absolute difference; infinite where the shapes differ."""
     unit: str
-    """Its unit; poses and coloured clouds also hold numbers without one."""
+    """Its unit; poses and coloured clouds also hold numbers without a unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """What a replay has found."""
+    """Result of a replay."""
 
     task: str
     """Environment id."""
     seed: int
     """Seed of the episode."""
     garment_id: str
-    """Which garment."""
+    """The garment."""
     steps: int
     """Control steps that were replayed."""
     differences: tuple[Difference, ...]
     """By array, in the order of the file."""
     changed_draws: Mapping[str, tuple[object, object]]
-    """Draws of the randomisation that are not as recorded: name to recorded and replayed value."""
+    """Draws that differ: name to recorded and replayed value."""
     recorded: tuple[bool, float]
     """Success and value of the rule, as recorded."""
     replayed: tuple[bool, float]
     """Success and value of the rule, of the replay."""
     picture: np.ndarray
-    """What was judged at the end, shape (H, W, 3), uint8."""
+    """Final picture, shape (H, W, 3), uint8."""
 
     def reproduces(self, tolerance: float = 0.0) -> bool:
-        """Say whether the replay is as the record.
+        """Tell if the replay equals the record.
 
         Args:
-            tolerance: Largest difference that is allowed of joints [rad], poses and particles [m]
-                and of the rule's value. At 0, the default, pictures and clouds have to be equal as
-                well, bit for bit; above, they are not looked at, since one pixel can change a cloud.
+            tolerance: Largest allowed difference of joints [rad], poses and particles [m], and of the
+                rule's value. At 0, the default, pictures and clouds must be equal as well, bit for bit;
+                above 0 they are not compared, since one pixel can change a cloud.
 
         Raises:
             ValueError: If the tolerance is negative or not finite.
@@ -98,18 +98,17 @@ def replay_episode(
     film: Callable[[np.ndarray], None] | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> Replay:
-    """Send an episode's commands to a new environment of its seed and garment, and compare.
+    """Send the commands of an episode to a new environment of its seed and garment, and compare.
 
-    Neither matcher nor planner take part: what is tested is that garment, robot, simulation, cameras
-    and rule still do what they did. Every recorded array but the affordance is compared. On the
-    machine and with the packages of the record all of them are equal bit for bit; elsewhere rounding
-    differs, and cloth makes small differences large.
+    Matcher and planner take no part: garment, robot, simulation, cameras and rule are tested. Every
+    recorded array but the affordance is compared. On the recording machine, with the same packages, all
+    are equal bit for bit. Elsewhere rounding differs, and cloth amplifies small differences.
 
     Args:
-        episode: What was recorded.
+        episode: The record.
         options: `robots` and `render_backend`; everything else is as the episode says.
         film: Receives pictures for people, shape (H, W, 3), uint8.
-        on_step: Told after each control step how many have been made.
+        on_step: Called after each control step with the number of steps so far.
 
     Raises:
         NotReplayableError: If the episode does not hold its commands.

@@ -1,4 +1,4 @@
-"""The folder of one run: who may write to it, and what is in it."""
+"""Folder of one run: its files, and the lock against other runs."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ logger = logging.getLogger(__name__)
 RUN_FORMAT = 1
 RUN_FILE, SUMMARY_FILE = "run.json", "summary.json"
 KEPT_OF_FAILURES = ("video", "picture")
-"""What is kept of a failed attempt, for people to look at; its episode would only mislead training."""
+"""Files of failed attempts that are kept for people; an episode would mislead training."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """What `run.json` says of a run."""
+    """Content of `run.json`."""
 
     __pydantic_config__ = STRICT
 
     run_format: int
-    """Version of the folder's form."""
+    """Version of the folder's format."""
     task: str
     """Environment id."""
     seed: int
     """Of the run."""
     attempt_factory: str
-    """What made the attempts."""
+    """`CollectConfig.attempt_factory`."""
     options: Mapping[str, object]
     """Its options."""
     versions: Mapping[str, str]
-    """Package to version, when it was last continued."""
+    """Package versions at the last start."""
     commands: tuple[str, ...]
-    """The command lines that have made it, in order."""
+    """Command lines of the run, in order."""
     machines: tuple[Machine, ...] = ()
-    """What workers have run on; none in folders that do not tell."""
+    """Machines of the workers; none in older folders."""
 
     def __post_init__(self) -> None:
         if self.run_format != RUN_FORMAT:
@@ -69,7 +69,7 @@ class RunRecord:
 
 
 def read_run(folder: Path) -> RunRecord:
-    """Read what a folder says of its run.
+    """Read the record of a run.
 
     Raises:
         OutputFolderError: If it holds none, or `run.json` is damaged.
@@ -88,9 +88,9 @@ class RunFolder:
 
     Args:
         path: The folder; made when missing.
-        identity: What must be equal for a run to be continued, such as task and seed; JSON-ready.
-        resume: Whether to continue what is there. Without it the folder must be empty.
-        command: The command line that is to be remembered.
+        identity: Values that must be equal for a run to be continued; JSON-ready.
+        resume: Continue the run in the folder. Without it the folder must be empty.
+        command: Command line to record.
 
     Raises:
         OutputFolderError: If the folder is not writable, not empty, busy, or of another run.
@@ -126,7 +126,7 @@ class RunFolder:
         return self.path / ATTEMPTS_FILE
 
     def add_machines(self, machines: Iterable[Machine]) -> None:
-        """Remember what workers run on, in `run.json`: other processors may round otherwise."""
+        """Record the machines of workers in `run.json`; processors may round differently."""
         new = [dataclasses.asdict(machine) for machine in machines]
         new = [machine for machine in new if machine not in self._machines]
         if new:
@@ -137,7 +137,7 @@ class RunFolder:
                 )
 
     def commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
-        """Take over an attempt's files and write its line, in this order.
+        """Move an attempt's files into the folder, then write its line.
 
         Args:
             result: The outcome, with files relative to `staging`.
@@ -174,7 +174,7 @@ class RunFolder:
     def write_summary(
         self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
     ) -> Summary:
-        """Count what has been done so far and write `summary.json`."""
+        """Count the results so far and write `summary.json`."""
         summary = summarize(
             sorted(self.results, key=lambda result: result.index),
             task=str(self._identity["task"]),
@@ -190,7 +190,7 @@ class RunFolder:
     def try_to_write_summary(
         self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
     ) -> None:
-        """Write `summary.json` on the way out of an error, which is not to be hidden by a full disk."""
+        """Write `summary.json` after an error; a full disk does not hide the error."""
         with suppress(OSError, MachineError):
             self.write_summary(requested=requested, status=status)
 
@@ -218,7 +218,7 @@ class RunFolder:
         write_json(run_path, {**self._content, "machines": self._machines})
 
     def _check_run(self) -> list[object]:
-        """Compare with the run that is there, take over its machines, and give the commands that have made it so far."""
+        """Compare with the run in the folder; return its commands."""
         found = read_run(self.path)
         check_continued(self.path, dataclasses.asdict(found), self._identity)
         self._machines = [dataclasses.asdict(machine) for machine in found.machines]

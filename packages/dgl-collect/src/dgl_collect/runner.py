@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_collect.attempts import AttemptRequest
+from dgl_collect.attempt_jobs import AttemptRequest
 from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.results import AttemptResult, Summary
 from dgl_collect.run_folder import RunFolder
@@ -32,10 +32,10 @@ from dgl_tasks import get_task
 
 @dataclass(frozen=True, kw_only=True)
 class CollectConfig:
-    """What to collect.
+    """A run to make.
 
     Raises:
-        ValueError: If a number is out of its range or the options are not JSON-ready.
+        ValueError: If a number is out of range or the options are not JSON-ready.
     """
 
     task: str
@@ -47,19 +47,19 @@ class CollectConfig:
     seed: int = 0
     """Seed of the run, at least 0; every attempt's seed follows from it and the attempt's number."""
     workers: Workers = field(default_factory=Workers)
-    """How many workers, and where. The results do not depend on it."""
+    """Number and place of the workers. The results do not depend on it."""
     resume: bool = False
-    """Continue the run in `out`: attempts that it has are not made again."""
+    """Continue the run in `out`; only missing attempts are made."""
     attempt_factory: str = "dgl_collect.attempt:make_attempt_runner"
-    """`module:name` of what builds an `AttemptRunner` in each worker."""
+    """`module:name` of an `AttemptFactory`, called in each worker."""
     options: RunOptions | Mapping[str, object] = field(default_factory=RecordOptions)
     """Options of the attempts; a mapping, JSON-ready, for attempt factories that take one."""
     has_episodes: bool = True
-    """Whether a success must leave an episode file; evaluations leave none."""
+    """A success must leave an episode file; evaluations leave none."""
     limits: Limits = field(default_factory=Limits)
-    """How long attempts may take, and how often they may go wrong."""
+    """Limits of time and of repeated faults."""
     command: str = ""
-    """The command line, to be remembered in `run.json`."""
+    """Command line, recorded in `run.json`."""
 
     def __post_init__(self) -> None:
         for name, least in (("episodes", 1), ("seed", 0)):
@@ -72,7 +72,7 @@ class CollectConfig:
 
     @property
     def identity(self) -> dict[str, object]:
-        """What must be equal for a run to be continued."""
+        """Values that must be equal for a run to be continued."""
         return {
             "task": self.task,
             "seed": self.seed,
@@ -88,20 +88,20 @@ class CollectConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a run is."""
+    """Progress of a run."""
 
     requested: int
     """Attempts asked for."""
     resumed: int
-    """Attempts that an earlier run has made."""
+    """Attempts made by an earlier run."""
     results: tuple[AttemptResult, ...]
-    """Results so far, earlier ones first, in the order in which they came."""
+    """Results so far, in the order of their arrival."""
     seconds: float
     """Wall-clock time of this run [s]."""
     workers_ready: int
-    """Workers that have built their environment."""
+    """Workers with a built environment."""
     workers_waiting: int
-    """Workers that the cluster has no place for yet."""
+    """Workers that wait for a place in the cluster."""
 
 
 def make_attempt_seed(seed: int, index: int) -> int:
@@ -118,7 +118,7 @@ def make_attempt_seed(seed: int, index: int) -> int:
 
 
 def make_episode_id(task: str, seed: int, index: int) -> str:
-    """Name an episode so that episodes of several runs can share a folder."""
+    """Name an episode; episodes of several runs can share a folder."""
     return f"{task}-s{seed}-{index:05d}"
 
 
@@ -127,26 +127,26 @@ def collect(
     *,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Summary:
-    """Make attempts at a task until as many as asked for are there.
+    """Make the attempts of a run that are missing.
 
-    Every finished attempt is on disk before the next progress report. Failed attempts, exceptions and attempts that
-    crash each time are results with a reason; an attempt that was lost with its worker or machine is made again. In
-    the main thread, an interrupt (SIGINT, SIGTERM, SIGHUP) ends the workers, keeps every finished attempt, and returns
-    a summary whose `status` is `interrupted`.
+    Every finished attempt is on disk before the next progress report. Failed attempts, exceptions and
+    attempts that crash each time are results with a reason. An attempt that was lost with its worker or
+    machine is made again. In the main thread, an interrupt (SIGINT, SIGTERM, SIGHUP) ends the workers
+    and returns a summary with `status` `interrupted`; finished attempts are kept.
 
     Args:
-        config: What to collect.
-        on_progress: Called at the start, when there is news of a worker, and after every attempt.
+        config: The run.
+        on_progress: Called at the start, when a worker changes, and after every attempt.
 
     Returns:
-        The summary, which `summary.json` holds too.
+        The summary, as in `summary.json`.
 
     Raises:
         UnknownTaskError: If the task is not known.
         OutputFolderError: If the output folder cannot be used.
         EngineError: If there is no Ray cluster at the address, or Ray is not installed.
-        WorkerError: If an environment cannot be built, workers keep dying, or their cluster is gone. The summary is written.
-        MachineError: If a disk is full, or fails. The summary is written if there is room.
+        WorkerError: If an environment cannot be built, workers keep dying, or their cluster is gone.
+        MachineError: If a disk is full or fails. The summary is written if there is room.
     """
     end_unguarded_import()
     get_task(config.task)
@@ -176,7 +176,7 @@ def collect(
         dispatcher = Dispatcher(
             (_make_job(config, index) for index in range(config.episodes) if index not in done),
             work=Work(
-                factory="dgl_collect.attempts:AttemptJobs",
+                factory="dgl_collect.attempt_jobs:AttemptJobs",
                 arguments={
                     "task": config.task,
                     "attempt_factory": config.attempt_factory,
@@ -210,7 +210,7 @@ def _make_job(config: CollectConfig, index: int) -> Job:
 
 
 def _read_outcome(outcome: Outcome) -> AttemptResult:
-    """Give an attempt's result: its own, or that of an attempt that came to no end."""
+    """Return the result of an attempt, also of one that did not come to its end."""
     if isinstance(outcome.result, AttemptResult):
         return dataclasses.replace(outcome.result, seconds=outcome.seconds)
     assert isinstance(outcome.job.request, AttemptRequest)

@@ -17,10 +17,10 @@ Key = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """One method's episodes, as `dgl eval` left them."""
+    """Episodes of one method, read from a folder of `dgl eval`."""
 
     folder: Path
-    """Where they are."""
+    """The folder."""
     task: str
     """Environment id."""
     policy: str
@@ -28,17 +28,17 @@ class Evaluation:
     friction: float
     """The factor on the garments' friction and adhesion."""
     episodes: Mapping[Key, EpisodeRecord]
-    """Those that have been run."""
+    """Episodes by seed and number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """What a method does on the common episodes."""
+    """Figures of one method on the common episodes."""
 
     count: Count
     """Its successes."""
     value_median: float | None
-    """Median of what the rule judges; None without a judged episode."""
+    """Median value of the rule; None without a judged episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,20 +46,20 @@ class Pair:
     """Two methods on the common episodes."""
 
     first: int
-    """Index of the one evaluation."""
+    """Index of the first evaluation."""
     second: int
-    """Index of the other."""
+    """Index of the second."""
     both: Sequence[Key]
-    """Episodes that both do."""
+    """Successes of both."""
     first_alone: Sequence[Key]
-    """Episodes that the first alone does."""
+    """Successes of the first alone."""
     second_alone: Sequence[Key]
-    """Episodes that the second alone does."""
+    """Successes of the second alone."""
     neither: Sequence[Key]
-    """Episodes that none of them does."""
+    """Failures of both."""
     p_value: float
-    """Probability of a split of the unequal episodes at least as uneven, if the methods were equally good: the exact
-    test of McNemar, "Note on the sampling error of the difference between correlated proportions", 1947."""
+    """Two-sided p of the exact test of McNemar, "Note on the sampling error of the difference between
+    correlated proportions", 1947."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +73,11 @@ class Comparison:
     scores: Sequence[Score]
     """One for each evaluation."""
     pairs: Sequence[Pair]
-    """Every two of them."""
+    """All pairs of evaluations."""
 
 
 def read_evaluation(folder: Path | str) -> Evaluation:
-    """Read what `dgl eval` has written.
+    """Read the results of `dgl eval`.
 
     Args:
         folder: The folder given as its `--out`.
@@ -89,7 +89,7 @@ def read_evaluation(folder: Path | str) -> Evaluation:
     path = Path(folder) / RESULTS_FILE
     if not path.is_file():
         raise FileNotFoundError(
-            f"{folder} holds no evaluation: {RESULTS_FILE}, which dgl eval writes at its end, is missing"
+            f"{folder} holds no evaluation: {RESULTS_FILE}, which dgl eval writes, is missing"
         )
     try:
         content = read_json_file(ResultsRecord, path)
@@ -111,7 +111,8 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
         evaluations: At least two, of one task.
 
     Raises:
-        ValueError: If there are fewer, they are of several tasks, share no episode, or an episode did not begin alike.
+        ValueError: If there are fewer, they are of several tasks, share no episode, or an episode
+            began differently.
     """
     if len(evaluations) < 2:
         raise ValueError(f"at least two evaluations are compared; got {len(evaluations)}")
@@ -121,7 +122,8 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
             ours, theirs = getattr(first, name), getattr(other, name)
             if ours != theirs:
                 raise ValueError(
-                    f"{first.folder} and {other.folder} cannot be compared: their {name} is {ours} and {theirs}"
+                    f"{first.folder} and {other.folder} cannot be compared: "
+                    f"their {name} is {ours} and {theirs}"
                 )
     common = sorted(set(first.episodes).intersection(*(other.episodes for other in others)))
     if not common:

@@ -43,7 +43,7 @@ LearnedMethods = Mapping[str, LearnedMethod]
 def make_evaluation_attempts(
     task: str, options: EvaluationOptions, learned: LearnedMethods
 ) -> Attempts:
-    """Build the attempts of an evaluation; see `dgl_collect.attempts.AttemptFactory`."""
+    """Build the attempts of an evaluation; see `dgl_collect.attempt_jobs.AttemptFactory`."""
     declared = get_task(task)
     material = declared.material
     material = dataclasses.replace(

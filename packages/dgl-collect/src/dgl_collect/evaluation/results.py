@@ -1,4 +1,4 @@
-"""What an evaluation amounts to: success by seed and by split, with their spread."""
+"""Figures of an evaluation: success by seed and by split, with their spread."""
 
 import statistics
 from collections import Counter
@@ -22,9 +22,9 @@ __all__ = [
 ]
 
 RESULTS_FILE = "results.json"
-"""Name of an evaluation's figures in its folder."""
+"""File of the figures in the evaluation's folder."""
 RESULTS_FORMAT = 1
-"""Version of their form."""
+"""Version of its format."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Run:
     seed: int
     """As the command line names it."""
     folder: Path
-    """Where their films and pictures are, relative to the evaluation's folder."""
+    """Folder of films and pictures, relative to the evaluation's."""
     results: Sequence[AttemptResult]
     """In the order of the episodes."""
 
@@ -46,9 +46,9 @@ class Count:
     episodes: int
     """Episodes run."""
     first_try: int
-    """Those that met the task's rule at the first try, before anything was done again: the paper's protocol."""
+    """Successes before any retry: the paper's protocol."""
     succeeded: int
-    """Those that met it at the end, with retries."""
+    """Successes at the end, with retries."""
     rate: float | None
     """Succeeded over episodes; None without episodes."""
     interval: tuple[float, float]
@@ -72,20 +72,20 @@ class Results:
     value_median: float | None
     """Median of the quantity that the rule judges, over the episodes that were judged."""
     value_least: float | None
-    """Its least, which is the best where the rule wants little of it."""
+    """Its smallest value; the best one where the rule has an upper threshold."""
     value_largest: float | None
-    """Its largest."""
+    """Its largest value."""
     seconds_median: float | None
     """Median wall-clock time of an episode [s]."""
     reasons: Mapping[str, int]
     """Reason of failure to count, most frequent first."""
     details: Mapping[str, str]
-    """Reason of failure to what the first episode that failed so says of it."""
+    """Reason of failure to the detail of its first episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRecord:
-    """One episode in `results.json`; what else it says is not needed to read it."""
+    """One episode in `results.json`; other keys are ignored."""
 
     __pydantic_config__ = STRICT_PART
 
@@ -96,23 +96,23 @@ class EpisodeRecord:
     episode_seed: int
     """Its own seed."""
     garment: str | None
-    """Which garment; None where an exception has ended it."""
+    """The garment; None where an exception ended the episode."""
     success: bool
-    """Whether it met the task's rule at its end."""
+    """Success at its end."""
     first_try: bool
-    """Whether it did at the first try."""
+    """Success before any retry."""
     value: float | None
-    """What the rule judges; None if it was not judged."""
+    """Value of the rule; None if it was not judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsRecord:
-    """What `results.json` says, as far as evaluations are compared by it."""
+    """Content of `results.json` that comparisons need."""
 
     __pydantic_config__ = STRICT_PART
 
     format: int
-    """Version of the form."""
+    """Version of the format."""
     task: str
     """Environment id."""
     policy: str
@@ -184,7 +184,7 @@ def to_json(
     status: Literal["complete", "interrupted"],
     versions: Mapping[str, str],
 ) -> dict[str, object]:
-    """Give the content of `results.json`: what was asked for, the figures, and a record of every episode."""
+    """Build the content of `results.json`: options, figures, and a record of every episode."""
     return {
         "format": RESULTS_FORMAT,
         **asked,

@@ -1,4 +1,4 @@
-"""Is the folder of an evaluation whole?"""
+"""Check of the folder of an evaluation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,13 +14,13 @@ __all__ = ["verify_evaluation"]
 
 
 def verify_evaluation(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Check an evaluation: the runs of its seeds, and that `results.json` says what their lines say.
+    """Check an evaluation: the runs of its seeds, and `results.json` against their lines.
 
     Args:
         folder: Of the evaluation.
 
     Yields:
-        Each file as it is checked, and what is wrong with it; nothing where it is whole.
+        Each checked file with its fault; empty where it is whole.
     """
     path = folder / RESULTS_FILE
     try:
@@ -42,10 +42,8 @@ def verify_evaluation(folder: Path) -> Iterator[tuple[Path, str]]:
         ours, its = told.get((seed, episode)), counted.get((seed, episode))
         if ours != its:
             where = f"{path}: episode {episode} of seed {seed}"
-            yield (
-                path,
-                f"{where} is {_describe(ours)}; {ATTEMPTS_FILE} of seed-{seed} says {_describe(its)}",
-            )
+            told_there = f"{ATTEMPTS_FILE} of seed-{seed} says {_describe(its)}"
+            yield path, f"{where} is {_describe(ours)}; {told_there}"
             return
     yield path, ""
 

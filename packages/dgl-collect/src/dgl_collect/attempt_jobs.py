@@ -1,4 +1,4 @@
-"""Attempts as jobs of workers, and what is asked of the code that makes one."""
+"""Attempts as jobs of workers; the protocols of the code that makes them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class AttemptRunner(Protocol):
             attempt_index: Number of the attempt in the run, from 0.
             seed: The attempt's own seed, in [0, 2**32).
             out_dir: An empty folder for this attempt's files, `<episode_id>.h5`, `.mp4` and `.png`. The
-                run takes them over afterwards, so whatever is left by a crash is never taken for whole.
+                run moves them afterwards, so files left by a crash are never taken for whole.
             episode_id: Stem of the files' names.
 
         Returns:
@@ -45,7 +45,7 @@ class AttemptFactory(Protocol):
     """Builds an attempt runner inside a worker process."""
 
     def __call__(self, task: str, options: Any, /) -> AttemptRunner:
-        """Build it for a task, with the options of the run: `RunOptions`, or some of its own."""
+        """Build it for a task with the options of the run: `RunOptions`, or others of its own."""
         ...
 
 
