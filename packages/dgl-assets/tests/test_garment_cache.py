@@ -111,6 +111,7 @@ def test_a_build_is_continued_and_reports_what_is_broken(built):
     assert all(entry.error is None for entry in build_garments([SCARF, OTHER], built))
 
 
+@pytest.mark.slow
 def test_a_parallel_build_gives_the_same_garments(tmp_path):
     done = list(build_garments([SCARF, OTHER], tmp_path, workers=2))
     assert {entry.id for entry in done} == {SCARF, OTHER}

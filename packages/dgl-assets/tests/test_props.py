@@ -54,7 +54,7 @@ def props():
 
 @pytest.fixture(
     scope="module",
-    params=[*PROP_KINDS, *OTHERS],
+    params=[*PROP_KINDS, *(pytest.param(p, marks=pytest.mark.slow) for p in OTHERS)],
     ids=lambda p: p if isinstance(p, str) else "own",
 )
 def prop(request):

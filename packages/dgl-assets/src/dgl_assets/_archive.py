@@ -1,14 +1,14 @@
-"""Files that appear whole or not at all, and archives of plain arrays without pickled objects."""
+"""Archives of plain arrays on disk, without pickled objects."""
 
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
+
+from dgl_files.whole import written_beside
 
 
 def get_cache_folder(kind: str) -> Path:
@@ -17,22 +17,10 @@ def get_cache_folder(kind: str) -> Path:
     return Path(base) / "dexgarmentlab" / kind
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file beside its place and rename it; missing folders are made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            write(file)
-        Path(beside).replace(path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
-
-
 def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays by name; the file appears whole."""
-    write_whole(path, lambda file: np.savez_compressed(file, **arrays))  # pyright: ignore[reportArgumentType]
+    with written_beside(path) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
 
 
 def read_archive(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:

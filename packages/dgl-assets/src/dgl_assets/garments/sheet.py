@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dgl_assets._archive import write_whole
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.view import compute_vertex_normals, project
 from dgl_assets.materials import PALE, MaterialMaps, sample_fabric_material
+from dgl_files.whole import written_beside
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -133,8 +133,8 @@ def save_picture(picture: np.ndarray, path: Path) -> Path:
     """
     from PIL import Image
 
-    image = Image.fromarray(picture)
-    write_whole(path, lambda file: image.save(file, format="PNG"))
+    with written_beside(path) as beside:
+        Image.fromarray(picture).save(beside, format="PNG")
     return path
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_assets._archive import write_whole
 from dgl_assets.props.prop import Prop
+from dgl_files.whole import write_text
 
 
 def save_obj(prop: Prop, path: Path) -> Path:
@@ -43,7 +43,6 @@ def save_obj(prop: Prop, path: Path) -> Path:
             f"Pr {finish.roughness:.3f}",
             f"Pm {finish.metallic:.3f}",
         ]
-    for target, text in ((path.with_suffix(".mtl"), materials), (path, lines)):
-        content = ("\n".join(text) + "\n").encode()
-        write_whole(target, lambda file, content=content: file.write(content))
+    write_text(path.with_suffix(".mtl"), "\n".join(materials) + "\n")
+    write_text(path, "\n".join(lines) + "\n")
     return path
