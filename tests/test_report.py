@@ -13,7 +13,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from dexgarmentlab.reports import attempt, evaluation, figures, pictures
+from dexgarmentlab.reports import attempt, evaluation, figures, page, pictures
 from dexgarmentlab.reports.collection import write_report
 from dexgarmentlab.reports.words import DRAWN, MEASURED
 from dgl_collect import AttemptResult, Criterion, VideoWriter, write_episode
@@ -102,21 +102,21 @@ def make_run(tmp_path, monkeypatch):
 
 def test_a_run_is_reported_with_its_numbers_and_pictures(make_run):
     folder = make_run([True, False, True])
-    page = Page(write_report(folder))
+    shown = Page(write_report(folder))
     for text in (
         "Fold Tops", "67% success", "95 % interval 20.8% to 93.9%", "2 of 3", "left <cuff> slipped",
         "after 3.2 s", "tops/0001", "0.9 needs ≥ 0.8", "left sleeve 20.0 s", "0.05, 0.8, 0.2",
         "dgl collect FoldTops-v1 --out 'my out'", "numpy", "Where to grasp: left hand right hand",
     ):  # fmt: skip
-        assert text in page.text, text
-    assert page.ids == ["a0", "a1", "a2"]
-    for address in page.addresses:
+        assert text in shown.text, text
+    assert shown.ids == ["a0", "a1", "a2"]
+    for address in shown.addresses:
         if address.startswith("#"):
-            assert address[1:] in page.ids
+            assert address[1:] in shown.ids
         elif not address.startswith("data:"):
             assert (folder / address).is_file()
-    assert "episodes/0.mp4" in page.addresses
-    assert "failed/1.mp4" in page.addresses
+    assert "episodes/0.mp4" in shown.addresses
+    assert "failed/1.mp4" in shown.addresses
 
 
 def test_what_succeeded_at_once_and_what_with_retries_stand_side_by_side(make_run):
@@ -166,17 +166,17 @@ def test_what_is_measured_has_words():
 
 def test_an_embedding_report_is_one_file(make_run):
     path = write_report(make_run([True]), embed_media=True)
-    page = Page(path)
-    assert page.addresses
-    assert all(address.startswith("data:") for address in page.addresses)
+    shown = Page(path)
+    assert shown.addresses
+    assert all(address.startswith("data:") for address in shown.addresses)
     assert not re.search(r"https?://|url\(|@import", path.read_text(encoding="utf-8"))
-    assert "Success" in page.text
+    assert "Success" in shown.text
 
 
 def test_an_interrupted_run_says_how_to_go_on(make_run):
-    page = Page(write_report(make_run([False], status="interrupted")))
-    assert "Failed" in page.text
-    assert "interrupted after 1 of 1 attempts. The same command with --resume" in page.text
+    shown = Page(write_report(make_run([False], status="interrupted")))
+    assert "Failed" in shown.text
+    assert "interrupted after 1 of 1 attempts. The same command with --resume" in shown.text
 
 
 def test_a_run_without_attempts_is_reported(make_run):
@@ -185,9 +185,9 @@ def test_a_run_without_attempts_is_reported(make_run):
 
 def test_many_attempts_are_all_in_the_table(make_run, monkeypatch):
     monkeypatch.setattr("dexgarmentlab.reports.collection.SHOWN_EACH", 2)
-    page = Page(write_report(make_run([True, True, True, False])))
-    assert page.ids == ["a0", "a1", "a3"]
-    assert "3 of 4, see the table" in page.text
+    shown = Page(write_report(make_run([True, True, True, False])))
+    assert shown.ids == ["a0", "a1", "a3"]
+    assert "3 of 4, see the table" in shown.text
 
 
 def test_what_cannot_be_reported_is_said(make_run, tmp_path):
@@ -199,10 +199,10 @@ def test_what_cannot_be_reported_is_said(make_run, tmp_path):
 def test_an_episode_that_is_damaged_or_gone_is_told_beside_the_others(make_run, damage):
     folder = make_run([True, True])
     damage(folder / "episodes/0.h5")
-    page = Page(write_report(folder))
-    assert page.ids == ["a0", "a1"]
-    assert page.text.count("dgl verify looks at all files") == 1
-    assert "episodes/0.h5" in page.text
+    shown = Page(write_report(folder))
+    assert shown.ids == ["a0", "a1"]
+    assert shown.text.count("dgl verify looks at all files") == 1
+    assert "episodes/0.h5" in shown.text
 
 
 def test_the_summary_that_was_written_is_the_one_shown(make_run):
@@ -219,7 +219,7 @@ def test_the_summary_that_was_written_is_the_one_shown(make_run):
      (100.0, "100"), (1e-7, "1e-07"), (99.96, "100")],
 )  # fmt: skip
 def test_numbers_are_written_for_people(value, text):
-    assert figures.format_number(value) == text
+    assert page.format_number(value) == text
 
 
 @pytest.mark.parametrize(("threshold", "state"), [(0.5, "met"), (0.51, "missed")])
@@ -411,14 +411,14 @@ def report(folder, runs, wanted=1):
 
 def test_an_evaluation_is_reported_with_all_its_pictures(make_evaluation):
     folder, runs = make_evaluation([[True, False], [True, True]])
-    page = Page(report(folder, runs))
+    shown = Page(report(folder, runs))
     for text in (
         "Fold Tops: my:<policy>", "75% success", "3 of 4", "0.750 ± 0.354", "left <cuff> slipped",
         "seed 1", "0.500", "Episode 1 of seed 0", "0 · 0.90", "1 · 0.50", "dgl eval FoldTops-v1",
     ):  # fmt: skip
-        assert text in page.text, text
-    assert page.ids == ["s0e1"]  # failures are shown with film and figures
-    files = [a for a in page.addresses if not a.startswith("data:")]
+        assert text in shown.text, text
+    assert shown.ids == ["s0e1"]  # failures are shown with film and figures
+    files = [a for a in shown.addresses if not a.startswith("data:")]
     assert all((folder / address).is_file() for address in files)
     for film in ("seed-0/episodes/0.mp4", "seed-0/failed/1.mp4", "seed-1/episodes/1.mp4"):
         assert film in files
@@ -427,22 +427,22 @@ def test_an_evaluation_is_reported_with_all_its_pictures(make_evaluation):
 
 def test_an_evaluation_without_failures_and_one_without_episodes(make_evaluation):
     folder, runs = make_evaluation([[True]])
-    page = Page(report(folder, runs))
-    assert "100% success" in page.text
+    shown = Page(report(folder, runs))
+    assert "100% success" in shown.text
     for word in ("Failures", "interrupted"):
-        assert word not in page.text
+        assert word not in shown.text
     empty = [Run(seed=0, folder=runs[0].folder, results=())]
-    page = Page(report(folder, empty))
-    assert "No episodes yet" in page.text
-    assert "interrupted after 0 of 1 episodes. The same command with --resume" in page.text
+    shown = Page(report(folder, empty))
+    assert "No episodes yet" in shown.text
+    assert "interrupted after 0 of 1 episodes. The same command with --resume" in shown.text
 
 
 @pytest.mark.parametrize("seconds", [{}, {"left_sleeve": 20.0}])
 def test_only_timed_stages_have_their_times_shown(make_evaluation, seconds):
     folder, [run] = make_evaluation([[False]])
     results = [replace(result, stage_seconds=seconds) for result in run.results]
-    page = Page(report(folder, [replace(run, results=results)]))
-    assert ("left sleeve 20.0 s" in page.text) == ("all else" in page.text) == bool(seconds)
+    shown = Page(report(folder, [replace(run, results=results)]))
+    assert ("left sleeve 20.0 s" in shown.text) == ("all else" in shown.text) == bool(seconds)
 
 
 def test_a_picture_that_is_missing_is_said(make_evaluation):

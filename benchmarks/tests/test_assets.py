@@ -302,6 +302,7 @@ def test_wrong_options_are_refused(changes, message):
         RunConfig(**changes)
 
 
+@pytest.mark.slow
 def test_a_run_is_interrupted_and_continued(tmp_path):
     config = RunConfig(count=3, categories=("Scarf",), frames=2)
     ids = list(select_ids(3, ["Scarf"]))

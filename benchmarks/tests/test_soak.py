@@ -63,6 +63,7 @@ def test_faults_are_counted_and_told_with_their_seed():
     assert not [row for row in make_rows([make_spell(k) for k in range(20)]) if row.ok is False]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 @pytest.mark.filterwarnings("ignore:Deprecated member:UserWarning")
 def test_a_spell_is_repeated_by_its_seed_and_tells_what_goes_wrong(monkeypatch, tmp_path):

@@ -46,6 +46,11 @@ class Row:
         bound = float(self.bar.split()[1])
         return self.value <= bound if self.bar.startswith("<") else self.value >= bound
 
+    @property
+    def shown(self) -> str:
+        """Value as text."""
+        return format_value(self.value)
+
     def to_dict(self) -> dict[str, object]:
         """Return the row as `name, value, unit, bar, ok, note`."""
         return {

@@ -102,9 +102,9 @@ def show_materials(options: MaterialsOptions) -> int:
 
 def show_props(options: PropsOptions) -> int:
     """Draw the sheet of props, and write their meshes."""
-    from dexgarmentlab.reports.props import draw_prop_sheet
     from dgl_assets import save_picture
     from dgl_assets.props import PROP_KINDS, make_prop, save_obj
+    from dgl_tasks.drawing.props import draw_prop_sheet
 
     if options.out.suffix.lower() != ".png":
         raise ValueError(f"--out must be a file .png; got {options.out}")

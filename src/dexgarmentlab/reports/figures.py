@@ -1,27 +1,29 @@
 """Figures of the report: pictures as data URIs, and small charts as SVG."""
 
 import base64
-import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dexgarmentlab.reports.page import part
 from dgl_collect import Criterion
 from dgl_collect.episodes import IMAGE_HEIGHT, IMAGE_WIDTH, Points
 from dgl_collect.video import FRAME_RATE, encode_picture
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 __all__ = [
     "cloud_figure",
     "file_uri",
     "find_hands",
     "find_wanted",
-    "format_number",
     "hand_heights",
     "meter",
     "picture_uri",
     "picture_with_points",
-    "time_bar",
 ]
 
 LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB = (
@@ -43,15 +45,6 @@ OFF_GARMENT = 0.05
 folded away from there."""
 SIDES = ("left", "right")
 _MEDIA_TYPES = {".mp4": "video/mp4", ".png": "image/png", ".webp": "image/webp"}
-
-
-def format_number(value: float) -> str:
-    """Write a number with three significant digits, without an exponent where people would not."""
-    if value == 0 or not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.3g}"
-    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    text = f"{value:.{digits}f}"
-    return (text.rstrip("0").rstrip(".") if digits else text).replace("-", "\u2212")
 
 
 def file_uri(path: Path) -> str:
@@ -111,7 +104,7 @@ def find_wanted(
 
 def picture_with_points(
     image: np.ndarray, points: Points, *, alt: str, wanted: Mapping[str, str] | None = None
-) -> str:
+) -> "Markup":
     """Draw an image with found points on it; their names show on hovering, to keep it clear.
 
     Args:
@@ -120,18 +113,13 @@ def picture_with_points(
         alt: What the picture shows, for those who cannot see it.
         wanted: As of `find_wanted`; points that it lacks are left out. None draws all, in grey.
     """
-    uri = picture_uri(image)
     hand = dict.fromkeys(points, "other") if wanted is None else wanted
-    marks = "".join(
-        _disc(name, float(point["uv"][0]), float(point["uv"][1]), hand=hand[name], size=0.9)
+    marks = [
+        (name, float(point["uv"][0]), float(point["uv"][1]), hand[name])
         for name, point in points.items()
         if "uv" in point and name in hand
-    )
-    return (
-        f'<span class="picture"><img src="{uri}" alt="{html.escape(alt)}" width="{IMAGE_WIDTH}" '
-        f'height="{IMAGE_HEIGHT}"><svg viewBox="0 0 {IMAGE_WIDTH} {IMAGE_HEIGHT}" '
-        f'aria-hidden="true">{marks}</svg></span>'
-    )
+    ]
+    return part("picture", picture_uri(image), alt, IMAGE_WIDTH, IMAGE_HEIGHT, marks)
 
 
 def cloud_figure(
@@ -141,7 +129,7 @@ def cloud_figure(
     *,
     alt: str,
     hands: Sequence[str] = SIDES,
-) -> str:
+) -> "Markup":
     """Draw a garment's cloud from above, or from the front where it hangs, coloured by affordance.
 
     It is the same way up as the pictures of the environment camera, which looks towards the robots:
@@ -178,11 +166,16 @@ def cloud_figure(
     uri = _data_uri(encode_picture(canvas, ".png"), ".png")
     wanted = find_wanted(cloud, affordance, points, hands=hands)
     places = {name: project(np.asarray(points[name]["xyz"], float)).tolist() for name in wanted}
-    return (
-        f'<span class="picture cloud"><img src="{uri}" alt="{html.escape(alt)}" '
-        f'width="{CLOUD_WIDTH}" height="{CLOUD_HEIGHT}">'
-        f'<svg viewBox="0 0 {CLOUD_WIDTH} {CLOUD_HEIGHT}" aria-hidden="true">'
-        f"{_marks(places, wanted, size=1.1)}</svg></span>"
+    return part(
+        "picture",
+        uri,
+        alt,
+        CLOUD_WIDTH,
+        CLOUD_HEIGHT,
+        [(name, x, y, wanted[name]) for name, (x, y) in places.items()],
+        texts=_place_names(places, wanted),
+        kind=" cloud",
+        radius=7.7,
     )
 
 
@@ -195,13 +188,13 @@ def _colour_affordance(weight: np.ndarray) -> np.ndarray:
     return shares @ np.array([LEFT_RGB, RIGHT_RGB, BOTH_RGB, CLOTH_RGB])
 
 
-def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
+def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> "Markup":
     """Chart the height of both hands over the recorded frames; a parked hand is drawn faintly.
 
     Args:
         stages: Name and end-effector poses, shape (T, 2, 7), of each stage.
     """
-    width, height, top, bottom, left = 720.0, 190.0, 26.0, 24.0, 44.0
+    width, height, top, bottom, left = 720, 190, 26, 24, 44
     heights = np.concatenate([poses[:, :, 2] for _, poses in stages])  # (sum of T, 2)
     ceiling = max(0.1, float(np.ceil(heights.max() * 10) / 10))
     floor = min(0.0, float(np.floor(heights.min() * 10) / 10))
@@ -210,75 +203,30 @@ def hand_heights(stages: Sequence[tuple[str, np.ndarray]]) -> str:
     def y(value: float) -> float:
         return top + (height - top - bottom) * (1 - (value - floor) / (ceiling - floor))
 
-    parts, first = [], 0
-    for number, (name, poses) in enumerate(stages):
-        x, count = left + first * step, len(poses)
-        parts.append(
-            f'<rect class="band{number % 2}" x="{x:.1f}" y="{top}" width="{count * step:.1f}" '
-            f'height="{height - top - bottom}"/>'
-            f'<text x="{x + 8:.1f}" y="{top - 9}">{html.escape(_words(name))}</text>'
-        )
-        working = find_hands(poses)
+    bands, lines, first = [], [], 0
+    for name, poses in stages:
+        x, count, working = left + first * step, len(poses), find_hands(poses)
+        bands.append((name, x, count * step, height - top - bottom))
         for hand, side in enumerate(SIDES):
-            line = " ".join(
-                f"{x + (frame + 0.5) * step:.1f},{y(float(poses[frame, hand, 2])):.1f}"
+            points = [
+                (x + (frame + 0.5) * step, y(float(poses[frame, hand, 2])))
                 for frame in range(count)
-            )
-            state = side if side in working else f"{side} parked"
-            parts.append(f'<polyline class="{state}" points="{line}"/>')
+            ]
+            lines.append((side if side in working else f"{side} parked", points))
         first += count
-    for value in (floor, (floor + ceiling) / 2, ceiling):
-        parts.append(
-            f'<text class="tick" x="{left - 8}" y="{y(value) + 4:.1f}">{value:.2f}</text>'
-            f'<line x1="{left}" x2="{width}" y1="{y(value):.1f}" y2="{y(value):.1f}"/>'
-        )
+    ticks = [(value, y(value)) for value in (floor, (floor + ceiling) / 2, ceiling)]
     seconds = len(heights) / FRAME_RATE
-    parts.append(
-        f'<text x="{left}" y="{height - 6}">0 s</text>'
-        f'<text class="tick" x="{width}" y="{height - 6}">{seconds:.1f} s recorded</text>'
-    )
-    return (
-        f'<svg class="chart" viewBox="0 0 {width:g} {height:g}" role="img" '
-        f'aria-label="height of both hands in metres over time">{"".join(parts)}</svg>'
-    )
+    return part("heights", width, height, bands, lines, ticks, seconds, left, top)
 
 
-def meter(criterion: Criterion) -> str:
+def meter(criterion: Criterion) -> "Markup":
     """Draw a measured value against its threshold."""
     values = (criterion.value, criterion.threshold)
     low = min(0.0, *values)
     high = 1.0 if not criterion.unit and 0.3 < max(values) <= 1.0 else max(values) * 1.3
     span = max(high - low, 1e-9)
     filled, limit = ((value - low) / span * 100 for value in values)
-    unit = f" {criterion.unit}" if criterion.unit else ""
-    state = "met" if criterion.is_met else "missed"
-    return (
-        f'<div class="meter {state}"><div class="meter-text"><span>{html.escape(criterion.name)}'
-        f"</span><span><b>{format_number(criterion.value)}{html.escape(unit)}</b>"
-        f'<span class="quiet"> needs {_sign(criterion.comparison)} '
-        f"{format_number(criterion.threshold)}{html.escape(unit)}</span></span></div>"
-        f'<div class="track"><i style="width:{filled:.1f}%"></i>'
-        f'<u style="left:{limit:.1f}%"></u></div></div>'
-    )
-
-
-def time_bar(stage_seconds: Mapping[str, float], total: float) -> str:
-    """Draw how the time of an attempt divides into its stages and the rest."""
-    rest = max(0.0, total - sum(stage_seconds.values()))
-    parts = [*stage_seconds.items(), ("all else", rest)]
-    whole = max(sum(seconds for _, seconds in parts), 1e-9)
-    bars = "".join(
-        f'<i class="part{number % 4}" style="width:{seconds / whole:.2%}"></i>'
-        if number < len(stage_seconds)
-        else f'<i class="rest" style="width:{seconds / whole:.2%}"></i>'
-        for number, (_, seconds) in enumerate(parts)
-    )
-    legend = "".join(
-        f'<li class="{"rest" if number == len(stage_seconds) else f"part{number % 4}"}">'
-        f"{html.escape(_words(name))} <b>{seconds:.1f} s</b></li>"
-        for number, (name, seconds) in enumerate(parts)
-    )
-    return f'<div class="times"><div class="stack">{bars}</div><ul>{legend}</ul></div>'
+    return part("meter", criterion, filled, limit)
 
 
 def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> np.ndarray:
@@ -295,16 +243,17 @@ def _draw_discs(pixels: np.ndarray, colours: np.ndarray, *, radius: int = 3) -> 
     return canvas
 
 
-def _marks(places: Mapping[str, Sequence[float]], wanted: Mapping[str, str], *, size: float) -> str:
-    """Draw discs at pixels (x, y), and the names of grasped points where there is room."""
-    line, gap = 17 * size, 12 * size
+def _place_names(
+    places: Mapping[str, Sequence[float]], wanted: Mapping[str, str]
+) -> list[tuple[str, float, float, float]]:
+    """Find room for the names of the points that a hand wants: name, x, baseline and size [px]."""
+    line, gap = 18.7, 13.2
     taken = [(x - gap / 2, y - gap / 2, x + gap / 2, y + gap / 2) for x, y in places.values()]
-    marks = ""
+    texts = []
     for name in [name for name, hand in wanted.items() if hand != "other"]:
-        (x, y), text = places[name], _words(name)
-        length = 0.6 * line * len(text)
-        # Outwards if possible, away from the other hand's point, and beside the disc rather than
-        # below or above.
+        x, y = places[name]
+        length = 0.6 * line * len(name)
+        # Outwards if possible, and beside the disc rather than below or above.
         sides = (x - gap - length, x + gap)[:: 1 if x < CLOUD_WIDTH / 2 else -1]
         corners = [
             (min(max(left, 0.0), CLOUD_WIDTH - length), y + (step - 0.5) * line)
@@ -314,13 +263,8 @@ def _marks(places: Mapping[str, Sequence[float]], wanted: Mapping[str, str], *, 
         boxes = [(left, top, left + length, top + line) for left, top in corners]
         box = next((box for box in boxes if _has_room(box, taken)), boxes[0])
         taken.append(box)
-        marks += (
-            f'<text x="{box[0]:.1f}" y="{box[1] + 0.78 * line:.1f}" font-size="{line:g}">'
-            f"{html.escape(text)}</text>"
-        )
-    return marks + "".join(
-        _disc(name, x, y, hand=wanted[name], size=size) for name, (x, y) in places.items()
-    )
+        texts.append((name, box[0], box[1] + 0.78 * line, line))
+    return texts
 
 
 def _has_room(
@@ -333,21 +277,6 @@ def _has_room(
         and bottom <= CLOUD_HEIGHT
         and not any(left < r and l < right and top < b and t < bottom for l, t, r, b in taken)
     )
-
-
-def _disc(name: str, x: float, y: float, *, hand: str, size: float) -> str:
-    return (
-        f'<g class="mark {hand}"><circle cx="{x:.1f}" cy="{y:.1f}" r="{7 * size:g}">'
-        f"<title>{html.escape(_words(name))}</title></circle></g>"
-    )
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _sign(comparison: str) -> str:
-    return {"<": "&lt;", "<=": "≤", ">": "&gt;", ">=": "≥"}[comparison]
 
 
 def _data_uri(content: bytes, suffix: str) -> str:

@@ -1,6 +1,5 @@
 """The final pictures of many attempts, beside each other."""
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from dexgarmentlab.reports.figures import picture_uri
 from dgl_collect.results import AttemptResult
 from dgl_files.whole import written_beside
 
-__all__ = ["Shot", "draw_sheet", "gallery", "make_shot"]
+__all__ = ["Shot", "draw_sheet", "load_gallery", "make_shot"]
 
 WIDTH, HEIGHT = 240, 180
 """Size of a small picture [pixels]."""
@@ -54,24 +53,15 @@ def make_shot(result: AttemptResult, folder: Path, *, link: str | None = None) -
     return Shot(path=path, label=f"{result.index}{value}", success=result.success, link=link)
 
 
-def gallery(shots: Sequence[Shot]) -> str:
-    """Show small copies of all pictures, which lead to the films; nothing without any.
+def load_gallery(shots: Sequence[Shot]) -> list[tuple[Shot, str]]:
+    """Load small copies of all pictures, as data URIs, for the macro `gallery`.
 
     Raises:
         OSError: If a picture cannot be read.
     """
     if not shots:
-        return ""
-    items = ""
-    for shot, small in zip(shots, _load(shots), strict=True):
-        label = html.escape(shot.label)
-        words = f"{label}, {'success' if shot.success else 'failed'}"
-        picture = f'<img src="{picture_uri(small)}" alt="{words}">'
-        if shot.link is not None:
-            picture = f'<a href="{html.escape(shot.link)}">{picture}</a>'
-        kind = "good" if shot.success else "bad"
-        items += f'<li class="{kind}">{picture}<span>{label}</span></li>'
-    return f'<ul class="gallery">{items}</ul>'
+        return []
+    return [(shot, picture_uri(small)) for shot, small in zip(shots, _load(shots), strict=True)]
 
 
 def draw_sheet(shots: Sequence[Shot], path: Path) -> Path:

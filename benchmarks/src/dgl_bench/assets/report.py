@@ -1,17 +1,16 @@
 """The report of a run: one page with the table, the failures, and what the garments look like."""
 
-import html
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from dexgarmentlab.reports.page import badge, figure, make_page, provenance, table, tiles
+from dexgarmentlab.reports.page import write_page
 from dgl_assets import list_categories, load_garment, save_picture
 from dgl_bench.assets.attempts import Attempt, find_positions
 from dgl_bench.assets.rows import group, summarise
 from dgl_bench.assets.run import load_run
 from dgl_bench.assets.sheets import COLUMNS, draw_sheet, load_dropped
-from dgl_bench.rows import Row, format_value
+from dgl_bench.rows import Row
 from dgl_files.whole import written_beside
 
 __all__ = ["PICTURES", "REPORT_FILE", "TABLE_FILE", "count_pictures", "make_table", "write_report"]
@@ -51,14 +50,36 @@ def write_report(folder: Path | str, *, on_picture: Callable[[], None] = lambda:
     """
     folder = Path(folder)
     content, attempts = load_run(folder)
-    sections = [
-        _section(folder, name, own, on_picture) for name, own in _in_order(attempts).items()
-    ]
-    page = _page(content, attempts, sections)
-    for name, text in ((TABLE_FILE, make_table(attempts)), (REPORT_FILE, page)):
-        with written_beside(folder / name) as partial:
-            partial.write_text(text, encoding="utf-8")
-    return folder / REPORT_FILE
+    with written_beside(folder / TABLE_FILE) as partial:
+        partial.write_text(make_table(attempts), encoding="utf-8")
+    broken = [attempt for attempt in attempts if not attempt.is_whole]
+    crossed = [attempt for attempt in attempts if attempt.crossings_end]
+    moving = [a for a in attempts if not a.error and a.still_seconds is None]
+    return write_page(
+        folder / REPORT_FILE,
+        "assets.html",
+        package="dgl_bench",
+        facts=[
+            (f"{len(attempts) - len(broken):,} of {len(attempts):,}", "garments stay whole"),
+            (f"{len(attempts):,} of {int(content['count']):,}", "garments dropped"),
+            (f"{sum(bool(a.error) for a in attempts)}", "errors"),
+            (f"{content['frames'] / 60:g} s", "each, simulated"),
+        ],
+        rows=summarise("all", attempts),
+        columns=[(title, "number") for title, _ in _COLUMNS],
+        table=_cells(attempts),
+        lists=[
+            _list("Not whole", broken, lambda a: "; ".join(a.faults)),
+            _list("Layers crossed at the end", crossed, _describe_crossings),
+            _list("Still moving at the end", moving, _describe_motion),
+        ],
+        categories=[
+            (name, _draw(folder, name, own, on_picture))
+            for name, own in _in_order(attempts).items()
+        ],
+        commands=content["commands"],
+        versions=content["versions"],
+    )
 
 
 def count_pictures(attempts: Sequence[Attempt]) -> int:
@@ -94,13 +115,13 @@ def _in_order(attempts: Sequence[Attempt]) -> dict[str, list[Attempt]]:
     return {name: found[name] for name in list_categories() if name in found}
 
 
-def _section(
+def _draw(
     folder: Path, name: str, own: Sequence[Attempt], on_picture: Callable[[], None]
-) -> str:
-    """Draw a category; the attempts come with the worst first."""
+) -> list[tuple[str, str]]:
+    """Draw a category, whose attempts come with the worst first; return files and captions."""
     drawn = [attempt for attempt in own if find_positions(folder, attempt.id).is_file()]
     if not drawn:
-        return f'<article><h3>{name}</h3><p class="quiet">No garment came to lie.</p></article>'
+        return []
     # those in the order of their ids are as good as drawn at random: an id is a seed
     sample = sorted(drawn, key=lambda attempt: attempt.id)
     sample = [
@@ -119,71 +140,19 @@ def _section(
             "worst frame",
         ),
     )
-    figures = ""
+    files = []
     for kind, garments, labels, caption in pictures:
         path = folder / PICTURES / f"{name}-{kind}.png"
         save_picture(draw_sheet(garments, labels), path)
         on_picture()
-        figures += figure(f"{PICTURES}/{path.name}", caption, alt=f"{name}: {caption}")
-    return f'<article id="{name}"><h3>{name.replace("_", " ")}</h3>{figures}</article>'
+        files.append((f"{PICTURES}/{path.name}", caption))
+    return files
 
 
-def _page(content: Mapping, attempts: Sequence[Attempt], sections: Sequence[str]) -> str:
-    broken = [attempt for attempt in attempts if not attempt.is_whole]
-    crossed = [attempt for attempt in attempts if attempt.crossings_end]
-    moving = [a for a in attempts if not a.error and a.still_seconds is None]
-    total = int(content["count"])
-    facts = [
-        (f"{len(attempts) - len(broken):,} of {len(attempts):,}", "garments stay whole"),
-        (f"{len(attempts):,} of {total:,}", "garments dropped"),
-        (f"{sum(bool(a.error) for a in attempts)}", "errors"),
-        (f"{content['frames'] / 60:g} s", "each, simulated"),
-    ]
-    by_category = table(
-        {"category": "", **{title: "number" for title, _ in _COLUMNS}},
-        [[html.escape(cell) for cell in cells] for cells in _cells(attempts)],
-    )
-    return make_page(
-        "Garments",
-        overline="validation of dgl-assets",
-        header=tiles(facts),
-        body=[
-            f"<h2>What is asked for</h2>{_bars(summarise('all', attempts))}",
-            f"<h2>By category</h2>{by_category}",
-            _list("Not whole", broken, lambda a: "; ".join(a.faults)),
-            _list("Layers crossed at the end", crossed, _describe_crossings),
-            _list("Still moving at the end", moving, _describe_motion),
-            "<h2>In pictures</h2>",
-            *sections,
-            provenance(content["commands"], content["versions"]),
-        ],
-    )
-
-
-def _bars(rows: Sequence[Row]) -> str:
-    columns = {"measure": "", "value": "number", "bar": "", "": "", "how": "note"}
-    return table(columns, [_bar(row) for row in rows])
-
-
-def _bar(row: Row) -> list[str]:
-    met = {True: badge("met", "good"), False: badge("not met", "bad"), None: ""}[row.ok]
-    return [
-        html.escape(row.name.partition(".")[2].replace("_", " ")),
-        f"{format_value(row.value)} {html.escape(row.unit)}",
-        html.escape(row.bar),
-        met,
-        f'<span class="quiet">{html.escape(row.note)}</span>',
-    ]
-
-
-def _list(title: str, attempts: Sequence[Attempt], describe: Callable[[Attempt], str]) -> str:
-    if not attempts:
-        return f'<h2>{title}</h2><p class="quiet">None.</p>'
-    lines = [
-        [html.escape(a.id), html.escape(describe(a))] for a in sorted(attempts, key=lambda a: a.id)
-    ]
-    listed = table({"garment": "", "what": "note"}, lines)
-    return f'<h2>{title} <span class="quiet">{len(attempts)}</span></h2>{listed}'
+def _list(
+    title: str, attempts: Sequence[Attempt], describe: Callable[[Attempt], str]
+) -> tuple[str, list[tuple[str, str]]]:
+    return title, [(a.id, describe(a)) for a in sorted(attempts, key=lambda a: a.id)]
 
 
 def _describe_crossings(attempt: Attempt) -> str:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dexgarmentlab.reports.props import BACKGROUND, draw_prop, draw_prop_sheet
 from dgl_assets.props import make_prop
+from dgl_tasks.drawing.props import BACKGROUND, draw_prop, draw_prop_sheet
 
 
 def test_pictures_show_the_prop_where_it_stands():
