@@ -33,8 +33,7 @@ from dgl_collect import (
     save_png,
     write_episode,
 )
-from dgl_collect.results import read_results
-from dgl_collect.run_folder import ATTEMPTS_FILE
+from dgl_collect.results import ATTEMPTS_FILE, read_results
 from dgl_collect.verify import verify_run
 
 STAND_IN = "random_kills:make_stand_in"
