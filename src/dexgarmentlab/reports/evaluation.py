@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from dgl_collect.evaluation.results import Results, Run
 from dexgarmentlab.reports.attempt import make_card
 from dexgarmentlab.reports.page import format_duration, format_number, split_words, write_page
 from dexgarmentlab.reports.pictures import Shot, draw_sheet, load_gallery, make_shot
+from dgl_collect.evaluation.results import Results, Run
 from dgl_collect.results import AttemptResult
 
 __all__ = ["PICTURES_FILE", "REPORT_FILE", "write_report"]
