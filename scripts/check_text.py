@@ -22,15 +22,25 @@ QUESTIONS: tuple[str, ...] = (
     "packages/dgl-assets",
     "packages/dgl-collect",
     "packages/dgl-gam",
-    "packages/dgl-physics",
     "packages/dgl-sadp",
     "packages/dgl-tasks",
-    "src/dexgarmentlab/evaluation",
-    "src/dexgarmentlab/cli/collect.py",
-    "src/dexgarmentlab/cli/eval.py",
-    "src/dexgarmentlab/cli/replay.py",
 )
-LONG: tuple[str, ...] = ("CHANGELOG.md", "docs/", "packages/")
+LONG: tuple[str, ...] = (
+    "CHANGELOG.md",
+    "docs/assets.md",
+    "docs/episode_format.md",
+    "docs/gam.md",
+    "docs/many_machines.md",
+    "docs/physics.md",
+    "docs/sadp.md",
+    "docs/tasks.md",
+    "packages/dgl-assets/README.md",
+    "packages/dgl-collect/README.md",
+    "packages/dgl-files/README.md",
+    "packages/dgl-gam/README.md",
+    "packages/dgl-sadp/README.md",
+    "packages/dgl-tasks/README.md",
+)
 
 
 def find_questions(source: str) -> Iterator[int]:

@@ -34,15 +34,15 @@ O = TypeVar("O", bound=RunOptions)
 class CollectOptions:
     """Collect demonstrations of a task automatically.
 
-    Makes the attempts, keeps the episodes of those that succeed, and says why the others did not. The
-    results follow from the seed; they do not depend on the number of workers. Ctrl-C keeps every finished
-    attempt, and --resume continues.
+    Makes the attempts, keeps the episodes of those that succeed, and says why the others did not.
+    The results follow from the seed; they do not depend on the number of workers. Ctrl-C keeps
+    every finished attempt, and --resume continues.
 
     Example: dgl collect FoldTops-v1 --episodes 100 --workers 4 --out out/fold-tops
     """
 
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
-    """Which task, such as FoldTops-v1."""
+    """Task, such as FoldTops-v1."""
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
     episodes: int = 10
@@ -186,8 +186,10 @@ def _lines(summary: "Summary") -> list[str]:
     low, high = summary.success_interval
     median = summary.seconds_per_attempt["median"] or 0.0
     lines = [
-        f"{summary.task}: {summary.succeeded_first} of {summary.attempted} attempts succeeded at the first try, "
-        f"{summary.succeeded} with retries, {summary.success_rate:.1%} (95 % interval {low:.1%} to {high:.1%}), "
+        f"{summary.task}: {summary.succeeded_first} of {summary.attempted} attempts succeeded at "
+        "the first try, "
+        f"{summary.succeeded} with retries, {summary.success_rate:.1%} (95 % interval {low:.1%} to "
+        f"{high:.1%}), "
         f"{format_duration(median)} per attempt"
     ]
     return lines + describe_failures(summary.reasons, summary.details)

@@ -19,7 +19,8 @@ __all__ = ["CompareOptions", "run"]
 class CompareOptions:
     """Compare evaluations of one task on the episodes that all of them have run.
 
-    Every method of `dgl eval` meets the same garments at the same places, so what tells two methods apart are the
+    Every method of `dgl eval` meets the same garments at the same places, so what tells two methods
+    apart are the
     episodes that one of them does and the other does not: p is the exact test of McNemar.
 
     Example: dgl compare out/halo out/gam_dp3 out/dp3

@@ -27,15 +27,17 @@ SEED_OFFSET = 1_000_000
 class EvalOptions:
     """Evaluate a method on a task, as the paper does: episodes for each of several seeds.
 
-    Every method meets the same garments at the same places. Half of the garments are of the catalogue's
-    training split, half of its testing split, and they are counted apart. What is judged is the task's own
-    rule, with the arms out of the way. Ctrl-C keeps every finished episode, and --resume continues.
+    Every method meets the same garments at the same places. Half of the garments are of the
+    catalogue's training split, half of its testing split, and they are counted apart. What is
+    judged is the task's own rule, with the arms out of the way. Ctrl-C keeps every finished
+    episode, and --resume continues.
 
-    Example: dgl eval FoldTops-v1 --policy expert --episodes 50 --seeds 0,1,2 --workers 4 --out out/eval
+    Example: dgl eval FoldTops-v1 --policy expert --episodes 50 --seeds 0,1,2 --workers 4 --out
+        out/eval
     """
 
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
-    """Which task, such as FoldTops-v1."""
+    """Task, such as FoldTops-v1."""
     run: Flags[EvaluationOptions]
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
@@ -175,9 +177,11 @@ def _show(options: EvalOptions, results: "Results") -> None:
         "" if results.std is None else f" ± {results.std:.3f} over {len(results.by_seed)} seeds"
     )
     console.out(
-        f"{options.task}, {options.run.policy}: {total.first_try} of {total.episodes} episodes succeeded at the first try, "
+        f"{options.task}, {options.run.policy}: {total.first_try} of {total.episodes} episodes "
+        "succeeded at the first try, "
         f"{total.succeeded} with retries, "
-        f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to {total.interval[1]:.1%}"
+        f"{results.mean:.3f}{spread}, 95 % interval {total.interval[0]:.1%} to "
+        f"{total.interval[1]:.1%}"
     )
     rows: list[Sequence[object]] = [
         _row(f"seed {seed}", item) for seed, item in results.by_seed.items()

@@ -18,9 +18,10 @@ __all__ = ["RelabelOptions", "run"]
 class RelabelOptions:
     """Give recorded episodes the affordance that the Garment Affordance Model sees in their clouds.
 
-    For policies that will be run behind the model, from demonstrations that another matcher has guided, and for new weights of
-    the model. What the hands did stays as it was; episodes whose hands took hold elsewhere than the model would have sent
-    them are left out. Ctrl-C keeps every finished file, and the same command goes on.
+    For policies that will be run behind the model, from demonstrations that another matcher has
+    guided, and for new weights of the model. What the hands did stays as it was; episodes whose
+    hands took hold elsewhere than the model would have sent them are left out. Ctrl-C keeps every
+    finished file, and the same command goes on.
 
     Example: dgl relabel out/fling/episodes --out out/fling_gam
     """
@@ -55,8 +56,10 @@ def run(options: RelabelOptions) -> int:
         console.out_json(_to_json(result))
     else:
         console.out(
-            f"{len(result.written)} relabelled, {len(result.kept)} were there, {len(result.left_out)} left out "
-            f"with a point farther than {options.within:g} m from the hand's, {len(result.refused)} damaged or foreign"
+            f"{len(result.written)} relabelled, {len(result.kept)} were there, "
+            f"{len(result.left_out)} left out "
+            f"with a point farther than {options.within:g} m from the hand's, "
+            f"{len(result.refused)} damaged or foreign"
         )
     return EXIT_OK if result.written or result.kept else EXIT_FAILURE
 

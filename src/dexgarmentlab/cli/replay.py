@@ -20,9 +20,9 @@ __all__ = ["ReplayOptions", "run"]
 class ReplayOptions:
     """Send a recorded episode's commands to the simulation once more, and compare.
 
-    Every recorded joint state, pose, picture and cloud, the garment's particles at the end and the verdict
-    are compared. On the machine and with the packages of the record they are equal bit for bit. The exit
-    status is 1 when they are not.
+    Every recorded joint state, pose, picture and cloud, the garment's particles at the end and the
+    verdict are compared. On the machine and with the packages of the record they are equal bit for
+    bit. The exit status is 1 when they are not.
 
     Example: dgl replay out/fold/episodes/FoldTops-v1-s0-00000.h5 --video replay.mp4
     """
@@ -30,10 +30,10 @@ class ReplayOptions:
     episode: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")]
     """Episode file."""
     tolerance: float = 0.0
-    """Largest difference that still counts as reproduced, of joints [rad], poses and particles [m] and the
-    rule's value; above 0, pictures and clouds are not looked at."""
+    """Largest difference that still counts as reproduced, of joints [rad], poses and particles [m]
+    and the rule's value; above 0, pictures and clouds are not looked at."""
     video: Path | None = None
-    """Where to write a film of the replay, ending in .mp4."""
+    """File .mp4 to write a film of the replay to."""
     robots: Path | None = None
     """Folder of imported robots, for episodes of a robot that is not built in."""
     json: bool = False

@@ -15,9 +15,10 @@ __all__ = ["VerifyOptions", "run"]
 class VerifyOptions:
     """Check the folder of a collection or an evaluation; nothing in it is changed.
 
-    Every file is opened: shapes and numbers are right, lines and files agree, seeds are those of the run, success follows
-    from the recorded criteria, and the summary counts what there is. What is wrong is said in a line each, and the exit
-    status is 1 then.
+    Every file is opened: shapes and numbers are right, lines and files agree, seeds are those of
+        the run, success follows
+    from the recorded criteria, and the summary counts what there is. What is wrong is said in a
+    line each, and the exit status is 1 then.
 
     Example: dgl verify out/fold-tops
     """
@@ -42,7 +43,8 @@ def run(options: VerifyOptions) -> int:
         checks = verify_evaluation(folder)
     else:
         raise ValueError(
-            f"DIR must be the folder of a collection or an evaluation; {folder} has neither {RUN_FILE} nor "
+            f"DIR must be the folder of a collection or an evaluation; {folder} has neither "
+            f"{RUN_FILE} nor "
             f"{RESULTS_FILE}"
         )
     faults: list[str] = []
@@ -65,6 +67,7 @@ def run(options: VerifyOptions) -> int:
                     f"{part}: not complete: attempts {named} are not made yet; --resume makes them"
                 )
         console.out(
-            f"{folder}: {len(files)} file{'s' if len(files) > 1 else ''}, {len(faults) or 'no'} fault{'s' if len(faults) > 1 else ''}"
+            f"{folder}: {len(files)} file{'s' if len(files) > 1 else ''}, {len(faults) or 'no'} "
+            f"fault{'s' if len(faults) > 1 else ''}"
         )
     return EXIT_FAILURE if faults else EXIT_OK

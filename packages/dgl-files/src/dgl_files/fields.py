@@ -1,4 +1,4 @@
-"""Dataclasses and JSON, checked against annotations: one line of error with field, limit and value."""
+"""Dataclasses and JSON, checked against annotations; an error is one line with field and value."""
 
 import dataclasses
 import json

@@ -18,8 +18,8 @@ PARTIAL_MARK = ".partial"
 def written_beside(path: Path) -> Iterator[Path]:
     """Yield a hidden path beside `path`, and rename it into place when the block succeeds.
 
-    The partial file keeps the suffix, because encoders choose a format by it. When the block raises,
-    the partial file is removed and `path` is untouched.
+    The partial file keeps the suffix, because encoders choose a format by it. When the block
+    raises, the partial file is removed and `path` is untouched.
 
     Args:
         path: The finished file; its folder is made when missing.
