@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dgl_assets import load_garment
 from dgl_collect import read_episode, write_episode
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.relabel import Relabeller, relabel_episodes
+from dgl_tasks import get_task, task_ids
 
 TASK = "FlingTrousers-v1"
 WAISTBAND, HEMS = ("left_waistband", "right_waistband"), ("left_hem_middle", "right_hem_middle")
@@ -109,6 +111,51 @@ def test_bad_requests_are_refused(relabeller, fakes, tmp_path):
         relabeller.relabel(make_episode(fakes, stages=first))
 
 
+def make_episode_of(fakes, task, demonstration):
+    """An episode of a task: the garment of the demonstration, seen lying ahead in every stage."""
+    points = {name: xyz + AHEAD for name, xyz in demonstration.points.items()}
+    rng = np.random.default_rng(0)
+    low, high = (np.min([*points.values()], axis=0), np.max([*points.values()], axis=0))
+    cloud = rng.uniform(low, high + 0.01, (2048, 3)).astype(np.float32)
+    cloud[: len(points)] = list(points.values())
+    found = {name: {"xyz": xyz.tolist()} for name, xyz in points.items()}
+    stages = [
+        fakes.make_stage(number, name=stage.name, garment_point_cloud=cloud, points=found)
+        for number, stage in enumerate(demonstration.learned_stages)
+    ]
+    draws = {
+        f"{item.name}_{axis}": float(item.position["xy".index(axis)])
+        for item in task.objects
+        for axis in "xy"
+    }
+    return fakes.make_episode(task=task.id, stages=tuple(stages), randomisation=draws)
+
+
+def test_every_task_with_points_can_be_relabelled(fakes, monkeypatch):
+    """The stage runner and relabelling share the names of formulas, also of grasps at positions."""
+    any_garment = load_garment(load_demonstration(TASK).garment)  # the matcher does not use it
+    monkeypatch.setattr("dgl_collect.relabel.load_demonstrated_garment", lambda _: any_garment)
+    relabelled = []
+    for task in map(get_task, task_ids()):
+        demonstration = load_demonstration(task)
+        if not demonstration.points:
+            continue
+        episode = make_episode_of(fakes, task, demonstration)
+        after, _ = Relabeller(task.id, matcher=SamePlaces()).relabel(episode)
+        assert all(stage.points_affordance_feature.max() > 0 for stage in after.stages)
+        relabelled.append(task.id)
+    assert len(relabelled) == len(task_ids()) - 1  # Wear Bowl Hat has no points
+    assert "StoreTops-v1" in relabelled
+
+
+def test_draws_without_an_object_are_refused(fakes):
+    task = get_task("StoreTops-v1")
+    episode = make_episode_of(fakes, task, load_demonstration(task))
+    episode = dataclasses.replace(episode, randomisation={})
+    with pytest.raises(ValueError, match="the draws must tell where platform stands"):
+        Relabeller(task.id, matcher=SamePlaces()).relabel(episode)
+
+
 def test_a_task_without_points_is_refused():
-    with pytest.raises(ValueError, match="WearBowlHat-v1 has no points that a matcher finds"):
+    with pytest.raises(ValueError, match="WearBowlHat-v1 has no points for a matcher"):
         Relabeller("WearBowlHat-v1", matcher=SamePlaces())

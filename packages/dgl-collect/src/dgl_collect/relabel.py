@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_assets import load_garment
 from dgl_assets.robots import SIDES
-from dgl_collect.demonstration import load_demonstration
+from dgl_collect.demonstration import load_demonstrated_garment, load_demonstration
 from dgl_collect.episodes import Episode, StageRecord, read_episode, write_episode
 from dgl_collect.errors import CorruptEpisodeError
 from dgl_collect.names import Frames, name_scene
@@ -60,7 +59,7 @@ class Relabeller:
             raise ValueError(
                 f"{task} has no points for a matcher: its episodes hold no affordance to replace"
             )
-        garment = load_garment(self._demonstration.garment)
+        garment = load_demonstrated_garment(self._demonstration.garment)
         surface = sample_visible_surface(garment.vertices, garment.faces)
         self._demo_cloud = surface.astype(np.float32)
         self._matcher = matcher or GarmentAffordanceModel.load(
