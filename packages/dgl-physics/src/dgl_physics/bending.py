@@ -73,11 +73,7 @@ def make_bending(
 
 
 def unfold_hinges(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
-    """Lay the two triangles of each hinge into a plane.
-
-    Args:
-        rest: Rest positions [m], shape (V, 3).
-        hinges: (edge 0, edge 1, wing 0, wing 1), shape (H, 4).
+    """Lay the two triangles of each hinge (H, 4) into a plane.
 
     Returns:
         Positions [m], shape (H, 4, 2): the edge from the origin along the first axis, the first

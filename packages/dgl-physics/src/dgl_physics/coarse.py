@@ -56,13 +56,9 @@ class CoarseLevel:
 def build_coarse_level(
     rest: np.ndarray, faces: np.ndarray, masses: np.ndarray, moduli: MembraneModuli
 ) -> CoarseLevel:
-    """Build the coarse level of a garment.
+    """Build the coarse level of a garment; panels may lie on each other at rest.
 
-    Args:
-        rest: Rest positions [m], shape (V, 3). Panels may lie on each other in it.
-        faces: Vertex indices, shape (F, 3).
-        masses: Masses of the particles [kg], shape (V,).
-        moduli: Of the membrane.
+    Rest positions are in metres, shape (V, 3), faces have shape (F, 3), masses [kg] shape (V,).
     """
     hinges = topology.compute_hinges(faces)
     hinges = hinges[topology.is_flat_hinge(rest, hinges)]
@@ -246,13 +242,7 @@ class CoarseTable:
 def join_coarse_levels(
     levels: list[tuple[int, CoarseLevel]], particle_count: int, device: str
 ) -> CoarseTable:
-    """Join the coarse levels of garments.
-
-    Args:
-        levels: First particle of each garment, and its coarse level.
-        particle_count: Number of particles, padding included.
-        device: Warp device.
-    """
+    """Join the coarse levels of garments, each given with its first particle."""
     nodes = np.full((particle_count, WEIGHTS), -1, dtype=np.int32)
     weights = np.zeros((particle_count, WEIGHTS), dtype=np.float32)
     masses = np.zeros(particle_count)

@@ -69,13 +69,9 @@ def compute_tensile_modulus(moduli: MembraneModuli, angle: np.ndarray) -> np.nda
 def compute_edge_stiffness(
     rest: np.ndarray, faces: np.ndarray, edges: np.ndarray, net: float
 ) -> np.ndarray:
-    """Compute the stiffness of the springs along the edges [N/m], shape (E,).
+    """Compute the stiffness of the springs along sorted edges (E, 2) [N/m], shape (E,).
 
-    Args:
-        rest: Rest positions [m], shape (V, 3).
-        faces: Vertex indices, shape (F, 3).
-        edges: Vertex indices in ascending order, shape (E, 2), sorted.
-        net: Factor a of `MembraneModuli` [N/m].
+    `rest` are positions [m], shape (V, 3); `net` is the factor a of `MembraneModuli` [N/m].
     """
     a, b, c = (rest[faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6

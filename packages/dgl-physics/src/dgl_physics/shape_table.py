@@ -16,12 +16,9 @@ from dgl_physics.shapes import KIND_CODES, Shape
 def build_shape_table(
     shapes: Sequence[tuple[int, Shape]], contact_gap: float, device: str
 ) -> tuple[ShapeTable, tuple[Grid, ...]]:
-    """Build the table of the shapes and the bodies that they are fixed to.
+    """Build the table of pairs of a body and its shape.
 
-    Args:
-        shapes: Body and shape.
-        contact_gap: Largest distance of a particle from a surface that acts on it [m].
-        device: Warp device.
+    `contact_gap` is the largest distance of a particle from a surface that acts on it [m].
 
     Returns:
         The table, and the grids of its meshes, which must be kept as long as the table: it points

@@ -47,11 +47,9 @@ class Stencils:
 def upload_stencils(
     blocks: Sequence[tuple[StencilBlock, np.ndarray, int]], device: str
 ) -> Stencils:
-    """Join the constraints of garments and bring them onto a device.
+    """Join the constraints of garments on a device.
 
-    Args:
-        blocks: Constraints of a garment, their colours, and the index of its first particle.
-        device: Warp device.
+    A block holds a garment's constraints, their colours, and the index of its first particle.
     """
     colours = np.concatenate([np.zeros(0, np.int32), *(colour for _, colour, _ in blocks)])
     order, colour_start = sort_by_colour(colours)

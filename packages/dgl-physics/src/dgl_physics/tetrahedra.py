@@ -1,4 +1,8 @@
-"""Tetrahedral meshes: checks, surfaces, and thin shells made of prisms."""
+"""Tetrahedral meshes: checks, surfaces, and thin shells made of prisms.
+
+Positions `vertices` are in metres, shape (V, 3); `tets` and `faces` are vertex indices, shapes
+(T, 4) and (F, 3), counter-clockwise seen from outside.
+"""
 
 import numpy as np
 
@@ -17,11 +21,7 @@ def compute_volumes(vertices: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def check_tets(vertices: np.ndarray, tets: np.ndarray) -> None:
-    """Check that a tetrahedral mesh can be simulated.
-
-    Args:
-        vertices: Positions [m], shape (V, 3).
-        tets: Vertex indices, shape (T, 4), integer; each of positive volume.
+    """Check that a mesh of tetrahedra of positive volume can be simulated.
 
     Raises:
         MeshError: Naming the first offending index and the count.
@@ -85,11 +85,6 @@ def extrude_shell(
 
     Each triangle becomes a prism between the surface and its inner copy, and each prism three
     tetrahedra whose diagonals start at the lower vertex index, so neighbours agree.
-
-    Args:
-        vertices: Positions of the outer side [m], shape (V, 3).
-        faces: Triangles, counter-clockwise seen from outside, shape (F, 3).
-        thickness: Of the wall [m].
 
     Returns:
         Vertices, shape (2 V, 3), the outer side first, and tetrahedra, shape (3 F, 4), int32.

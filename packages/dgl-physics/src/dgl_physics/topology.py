@@ -1,4 +1,8 @@
-"""Constraints of a triangle mesh: edges, hinges, masses, and their colouring."""
+"""Edges, hinges, panels and masses of a triangle mesh, and colouring of its constraints.
+
+Positions `vertices` and `rest` are in metres, shape (V, 3); `faces` and `edges` are vertex indices,
+shapes (F, 3) and (E, 2); hinges are (edge 0, edge 1, wing 0, wing 1), shape (H, 4).
+"""
 
 import numpy as np
 
@@ -43,10 +47,6 @@ def list_sides(faces: np.ndarray) -> np.ndarray:
 def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Check that a triangle mesh can be simulated as cloth.
 
-    Args:
-        vertices: Positions [m], shape (V, 3).
-        faces: Vertex indices, shape (F, 3), integer.
-
     Raises:
         MeshError: Naming the first offending index and the count.
     """
@@ -77,14 +77,7 @@ def compute_edges(faces: np.ndarray) -> np.ndarray:
 
 
 def compute_hinges(faces: np.ndarray) -> np.ndarray:
-    """Compute the hinges of a mesh.
-
-    Args:
-        faces: Vertex indices, shape (F, 3).
-
-    Returns:
-        (edge 0, edge 1, wing 0, wing 1) of each inner edge, shape (H, 4), int32.
-    """
+    """Compute the hinge of each inner edge of a mesh, shape (H, 4), int32."""
     directed = list_sides(faces)
     opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
     keys = np.sort(directed, axis=1)
@@ -100,10 +93,6 @@ def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     A seam of two panels that lie on each other is folded by 180 degrees at rest; it has no
     bending stiffness here, as a sewn seam turns freely.
 
-    Args:
-        rest: Rest positions [m], shape (V, 3).
-        hinges: Shape (H, 4).
-
     Returns:
         Shape (H,), bool: True if the wings lie on opposite sides of the edge.
     """
@@ -118,10 +107,6 @@ def is_flat_hinge(rest: np.ndarray, hinges: np.ndarray) -> np.ndarray:
 
 def label_panels(faces: np.ndarray, open_hinges: np.ndarray) -> np.ndarray:
     """Label the panels of a mesh: triangles joined by hinges that are open at rest.
-
-    Args:
-        faces: Vertex indices, shape (F, 3).
-        open_hinges: (edge 0, edge 1, wing 0, wing 1) of hinges within panels, shape (H, 4).
 
     Returns:
         Panel of each triangle, shape (F,), int64, from 0 in the order of their first triangle.
@@ -227,14 +212,9 @@ def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.n
     Limitations: particles that share an edge are not kept apart, edges of different length need a
     little more than the sum of these radii, and edges stretch: near a bound, not a proof.
 
-    Args:
-        rest: Rest positions [m], shape (V, 3).
-        edges: Vertex indices, shape (E, 2).
-        thickness: Least distance of two particles [m].
-
     Returns:
-        Radius of each particle [m], shape (V,): half of the thickness, or what the longest of its
-        edges needs.
+        Radius of each particle [m], shape (V,): half of the thickness [m], or more where its
+        longest edge needs it.
     """
     lengths = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
     longest = np.zeros(len(rest))
@@ -246,13 +226,7 @@ def compute_radii(rest: np.ndarray, edges: np.ndarray, thickness: float) -> np.n
 def find_close_wings(rest: np.ndarray, faces: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Find pairs of vertices opposite to an edge that touch where the mesh is flat.
 
-    Args:
-        rest: Rest positions [m], shape (V, 3).
-        faces: Vertex indices, shape (F, 3).
-        radius: Radius of each vertex [m], shape (V,).
-
-    Returns:
-        Pairs of vertices, shape (N, 2), int32.
+    Vertices have a `radius` [m], shape (V,); the pairs have shape (N, 2), int32.
     """
     e0, e1, w0, w1 = compute_hinges(faces).T
     edge = rest[e1] - rest[e0]
