@@ -1,4 +1,4 @@
-"""Press a felt bowl hat onto a head with a plate, let go, and say how well it springs back.
+"""Press a felt bowl hat onto a head with a plate, release it, and measure how it springs back.
 
 Run with `python bowl_hat.py`.
 """
@@ -60,7 +60,7 @@ def measure_change(positions: np.ndarray, rest: np.ndarray) -> np.ndarray:
 
 
 def main(youngs_modulus: float = 3e5, edge: float = 0.0125, speed: float = 0.1) -> dict:
-    """Put the hat on, press it down until it is 2 mm from the head, hold, let go.
+    """Put the hat on, press it down until it is 2 mm from the head, hold and release it.
 
     Args:
         youngs_modulus: Of the felt [Pa].

@@ -1,4 +1,4 @@
-"""Drop a square sheet on a sphere and say where it comes to rest.
+"""Drop a square sheet on a sphere and print its heights at rest.
 
 Run with `python drape_sheet.py`.
 """

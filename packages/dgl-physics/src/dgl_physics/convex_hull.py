@@ -93,7 +93,7 @@ def _compute_planes(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _assign(
     points: np.ndarray, planes: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Plane that each point is highest above, -1 where it is above none, and its height."""
+    """Find the plane that each point is highest above, -1 for none, and its height."""
     height = points @ planes[:, :3].T - planes[:, 3]  # (N, F)
     owner = np.argmax(height, axis=1)
     height = height[np.arange(len(points)), owner]
@@ -101,7 +101,7 @@ def _assign(
 
 
 def _find_rim(faces: np.ndarray) -> np.ndarray:
-    """Directed edges of some triangles whose other side is not among them, shape (E, 2)."""
+    """Find the directed edges of triangles whose other side is not among them, shape (E, 2)."""
     edges = topology.list_sides(faces).astype(np.int64)
     most = int(edges.max()) + 1
     is_inner = np.isin(edges[:, 0] * most + edges[:, 1], edges[:, 1] * most + edges[:, 0])

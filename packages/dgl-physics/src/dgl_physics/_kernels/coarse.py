@@ -82,7 +82,7 @@ def solve_limits(
 ):
     """Bring nodes that are too far from each other to their largest distance.
 
-    What pulls at a node that is held goes to `reaction`, mass times displacement [kg m].
+    The pull on a held node goes to `reaction`, mass times displacement [kg m].
     """
     c = first + wp.tid()
     i = pairs[c][0]
@@ -118,10 +118,10 @@ def move_with_nodes(
     position: wp.array(dtype=wp.vec3),
     tension: wp.array(dtype=wp.vec3),
 ):
-    """Move the particles by what the nodes that they belong to have moved.
+    """Move the particles by the weighted displacements of their nodes.
 
-    Particles that are held stay; what pulls at them goes to `tension`, as the displacement that
-    it would have given to them alone.
+    Held particles stay; the pull on them goes to `tension`, as the displacement that it would have
+    given to them alone.
     """
     i = wp.tid()
     tension[i] = wp.vec3(0.0, 0.0, 0.0)

@@ -16,7 +16,7 @@ GRID = wp.constant(5)  # and above
 BLOCK = wp.constant(4)
 """Fine cells along the side of a block."""
 HALF_DIAGONAL = wp.constant(0.8661)
-"""Of a unit cube, rounded up: how far a point of a cell is from its nearest node."""
+"""Half diagonal of a unit cube, rounded up: largest distance from the nearest node."""
 
 
 @wp.func

@@ -1,1 +1,1 @@
-"""Pictures of triangle meshes, drawn on the processor; and what their pixels show."""
+"""Pictures of triangle meshes, drawn on the CPU, with positions and segments of pixels."""

@@ -15,7 +15,7 @@ __all__ = ["make_twin"]
 def make_twin(
     kernel: Callable[..., None], code: str, *, rest: Callable[..., None] | None = None
 ) -> Callable[..., None]:
-    """Make a kernel of one thread that does what `count` threads of another do.
+    """Make a kernel of one thread that does the work of `count` threads of another.
 
     The twin takes `count`, the arguments of the kernel, and `scratch`, an array of int32 that it
     may write to. A kernel whose first argument is `first` solves the constraints of one colour; its
@@ -49,7 +49,7 @@ def make_twin(
         f"def {made.key}({declared}):",
         *(f"    {line}" for line in body),
     ]
-    # Warp reads the source of what it compiles.
+    # Warp reads the source that it compiles.
     file = f"<twin of {made.module.name}.{made.key}>"
     source = "\n".join(lines) + "\n"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
