@@ -203,8 +203,14 @@ def test_each_twin_equals_its_kernel(sheet, meshes, scene):
     assert set(TWINS) <= compared[0].seen
 
 
+# In the default tests, `test_each_twin_equals_its_kernel` covers the scenes left out here.
+LONG = ("make_damped_yarns", "make_torn", "make_environments")
+
+
 @NEEDS_VECTOR_CODE
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize(
+    "scene", [pytest.param(s, marks=pytest.mark.slow) if s in LONG else s for s in SCENES]
+)
 def test_both_codes_give_equal_particles(sheet, meshes, scene):
     mine, state = play(SCENES[scene](sheet, meshes), "vector")
     its, other = play(SCENES[scene](sheet, meshes), "warp")
