@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from dgl_assets import garment_ids, load_garment
 from dgl_bench.physics.experiment import Bench, Result
@@ -262,7 +262,7 @@ def measure_gaps(positions: np.ndarray, faces: np.ndarray, *, reach: float) -> n
     Returns:
         Distance [m], shape (V,), infinite where nothing is in reach.
     """
-    pairs = cKDTree(positions).query_pairs(reach, output_type="ndarray")
+    pairs = KDTree(positions).query_pairs(reach, output_type="ndarray")
     keys = [len(positions), 1]
     pairs = pairs[~np.isin(pairs @ keys, compute_edges(faces).astype(np.int64) @ keys)]
     distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
