@@ -28,7 +28,7 @@ from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.remesh import remesh_surface
 from dgl_assets.importing.report import measure_evenness
 from dgl_assets.importing.scale import find_unit
-from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.surface import SurfaceIndex
 from dgl_assets.importing.topology import compute_edge_table, find_loops
 
 _SPEC = importlib.util.spec_from_file_location("foreign", Path(__file__).parent / "foreign.py")
@@ -65,7 +65,7 @@ def test_nearest_place_is_that_of_brute_force():
     rng = np.random.default_rng(0)
     vertices, faces = sheet(6, 4, 0.05)
     vertices[:, 2] = 0.03 * np.sin(20 * vertices[:, 0])
-    surface = Surface(vertices, faces, spacing=0.006)
+    surface = SurfaceIndex(vertices, faces, spacing=0.006)
     points = rng.uniform([0, 0, -0.05], [0.3, 0.2, 0.05], (60, 3))
     found = surface.evaluate(*surface.locate(points))
     i, j = np.meshgrid(np.linspace(0, 1, 60), np.linspace(0, 1, 60))
@@ -79,7 +79,7 @@ def test_nearest_place_is_that_of_brute_force():
 def test_normals_keep_layers_apart_that_touch():
     vertices, faces = sheet(10, 10, 0.02)
     both = np.concatenate([faces, faces[:, ::-1] + len(vertices)])
-    surface = Surface(np.concatenate([vertices, vertices]), both, spacing=0.006)
+    surface = SurfaceIndex(np.concatenate([vertices, vertices]), both, spacing=0.006)
     points = vertices[12:100:7] + np.array([0.003, 0.002, 0])
     for sign, low, high in ((1, 0, len(faces)), (-1, len(faces), 2 * len(faces))):
         found, _ = surface.locate(points, np.tile([0.0, 0, sign], (len(points), 1)))
@@ -347,6 +347,30 @@ def test_the_asset_folder_is_what_it_says(scarf, tmp_path):
     assert meta["vertex_count"] == report.vertex_count
     assert meta["scale"] == 0.01
     assert (report.folder / "mesh.obj").stat().st_mode & 0o044 == 0o044
+
+
+def test_names_keep_the_letters_of_any_alphabet():
+    kept = ("衬衫", "chemise-é", "платье_2", "قميص", "साड़ी", "เสื้อ", "a__b", "Tops-1")
+    assert [importer.make_asset_name(name) for name in kept] == list(kept)
+    changed = {"red scarf": "red_scarf", "a/../b": "a_b", "red\udcff": "red", "e\u0301": "é"}
+    assert {name: importer.make_asset_name(name) for name in changed} == changed
+    for name in ("", "!?", "..", "\u0301"):
+        with pytest.raises(ValueError, match="letters or digits"):
+            importer.make_asset_name(name)
+
+
+def test_long_names_stay_different_and_short_enough_for_a_folder():
+    names = {importer.make_asset_name("衬" * 200 + end) for end in "ab"}
+    assert len(names) == 2
+    assert max(len(name.encode()) for name in names) <= 120
+
+
+def test_names_that_are_not_latin_become_folders(tmp_path):
+    for name in ("衬衫", "chemise-é"):
+        (tmp_path / f"{name}.obj").write_text(SCARF)
+        report = bring(tmp_path / f"{name}.obj", tmp_path)
+        assert report.folder.name == name
+        assert load_asset(report.folder).name == name
 
 
 def test_an_asset_can_be_imported_again(scarf, tmp_path):

@@ -12,7 +12,7 @@ import trimesh
 
 from dgl_assets import AssetError, AssetNotFoundError
 from dgl_assets.robots import DEFAULT_ROBOT, JOINT_NAMES, SIDES, Robot
-from dgl_assets.robots.importing import ImportOptions, import_robot, list_robots, load_robot
+from dgl_assets.robots.importing import RobotImportOptions, import_robot, list_robots, load_robot
 from dgl_assets.robots.importing.fingers import rest_positions
 from dgl_assets.robots.importing.home import ArmChain
 from dgl_assets.robots.importing.poses import _tip
@@ -37,7 +37,7 @@ def library(tmp_path_factory):
         path = folder / f"{name}.urdf"
         path.write_text(text)
         reports[name] = import_robot(
-            path, name=name, out=folder / "robots", kind=kind, options=ImportOptions(**options)
+            path, name=name, out=folder / "robots", kind=kind, options=RobotImportOptions(**options)
         )
     return folder / "robots", reports
 
@@ -51,7 +51,7 @@ def seven(tmp_path_factory):
         name="seven",
         out=folder / "r",
         kind="arm",
-        options=ImportOptions(ee_link="link8", tool_palm="-y"),
+        options=RobotImportOptions(ee_link="link8", tool_palm="-y"),
     )
     return path, folder / "r", report
 
@@ -80,7 +80,7 @@ def test_any_arm_goes_with_any_hand(library, tmp_path, name, full, dof):
     robot = load_robot(name, library[0])
     assert (robot.name, robot.dof, len(robot.joint_names)) == (full, dof, dof)
     raw = read_urdf(robot.build_urdf(tmp_path))
-    moving = tuple(j.name for j in raw.joints if j.kind != "fixed")
+    moving = tuple(j.name for j in raw.joints if j.axis is not None)
     assert moving == robot.joint_names
     assert {f"{side}_ee" for side in SIDES} <= {link.name for link in raw.links}
 
@@ -118,7 +118,7 @@ def test_the_arm_keeps_its_kinematics(library, tmp_path):
         T, values = np.eye(4), iter(q)
         for joint in raw.joints:
             T = T @ joint.joint_to_parent
-            if joint.kind == "revolute":
+            if joint.axis is not None:
                 turn = trimesh.transformations.rotation_matrix(next(values), joint.axis)
                 T = T @ turn
         pose = ArmChain(robot.arm.tree).linearise(q)[0]
@@ -231,7 +231,7 @@ def test_convex_pieces_are_files_of_the_robot(tmp_path, method):
         name="h",
         out=tmp_path / "r",
         kind="hand",
-        options=ImportOptions(collision=method),
+        options=RobotImportOptions(collision=method),
     )
     count = report.collision_shapes["mesh"]
     assert count == 1 if method == "keep" else 2 <= count <= 8
@@ -274,7 +274,7 @@ def test_given_poses_and_home_are_taken(tmp_path):
     (tmp_path / "hand.urdf").write_text(samples.sixteen_joint_hand())
     names = [f"{f}_joint_{k}" for f in ("index", "middle", "ring", "thumb") for k in range(4)]
     (tmp_path / "poses.json").write_text(json.dumps({"cradle": dict.fromkeys(names, 0.1)}))
-    options = ImportOptions(poses=tmp_path / "poses.json", grasp_point=(0.2, 0.03, 0.01))
+    options = RobotImportOptions(poses=tmp_path / "poses.json", grasp_point=(0.2, 0.03, 0.01))
     import_robot(tmp_path / "hand.urdf", name="h", out=tmp_path, kind="hand", options=options)
     hand = load_robot("h", tmp_path).hand
     np.testing.assert_allclose(hand.poses["cradle"], 0.1)

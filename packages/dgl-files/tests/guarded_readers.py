@@ -26,6 +26,11 @@ def sleep():
     time.sleep(30)
 
 
+def compute():
+    while True:
+        pass
+
+
 def fill_memory():
     return np.ones(2**30)
 

@@ -13,7 +13,7 @@ from mani_skill.utils.structs.types import SimConfig
 
 from dgl_assets import AssetNotFoundError
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
-from dgl_assets.robots.importing import ImportOptions, import_robot, load_robot
+from dgl_assets.robots.importing import RobotImportOptions, import_robot, load_robot
 from dgl_assets.robots.importing.home import compute_reach
 from dgl_tasks import get_task
 from dgl_tasks.control import ArmKinematics
@@ -68,14 +68,14 @@ def library(tmp_path_factory):
         path = folder / f"{name}.urdf"
         path.write_text(text)
         import_robot(
-            path, name=name, out=folder / "robots", kind=kind, options=ImportOptions(**options)
+            path, name=name, out=folder / "robots", kind=kind, options=RobotImportOptions(**options)
         )
     import_robot(
         samples.write_seven_joint_arm(folder),
         name="seven",
         out=folder / "robots",
         kind="arm",
-        options=ImportOptions(ee_link="link8", tool_palm="-y", home=folder / "home.json"),
+        options=RobotImportOptions(ee_link="link8", tool_palm="-y", home=folder / "home.json"),
     )
     return folder / "robots"
 

@@ -130,7 +130,7 @@ def _import(options: ImportRobotOptions) -> "RobotReport":
             name=options.name,
             out=options.robots,
             kind=options.kind,
-            options=importing.ImportOptions(
+            options=importing.RobotImportOptions(
                 root=options.root,
                 ee_link=options.ee_link,
                 hand_link=options.hand_link,

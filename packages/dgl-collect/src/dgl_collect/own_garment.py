@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass
@@ -104,7 +105,9 @@ def _digest(source: Path, category: str) -> str:
     Raises:
         AssetError: If there is no mesh, or it cannot be read.
     """
-    digest = hashlib.sha256(f"{category} {version('dgl-assets')} {source.name}".encode())
+    digest = hashlib.sha256(
+        f"{category} {version('dgl-assets')} ".encode() + os.fsencode(source.name)
+    )
     if source.is_dir():
         find_source(source)  # before all files of a large folder are read
         for path in sorted(path for path in source.rglob("*") if path.is_file()):
@@ -112,7 +115,7 @@ def _digest(source: Path, category: str) -> str:
         return digest.hexdigest()[:16]
     content = read_bytes(source)
     digest.update(content)
-    if detect_kind(source, content) != "zip":
+    if detect_kind(source) != "zip":
         raw = read_mesh(source)
         arrays = [raw.vertices, raw.faces, *([] if raw.uvs is None else [raw.uvs])]
         for part in [array.tobytes() for array in arrays] + [

@@ -40,7 +40,7 @@ def read_guarded(
             and lists and dictionaries of them.
         *arguments: For the reader, as JSON holds them.
         file: Name of what is read, for messages.
-        seconds: Longest time [s].
+        seconds: Longest processor time [s]; by the clock it may take four times as long.
         gigabytes: Largest address space of the child, and largest file that it writes [GiB].
         errors: Classes of exceptions that are raised here as the reader raised them, made of their
             text.
@@ -63,7 +63,7 @@ def read_guarded(
         }
         code = _get_server().ask(request)
         problem = folder / _guard_server.ERROR_FILE
-        if code == -signal.SIGALRM:
+        if code in (-signal.SIGALRM, -signal.SIGXCPU):
             raise GuardError(f"{file} takes more than {seconds:g} s to read")
         if code == 0 and problem.is_file():
             error = json.loads(problem.read_text())

@@ -40,7 +40,7 @@ class MeshState:
         return kinds
 
     def label_vertices(self) -> np.ndarray:
-        """A curve that each vertex lies on, -1 for none, shape (V,)."""
+        """Curve of each vertex, -1 for none, shape (V,)."""
         labels = np.full(len(self.vertices), -1, dtype=np.int64)
         labels[self.curve_pairs] = self.curve_labels[:, None]
         return labels
@@ -140,10 +140,10 @@ def flip_edges(state: MeshState, *, rounds: int = 8) -> None:
 
 
 def compute_smoothed(state: MeshState, *, strength: float) -> np.ndarray:
-    """Positions that even out the triangles, shape (V, 3).
+    """Compute positions that even out the triangles, shape (V, 3).
 
-    Free vertices move in their tangent plane to the area-weighted mean of the triangles around; vertices on a
-    curve move along it to the middle of their neighbours; fixed ones stay.
+    Free vertices move in their tangent plane to the area-weighted mean of the triangles around.
+    Vertices on a curve move along it to the middle of their neighbours. Fixed ones stay.
     """
     vertices, faces = state.vertices, state.faces
     normals, areas = compute_normals(vertices, faces)
@@ -236,7 +236,7 @@ def _split(
 def _plan_collapses(
     state: MeshState, edges: EdgeTable, candidates: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which end stays, where it goes, and whether the edge may go at all."""
+    """Find the end that stays, its new position, and the edges that may be collapsed."""
     pairs = edges.pairs[candidates]
     kinds = state.classify()
     first, second = kinds[pairs[:, 0]], kinds[pairs[:, 1]]
@@ -286,7 +286,7 @@ def _keeps_shape(
 def _choose_apart(
     count: int, edges: np.ndarray, pairs: np.ndarray, urgency: np.ndarray
 ) -> np.ndarray:
-    """Choose edges with the lowest urgency value around them, no two within one edge of each other."""
+    """Choose edges of locally lowest urgency value, no two within one edge of each other."""
     rank = np.empty(len(pairs), dtype=np.int64)
     rank[np.argsort(urgency, kind="stable")] = np.arange(len(pairs))
     best = np.full(count, len(pairs), dtype=np.int64)

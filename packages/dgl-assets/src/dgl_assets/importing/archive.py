@@ -2,112 +2,78 @@
 
 from __future__ import annotations
 
-import lzma
 import stat
-import struct
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from dgl_assets.importing.bounds import (
-    MAX_BUFFER_BYTES,
-    MAX_MEMBERS,
-    MAX_NAME_BYTES,
-    check_count,
-)
+from dgl_assets.importing.bounds import MAX_BUFFER_BYTES, MAX_MEMBERS, check_count
 from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
-from dgl_assets.importing.paths import read_bytes
+from dgl_assets.importing.guarded import call_reader
+from dgl_assets.importing.paths import check_file
 
 _BLOCK = 1 << 20
-_ENTRY = b"PK\x01\x02"  # begins the entry of each member; other data may hold it by chance
-_LONGEST_PATH = 1000  # bytes
+_LONGEST_PATH = 1000
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Unpack an archive into an empty folder.
+    """Unpack an archive into an empty folder, in a child process.
 
     Args:
         archive: A zip file.
-        folder: Where to; it exists.
+        folder: Folder to write into; it exists.
 
     Raises:
         UnsafePathError: If a member is absolute, leads out of the folder, or is a link.
-        UnreadableFileError: If the archive is broken, encrypted, or larger unpacked than the limits.
+        UnreadableFileError: If the archive is broken, encrypted, or too large when unpacked.
     """
-    name = archive.name
-    check_count(read_bytes(archive).count(_ENTRY), 10 * MAX_MEMBERS, "members", name)
-    try:
-        with zipfile.ZipFile(archive) as source:
-            members = source.infolist()
-            targets = _check(name, members)
-            left = MAX_BUFFER_BYTES
-            for member, inside in zip(members, targets, strict=True):
-                target = folder / inside
-                if member.is_dir():
-                    target.mkdir(parents=True, exist_ok=True)
-                    continue
+    check_file(archive)
+    call_reader(unpack_members, str(archive.absolute()), str(folder.absolute()), file=archive.name)
+
+
+def unpack_members(archive: str, folder: str) -> None:
+    """Unpack all members; `unpack` calls this in the child process."""
+    name, left = Path(archive).name, MAX_BUFFER_BYTES
+    entries = Path(archive).read_bytes().count(b"PK\1\2")  # each member has one; others are chance
+    check_count(entries, 10 * MAX_MEMBERS, "members", name)
+    with zipfile.ZipFile(archive) as source:
+        members = source.infolist()
+        check_count(len(members), MAX_MEMBERS, "members", name)
+        check_count(sum(m.file_size for m in members), MAX_BUFFER_BYTES, "bytes unpacked", name)
+        for member in members:
+            target = Path(folder, _find_place(name, member))
+            if member.is_dir():
+                target.mkdir(parents=True, exist_ok=True)
+                continue
+            try:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with source.open(member) as stream, target.open("xb") as file:
                     while block := stream.read(_BLOCK):
-                        left -= len(block)  # what headers claim may be a lie
-                        if left < 0:
-                            raise UnreadableFileError(
-                                f"{name} unpacks to more than {MAX_BUFFER_BYTES:,} bytes"
-                            )
+                        left -= len(block)  # headers may claim too little
+                        check_count(-left, 0, "bytes unpacked beyond the limit", name)
                         file.write(block)
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        lzma.LZMAError,
-        struct.error,
-        ArithmeticError,
-        EOFError,
-        IndexError,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-    ) as err:
-        raise UnreadableFileError(
-            f"{name} is no whole zip archive ({type(err).__name__}: {str(err)[:120]})"
-        ) from err
-    except OSError as err:  # of damaged bzip2, too
-        raise UnreadableFileError(
-            f"{name} cannot be unpacked: {err.strerror or 'a member is damaged'}"
-        ) from err
+            except FileExistsError as err:
+                raise UnreadableFileError(
+                    f"{name} holds the name {member.filename[:120]!r} twice; pack it again"
+                ) from err
+            except OSError as err:  # a name too long, a file where a folder is needed, or damage
+                raise UnreadableFileError(
+                    f"{name}: {member.filename[:120]!r} cannot be unpacked: "
+                    f"{err.strerror or 'it is damaged'}"
+                ) from err
 
 
-def _check(name: str, members: list[zipfile.ZipInfo]) -> list[PurePosixPath]:
-    """Check every member; return where each goes in the folder."""
-    check_count(len(members), MAX_MEMBERS, "members", name)
-    claimed = sum(member.file_size for member in members)
-    if claimed > MAX_BUFFER_BYTES:
+def _find_place(name: str, member: zipfile.ZipInfo) -> PurePosixPath:
+    """Find the place of a member in the folder; refuse one outside, a link, and encryption."""
+    path, said = PurePosixPath(member.filename.replace("\\", "/")), repr(member.filename[:120])
+    has_drive = bool(PureWindowsPath(member.filename).drive)
+    if path.is_absolute() or ".." in path.parts or has_drive or not path.parts:
+        raise UnsafePathError(f"{name} holds the path {said}, which leads out of it")
+    if stat.S_ISLNK(member.external_attr >> 16):
+        raise UnsafePathError(f"{name} holds the link {said}")
+    if len(member.filename) > _LONGEST_PATH:
         raise UnreadableFileError(
-            f"{name} unpacks to {claimed:,} bytes; at most {MAX_BUFFER_BYTES:,} are unpacked"
+            f"{name} holds a name of {len(member.filename):,} characters, {said}"
         )
-    paths = [PurePosixPath(member.filename.replace("\\", "/")) for member in members]
-    files: set[PurePosixPath] = set()
-    for member, path in zip(members, paths, strict=True):
-        said = repr(member.filename[:120])
-        has_drive = bool(PureWindowsPath(member.filename).drive)
-        if path.is_absolute() or ".." in path.parts or has_drive or not path.parts:
-            raise UnsafePathError(f"{name} holds the path {said}, which leads out of it")
-        if stat.S_ISLNK(member.external_attr >> 16):
-            raise UnsafePathError(f"{name} holds the link {said}")
-        if member.flag_bits & 1:
-            raise UnreadableFileError(f"{name} is encrypted: {said}")
-        longest = max(len(part.encode("utf-8", "replace")) for part in path.parts)
-        if longest > MAX_NAME_BYTES or len(str(path).encode("utf-8", "replace")) > _LONGEST_PATH:
-            raise UnreadableFileError(
-                f"{name} holds a name of {len(member.filename):,} characters, which begins {said}; at most "
-                f"{MAX_NAME_BYTES} bytes are written"
-            )
-        if path in files:
-            raise UnreadableFileError(f"{name} holds the name {said} twice; pack it again")
-        if not member.is_dir():
-            files.add(path)
-    for path in paths:
-        if any(parent in files for parent in path.parents):
-            raise UnreadableFileError(
-                f"{name} holds {str(path)[:120]!r} inside of what is a file there; pack it again"
-            )
-    return paths
+    if member.flag_bits & 1:
+        raise UnreadableFileError(f"{name} is encrypted: {said}")
+    return path

@@ -1,7 +1,7 @@
 """The folder of an imported asset: mesh.obj, keypoints.json, meta.json, and what else it has.
 
-`rest.obj` is there when the garment was laid flat: the same triangles, unstrained. `material.mtl` and `texture.png` or
-`.jpg` are there when it has a picture.
+A garment that was laid flat has `rest.obj`: the same triangles, unstrained. One with a picture has
+`material.mtl` and `texture.png` or `texture.jpg`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.imported import ImportedGarment
 from dgl_assets.importing.paths import read_bytes, read_json
-from dgl_assets.importing.raw import RawMesh, Texture, check_raw
+from dgl_assets.importing.raw import ClothPicture, RawMesh, check_raw
 from dgl_assets.importing.read_obj import read_obj
 from dgl_assets.importing.source import KEYPOINTS_FILE, META_FILE
 
@@ -34,21 +34,21 @@ def write_asset(
     faces: np.ndarray,
     rest_vertices: np.ndarray | None,
     uvs: np.ndarray | None,
-    texture: Texture | None,
+    texture: ClothPicture | None,
     landmarks: dict[str, int],
     meta: dict[str, Any],
 ) -> None:
     """Write the files of an asset into an empty folder.
 
     Args:
-        folder: Where to.
+        folder: Folder to write into.
         vertices: Positions [m], shape (V, 3), garment frame.
         faces: Triangles, shape (F, 3), int.
-        rest_vertices: Unstrained positions [m], shape (V, 3), if they are others.
+        rest_vertices: Unstrained positions [m], shape (V, 3), if they differ.
         uvs: Texture coordinates of corners, shape (F, 3, 2).
         texture: Picture.
         landmarks: Vertex id of each named point.
-        meta: What to record.
+        meta: Content of meta.json.
     """
     has_picture = texture is not None and uvs is not None
     _write_obj(folder / MESH_FILE, vertices, faces, uvs=uvs, use_material=has_picture)
@@ -96,7 +96,8 @@ def load_asset(folder: str | Path) -> ImportedGarment:
             raise UnreadableFileError(f"{REST_FILE} has other faces than {MESH_FILE} in {folder}")
     elif meta.get("is_laid_flat"):
         raise UnreadableFileError(
-            f"{folder / REST_FILE} is missing: the garment was laid flat, and its unstrained shape was there"
+            f"{folder / REST_FILE} is missing: the garment was laid flat, and its unstrained shape "
+            "was there"
         )
     pictures = [folder / f"texture{suffix}" for suffix in (".png", ".jpg")]
     try:
@@ -129,7 +130,8 @@ def _read_thickness(meta: dict[str, Any], path: Path) -> float | None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not 0 < value <= _THICKEST:
         raise UnreadableFileError(
-            f"{path}: wall_thickness must be above 0 and at most {_THICKEST} m, or null; got {reprlib.repr(value)}"
+            f"{path}: wall_thickness must be above 0 and at most {_THICKEST} m, or null; got "
+            f"{reprlib.repr(value)}"
         )
     return float(value)
 

@@ -1,4 +1,4 @@
-"""Limits of what is read. Each is looked at before the work that it bounds is done."""
+"""Limits of files that are read."""
 
 from __future__ import annotations
 
@@ -10,14 +10,10 @@ MAX_VERTICES = 1_000_000
 """Most vertices of a mesh that is imported; garments of games and films have 5,000 to 200,000."""
 MAX_FACES = 2_000_000
 """Most triangles of a mesh that is imported."""
-MAX_COORDINATES = 3_000_000
-"""Most texture coordinates: three for each vertex of the largest mesh."""
 LARGEST_COORDINATE = 1e9
 """Largest position along an axis, in units of the file."""
 MAX_LINES = 6_000_000
-"""Most lines of a text file: vertices, normals, texture coordinates and faces of the largest mesh."""
-MAX_LINE = 2**20
-"""Longest line of a text file [characters]."""
+"""Most lines of a text file, those of the largest mesh."""
 MAX_OBJECTS = 2000
 """Most objects and groups whose names are kept."""
 MAX_LIBRARIES = 16
@@ -36,16 +32,12 @@ MAX_BUFFER_BYTES = 2 * MAX_FILE_BYTES
 """Largest sum of what a file refers to or unpacks to [bytes]."""
 MAX_MEMBERS = 2000
 """Most files in an archive."""
-MAX_NAME_BYTES = 255
-"""Longest name of a file in an archive, as file systems have it."""
 MAX_MODELS = 20_000
 """Most models below a folder."""
 MAX_KEYPOINTS = 1000
 """Most named points of a garment."""
 MAX_TEXT = 500
 """Longest name or text in a JSON file [characters]."""
-MAX_DIGITS = 40
-"""Longest whole number in a JSON file."""
 
 
 def check_size(vertices: int, faces: int, name: str) -> None:
@@ -56,7 +48,8 @@ def check_size(vertices: int, faces: int, name: str) -> None:
     """
     if vertices > MAX_VERTICES or faces > MAX_FACES:
         raise UnreadableFileError(
-            f"{name} has {vertices:,} vertices and {faces:,} faces; at most {MAX_VERTICES:,} and {MAX_FACES:,} "
+            f"{name} has {vertices:,} vertices and {faces:,} faces; at most {MAX_VERTICES:,} and "
+            f"{MAX_FACES:,} "
             "are imported, so reduce it first"
         )
 
@@ -67,8 +60,8 @@ def check_count(count: int, most: int, what: str, name: str) -> None:
     Args:
         count: How many there are.
         most: How many are read.
-        what: Of them, such as "lines".
-        name: Of the file.
+        what: Kind of items, such as "lines".
+        name: Name of the file.
 
     Raises:
         UnreadableFileError: With count and limit.

@@ -1,4 +1,4 @@
-"""What an imported garment of each category must look like."""
+"""Sizes and openings of imported garments by category."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ class CategoryFacts:
     openings: tuple[str, ...]
     """Openings that every garment of the category has."""
     size: tuple[float, float]
-    """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % of it [m]. Where sleeves may
-    be short or long, several units may be plausible; else the ends differ by less than a factor of 2.54, so that inches and
-    centimetres exclude each other."""
+    """Plausible longest extent of the bounding box, from a child's to XXL, life size or 85 % [m].
+
+    Where sleeves may be short or long, several units may be plausible. Elsewhere the ends differ by
+    less than a factor of 2.54, so that inches and centimetres exclude each other.
+    """
     trunk: float | None = None
-    """Usual size of the part without sleeves, the geometric mean of its length and width [m]; None where sleeves are no matter."""
+    """Usual size without sleeves, the geometric mean of length and width [m], where it matters."""
     wall_thickness: float | None = None
     """None for a sheet of cloth; thickness of the wall that an elastic shell gets [m]."""
 

@@ -1,4 +1,4 @@
-"""Make sure that a mesh is one sheet of cloth: repair what is safe, and refuse the rest with place and count."""
+"""Check that a mesh is one sheet of cloth: repair safe faults, refuse others with their place."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class CleanMesh:
     vertex_ids: np.ndarray
     """Vertex of each vertex of the file, -1 for those that are gone, shape (W,)."""
     notes: tuple[str, ...]
-    """What was repaired."""
+    """Repairs that were made."""
 
 
 def clean_mesh(
@@ -55,17 +55,19 @@ def clean_mesh(
     """Weld and check a mesh.
 
     Args:
-        raw: What was read.
-        name: Of the file, for messages.
+        raw: Content of the file.
+        name: Name of the file, for messages.
         choice: Object or connected part to take; see `split_choice`.
-        weld: Distance below which open edges are sewn together, in the units of the file; found from the size when
-            None.
+        weld: Distance below which open edges are sewn together, in the units of the file; found
+            from the size when None.
 
     Returns:
-        The mesh: one piece, two faces at most at each edge, one fan of faces at each vertex, one orientation.
+        The mesh: one piece, at most two faces at each edge, one fan of faces at each vertex, one
+        orientation.
 
     Raises:
-        BrokenMeshError: If that would need guessing. Numbers in messages are those of the file, from 0.
+        BrokenMeshError: If that would need guessing. Numbers in messages are those of the file,
+            from 0.
     """
     wanted, part = split_choice(choice, raw)
     raw = choose_object(raw, wanted, name)
@@ -131,14 +133,15 @@ def _find_sound_faces(
     slivers = np.flatnonzero(2 * areas <= _SLIVER * longest)
     if len(slivers) > _MAX_SLIVERS * len(keep):
         raise BrokenMeshError(
-            f"{name}: {len(slivers)} of {len(keep)} faces have no area, the first is face {keep[slivers[0]]} "
+            f"{name}: {len(slivers)} of {len(keep)} faces have no area, the first is face "
+            f"{keep[slivers[0]]} "
             f"with vertices {faces[keep[slivers[0]]].tolist()}"
         )
     return keep, notes
 
 
 def _drop_doubles(faces: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Keep one of faces with the same corners, or none where it would be a third face at an edge."""
+    """Keep one of equal faces, or none where it would be a third face at an edge."""
     _, first, group, counts = np.unique(
         np.sort(faces[keep], axis=1),
         axis=0,
@@ -160,7 +163,7 @@ def _drop_doubles(faces: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, list
 
 
 def _orient(faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Turn faces so that neighbours agree, as few as possible; return the faces and which were turned."""
+    """Turn as few faces as possible so that neighbours agree; return the faces and a mask."""
     edges = compute_edge_table(faces)
     inner = np.flatnonzero(edges.counts == 2)
     first, second = edges.faces[inner].T
@@ -184,7 +187,8 @@ def _orient(faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     twisted = np.flatnonzero(labels[:count] == labels[count:])
     if len(twisted):
         raise BrokenMeshError(
-            f"{name}: {len(twisted)} faces lie on a one-sided surface (a twisted band), the first is face "
+            f"{name}: {len(twisted)} faces lie on a one-sided surface (a twisted band), the first "
+            "is face "
             f"{twisted[0]}; cloth needs an inside and an outside"
         )
     _, pieces = label_components(count, edges.faces[inner])
@@ -204,14 +208,14 @@ def _choose_piece(
     """Choose the piece that is the garment; scraps such as buttons are left out.
 
     Args:
-        raw: What was read.
+        raw: Content of the file.
         faces: Welded triangles of the file, shape (F, 3).
         keep: Those that are sound, shape (N,).
-        name: Of the file.
+        name: Name of the file.
         part: Number of the piece by its area, from 1; found when None.
 
     Returns:
-        Which of the sound triangles it has, and what was left out.
+        Its sound triangles, and notes about parts that were left out.
     """
     count, labels = label_pieces(faces[keep])
     if count == 1 and part in (None, 1):
@@ -225,7 +229,8 @@ def _choose_piece(
                 f"{name} has {count} connected parts; there is no `object_name` part{part}"
             )
         return np.flatnonzero(labels == order[part - 1]), [
-            f"part{part} of {count} connected parts was taken, {shares[order[part - 1]]:.1%} of the area"
+            f"part{part} of {count} connected parts was taken, {shares[order[part - 1]]:.1%} of "
+            "the area"
         ]
     rest = order[1:]
     notes = []
@@ -237,7 +242,8 @@ def _choose_piece(
         raise BrokenMeshError(_describe_pieces(raw, faces, keep, labels, order, shares, name))
     if len(rest):
         notes.append(
-            f"{len(rest)} loose pieces of {scraps.sum():.2%} of the area (buttons, labels) were dropped"
+            f"{len(rest)} loose pieces of {scraps.sum():.2%} of the area (buttons, labels) were "
+            "dropped"
         )
     return np.flatnonzero(labels == order[0]), notes
 
@@ -248,14 +254,15 @@ def _leave_out_layers(
     """Leave out pieces that lie on the largest: pockets, and the inner side of a thickness.
 
     Returns:
-        The other pieces but the largest, in their order, and what was left out.
+        The other pieces but the largest, in their order, and notes about those left out.
     """
     main = faces[labels == order[0]]
     areas = compute_normals(raw.vertices, faces)[1]
     shares = np.bincount(labels, areas) / max(areas.sum(), 1e-300)
     if is_inner_side(raw.vertices, main, faces[labels == order[1]]):
         return order[2:], [
-            "a second piece runs along the inside of the first, its inner side or a lining; it was dropped"
+            "a second piece runs along the inside of the first, its inner side or a lining; it was "
+            "dropped"
         ]
     left, on_it, area = [], [], 0.0
     for label in order[1 : 1 + _LAYERS].tolist():
@@ -268,7 +275,8 @@ def _leave_out_layers(
     if not on_it:
         return order[1:], []
     return np.array([*left, *order[1 + _LAYERS :]], dtype=order.dtype), [
-        f"{len(on_it)} loose pieces that lie on the cloth (pockets, {area:.1%} of the area) were dropped"
+        f"{len(on_it)} loose pieces that lie on the cloth (pockets, {area:.1%} of the area) were "
+        "dropped"
     ]
 
 
@@ -281,13 +289,16 @@ def _describe_pieces(
     shares: np.ndarray,
     name: str,
 ) -> str:
-    """Say which pieces there are, and how one is chosen or all are joined."""
+    """List the pieces, and the options that choose one or join all."""
     shown = [f"part{k + 1} ({shares[p]:.1%} of the area)" for k, p in enumerate(order[:4])]
     listed = ", ".join(shown) + (", ..." if len(order) > 4 else "")
     named = list_objects(raw, keep)
     if named:
         listed = f"{named}; or {listed}"
-    text = f"{name}: the surface is in {len(order)} loose pieces; choose one with `object_name`: {listed}"
+    text = (
+        f"{name}: the surface is in {len(order)} loose pieces; choose one with `object_name`: "
+        + listed
+    )
     gap = measure_gap(raw.vertices, *(faces[keep][labels == order[k]] for k in (0, 1)))
     if gap is not None:
         text += (
@@ -300,7 +311,7 @@ def _split_fans(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Give each fan of faces around a vertex a vertex of its own.
 
     Returns:
-        The faces, and for each vertex the former one, shape (W,): first all former ones, then copies.
+        The faces, and the former vertex of each vertex, shape (W,): all former ones, then copies.
     """
     edges = compute_edge_table(faces)
     inner = np.flatnonzero(edges.counts == 2)

@@ -1,7 +1,8 @@
-"""What the codes in ClothesNet's names say.
+"""Codes in the names of ClothesNet's models.
 
-Layout: `<root>/<Category>/<Subtype>/<CODE>_<Name><number>/<CODE>_<Name><number>_obj.usd` as shared with GarmentLab, or a
-folder of OBJ, MTL and pictures per model. The data set comes with no licence text that allows passing it on.
+Layout: `<root>/<Category>/<Subtype>/<CODE>_<Name><number>/<CODE>_<Name><number>_obj.usd` as shared
+with GarmentLab, or a folder of OBJ, MTL and pictures per model. The data set comes with no licence
+text that allows passing it on.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from pathlib import Path
 LICENCE = "none known for ClothesNet: research only, do not redistribute"
 SOURCE = "ClothesNet"
 SCALE = 0.85
-"""Size over life size: robots reach both cuffs. With centimetres this is the factor 0.0085 of the DexGarmentLab paper's
-code."""
+"""Size over life size, so that robots reach both cuffs.
+
+With centimetres this is the factor 0.0085 of the DexGarmentLab paper's code.
+"""
 
 _CODE = re.compile(r"^(T[CNH][LSN][OC]|D[LS][LSN]S|P[LS]|HA|GL)_", re.ASCII)
 _COLLARS = {"C": "collar", "N": "no collar", "H": "hood"}
@@ -24,12 +27,12 @@ _LENGTHS = {"L": "long", "S": "short"}
 
 @dataclass(frozen=True, kw_only=True)
 class ClothesNetName:
-    """What a name says about a garment."""
+    """Facts about a garment in its name."""
 
     code: str
     """Such as "TNLC"."""
     category: str | None
-    """Category here; None where the code leaves it open: hats are caps or bowl hats, and short sleeves none of ours."""
+    """Category here; None for hats, which are caps or bowl hats, and for short sleeves."""
     subtype: str
     """In words."""
 

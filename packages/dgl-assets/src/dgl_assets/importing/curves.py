@@ -22,7 +22,7 @@ class CurveNetwork:
     pairs: np.ndarray
     """Edges of the lines, shape (K, 2), int64, the smaller vertex id first."""
     labels: np.ndarray
-    """Curve that each edge belongs to, shape (K,): a line between two fixed vertices, or a closed one."""
+    """Curve of each edge, shape (K,): a line between two fixed vertices, or a closed line."""
     fixed: np.ndarray
     """Vertices that must stay, mask of shape (V,)."""
 

@@ -23,7 +23,7 @@ class Directions:
     up: np.ndarray | None
     """From hem or legs to neck or waist, the garment's +y, shape (3,)."""
     notes: tuple[str, ...]
-    """What was found and what was left out."""
+    """Findings, and key points that were left out."""
 
     @property
     def axes(self) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""Why something cannot be imported. Each message is one line that names the file, the place and the remedy."""
+"""Errors of importing: one line each, with the file, the place and the remedy."""
 
 from dgl_assets.errors import AssetError
 
@@ -6,9 +6,10 @@ _LONGEST = 600  # characters
 
 
 class AssetImportError(AssetError):
-    """Base of the errors of importing. Names in files may be strange; the message is one line all the same.
+    """Base of the errors of importing; the message is one printable line, whatever names it holds.
 
-    Options that help are named as parameters in backquotes, such as `units`; the command line writes its flags there.
+    Options that help are named as parameters in backquotes, such as `units`; the command line
+    writes its flags in their place.
     """
 
     def __init__(self, message: str) -> None:
@@ -16,12 +17,12 @@ class AssetImportError(AssetError):
 
 
 def make_printable(text: str) -> str:
-    """Replace what no encoding can write: parts of names that are not UTF-8."""
+    """Replace parts of names that are not UTF-8, which no encoding can write."""
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def describe_install(extra: str, package: str) -> str:
-    """Say how an optional package is installed.
+    """Give the command that installs an optional package.
 
     Args:
         extra: Extra of this package that has it.

@@ -35,12 +35,14 @@ def find_garment(source: str | Path) -> AnyGarment:
         return load_asset(path)
     is_id = isinstance(source, str) and source.partition("/")[0] in list_categories()
     if is_id and not path.exists():
-        return load_garment(source)
+        return load_garment(str(source))
     if path.exists():
         raise AssetNotFoundError(
-            f"{path} is not the folder of an imported garment; `dgl assets import` makes one of a mesh file"
+            f"{path} is not the folder of an imported garment; `dgl assets import` makes one of a "
+            "mesh file"
         )
     raise AssetNotFoundError(
-        f"there is no garment {str(source)!r}: neither an id, such as Tops_LongSleeve/000123, nor a folder that is there; "
+        f"there is no garment {str(source)!r}: neither an id, such as Tops_LongSleeve/000123, nor "
+        "a folder that is there; "
         "`dgl assets import` and `dgl collect --garment` make folders of mesh files"
     )

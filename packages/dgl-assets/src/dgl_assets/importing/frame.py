@@ -30,14 +30,14 @@ _FLAT = 0.12  # depth over length of a garment that lies flat
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """How a garment stands in its file."""
+    """Orientation of a garment in its file."""
 
     rotation: np.ndarray
     """Rows are the garment's x, y, z in the axes of the file, shape (3, 3), a rotation."""
     up: str
     """Up axis of the file, as given, stated or found, such as "y"."""
     notes: tuple[str, ...]
-    """What was assumed."""
+    """Assumptions that were made."""
 
 
 def turn_outward(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -48,7 +48,8 @@ def turn_outward(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, b
         faces: Consistently oriented triangles, shape (F, 3), int.
 
     Returns:
-        Faces with normals outward, and whether they were turned. A sheet that encloses nothing stays as it is.
+        Faces with normals outward, and True if they were turned. A sheet that encloses nothing
+        stays as it is.
     """
     triangles = [vertices[faces]]
     for loop in find_loops(faces):  # close the openings
@@ -71,16 +72,16 @@ def find_frame(
     declared_up: str | None,
     directions: Directions,
 ) -> Frame:
-    """Find the directions of a garment from its openings, and its signs from key points where they tell them.
+    """Find the axes of a garment from its openings, and their signs from key points where given.
 
     Args:
         vertices: Positions, shape (V, 3), axes of the file.
         faces: Triangles with normals outward, shape (F, 3), int.
-        category: What it is.
+        category: Category of the garment.
         openings: Its openings.
-        up: Up axis if the user says it, a name of `AXES`.
+        up: Up axis given by the user, a name of `AXES`.
         declared_up: Up axis that the file states.
-        directions: What the names of key points tell.
+        directions: Directions told by the names of key points.
 
     Raises:
         ValueError: If `up` is unknown.
@@ -126,7 +127,7 @@ def find_frame(
 
 
 def _complete(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A rotation whose second row is y [unit vector], the first as near to x as can be."""
+    """Make a rotation with y [unit vector] as second row and the first row nearest to x."""
     x = x - y * (x @ y)
     size = np.linalg.norm(x)
     if size < 1e-9:
@@ -137,9 +138,10 @@ def _complete(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _name_axes(rotation: np.ndarray, named: np.ndarray) -> np.ndarray:
-    """The axes of a garment in the order and signs that its key points tell.
+    """Put the axes of a garment into the order and signs that its key points tell.
 
-    Openings give exact axes, but may be taken for others; key points lie anywhere on a part, but their names hold.
+    Openings give exact axes but may be mistaken for one another. Key points lie anywhere on a part,
+    but their names are right.
     """
     candidates = [turn @ rotation for turn in _list_turns()]
     best = max(candidates, key=lambda axes: float((axes * named).sum()))
@@ -152,7 +154,7 @@ def _find_body_axes(
     towards: np.ndarray | None,
     directions: Directions,
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """+y and an x of tops, dresses, coats and trousers."""
+    """Find +y and an x of tops, dresses, coats and trousers."""
     assert openings.pair is not None
     left, right = (vertices[loop].mean(axis=0) for loop in openings.pair)
     x = right - left
@@ -241,7 +243,7 @@ def _align_depth(rotation: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _list_turns() -> list[np.ndarray]:
-    """The 24 rotations that take axes to axes."""
+    """List the 24 rotations that take axes to axes."""
     turns = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -253,7 +255,7 @@ def _list_turns() -> list[np.ndarray]:
 
 
 def _snap(rotation: np.ndarray) -> np.ndarray | None:
-    """The rotation along the axes of the file that is near, if one is."""
+    """Find the rotation along the axes of the file that is near, if there is one."""
     for candidate in _list_turns():
         if (candidate * rotation).sum(axis=1).min() > _SNAP:
             return candidate
@@ -263,7 +265,7 @@ def _snap(rotation: np.ndarray) -> np.ndarray | None:
 def _name_up(
     rotation: np.ndarray, vertices: np.ndarray, category: str, stated: str | None
 ) -> tuple[str, str]:
-    """The up axis of the file, and how it was found."""
+    """Name the up axis of the file, and the way in which it was found."""
     if stated is not None:
         return stated, ""
     if category in _ON_THEIR_RIM:

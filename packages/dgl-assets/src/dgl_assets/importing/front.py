@@ -54,13 +54,14 @@ def turn_front_up(
         if abs(deeper) > _FRONT_CLEAR:
             how = "sure" if abs(deeper) > _FRONT_SURE else "not sure, see whether it is so"
             return (rotation if deeper > 0 else turned), [
-                f"front where the neckline or waist is lower, by {abs(deeper):.1%} of the length: {how}"
+                f"front where the neckline or waist is lower, by {abs(deeper):.1%} of the length: "
+                f"{how}"
             ]
     if towards is not None and abs(rotation[2] @ towards) > _ALIGNED:
         return (rotation if rotation[2] @ towards > 0 else turned), [
             "front and back look alike; assumed that it lies on its back, a mere guess"
         ]
-    # Standing bodies look along +z where y is up, along -y where z is up; others lie on their backs.
+    # Standing bodies look along +z if y is up, along -y if z is up; others lie on their backs.
     if abs(rotation[1][1]) > _ALIGNED:
         ahead = np.array([0.0, 0, 1])
     elif rotation[1][2] > _ALIGNED:
@@ -69,7 +70,8 @@ def turn_front_up(
         ahead = np.eye(3)[np.argmax(np.abs(rotation[2]))]
     side = rotation[2] @ ahead
     return (rotation if side >= 0 else turned), [
-        "front and back look alike; the front is assumed as is usual for the axes of the file, a mere guess"
+        "front and back look alike; the front is assumed as is usual for the axes of the file, a "
+        "mere guess"
     ]
 
 

@@ -16,10 +16,12 @@ from dgl_assets.importing.topology import compute_normals
 class ImportedGarment:
     """A garment from a file.
 
-    It has the fields of `dgl_assets.Garment` that simulation and tasks need, under the same names. It has neither
-    panels nor canonical coordinates: places on it are found by its landmarks or by a trained matcher.
+    It has the fields of `dgl_assets.Garment` that simulation and tasks need, under the same names.
+    It has neither panels nor canonical coordinates: points on it are found by its landmarks or by a
+    trained matcher.
 
-    Garment frame: z up, neck or waist towards +y, front up, "left" at -x, centred by its bounding box. Hats stand on
+    Garment frame: z up, neck or waist towards +y, front up, "left" at -x, centred by its bounding
+    box. Hats stand on
     their rim.
     """
 
@@ -32,7 +34,7 @@ class ImportedGarment:
     faces: np.ndarray
     """Triangles, shape (F, 3), int32, normals outward."""
     rest_vertices: np.ndarray
-    """Unstrained positions [m], shape (V, 3), float32: the shape in the file, before it was laid flat."""
+    """Unstrained positions as in the file, before it was laid flat [m], (V, 3), float32."""
     landmarks: Mapping[str, int] = field(default_factory=dict)
     """Vertex id of each named point."""
     uvs: np.ndarray | None = None
@@ -40,9 +42,9 @@ class ImportedGarment:
     texture: Path | None = None
     """Picture on the cloth, PNG or JPEG."""
     wall_thickness: float | None = None
-    """None for a sheet of cloth; for hats and gloves the thickness of the wall [m], whose middle the mesh is."""
+    """Thickness of the wall around the mesh [m] of hats and gloves; None for a sheet of cloth."""
     meta: Mapping[str, Any] = field(default_factory=dict)
-    """What meta.json says: source, licence, assumptions."""
+    """Content of meta.json: source, licence, assumptions."""
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
@@ -54,12 +56,14 @@ class ImportedGarment:
                 or not np.isfinite(array).all()
             ):
                 raise ValueError(
-                    f"{name} must be finite, of shape ({count}, 3) and dtype float32; got {array.shape} and "
+                    f"{name} must be finite, of shape ({count}, 3) and dtype float32; got "
+                    f"{array.shape} and "
                     f"{array.dtype}"
                 )
         if self.faces.ndim != 2 or self.faces.shape[1] != 3 or self.faces.dtype != np.int32:
             raise ValueError(
-                f"faces must have shape (F, 3) and dtype int32; got {self.faces.shape} and {self.faces.dtype}"
+                f"faces must have shape (F, 3) and dtype int32; got {self.faces.shape} and "
+                f"{self.faces.dtype}"
             )
         if not len(self.faces) or not 0 <= self.faces.min() <= self.faces.max() < count:
             raise ValueError(f"faces must index {count} vertices, and there must be some")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
-import re
 import tempfile
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,8 +18,8 @@ from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.errors import BrokenMeshError, UnreadableFileError, make_printable
 from dgl_assets.importing.frame import AXES
 from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
-from dgl_assets.importing.paths import detect_kind, read_bytes
-from dgl_assets.importing.placing import Placed, place_surface
+from dgl_assets.importing.paths import detect_kind
+from dgl_assets.importing.placing import PlacedGarment, place_surface
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.remesh import Remeshed, remesh_surface
@@ -26,14 +27,18 @@ from dgl_assets.importing.report import ImportReport, measure_evenness
 from dgl_assets.importing.scale import UNITS
 from dgl_assets.importing.source import Source, find_source, has_mesh, list_archives
 from dgl_assets.importing.staging import check_target, stage_folder
-from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.surface import SurfaceIndex
 from dgl_assets.importing.topology import compute_normals, compute_vertex_normals
 from dgl_assets.importing.transfer import MAX_PATCHES, label_patches, transfer_uvs
 
 logger = logging.getLogger(__name__)
 
 LayFlat = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Lays a garment down: (positions, faces, unstrained positions) to positions, [m], shapes (V, 3), (F, 3), (V, 3)."""
+"""Simulation that lays a garment flat.
+
+It takes positions [m], (V, 3), faces, (F, 3), and unstrained positions [m], (V, 3), and returns
+positions [m], (V, 3).
+"""
 
 NO_LICENCE = "not stated: do not redistribute"
 _SPACINGS = (0.006, 0.025)
@@ -41,6 +46,7 @@ _LEAST_EVEN = 0.95  # share of edges and angles below which the mesh is refused
 _MOST_WELD = 0.01  # wider gaps are openings [m]
 _THICK = 0.10  # a garment that is thicker does not lie [m]
 _REACH = 1.2  # width that both robots reach [m]
+_LONGEST_NAME = 120  # bytes
 _STRETCH = 0.05  # mean strain that laying flat may leave
 
 
@@ -67,47 +73,49 @@ def import_garment(
     """Import one garment.
 
     Args:
-        path: A mesh file (OBJ, PLY, STL, GLB, glTF, USD), a folder with one at any depth and perhaps keypoints.json and
-            meta.json, a model folder of ClothesNet, or a zip archive of one of these.
+        path: A mesh file (OBJ, PLY, STL, GLB, glTF, USD), a folder with one at any depth and
+            perhaps keypoints.json and meta.json, a model folder of ClothesNet, or a zip archive of
+            one of these.
         out: Root of assets. The asset is written to `<out>/<category>/<name>`, whole or not at all.
-        category: What it is, one of `CATEGORIES`; guessed from its openings by default, and the report says so.
+        category: One of `CATEGORIES`; guessed from the openings by default, with a note.
         units: "m", "cm", "mm" or "in"; found from the size by default.
         up: Up axis of the file, such as "y" or "-z"; found from the openings by default.
-        scale: Size over the original's: 1 by default, 0.85 for ClothesNet, so that robots reach both cuffs.
+        scale: Size over the original's: 1 by default, 0.85 for ClothesNet, so that robots reach
+            both cuffs.
         spacing: Edge length of the new mesh [m], 0.006 to 0.025.
-        lay_flat: Simulation that lays it down; none by default. This package has no physics. Hats and gloves keep
-            their shape.
-        keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices or positions of
-            the mesh file; by default keypoints.json in the folder. Names such as left_cuff and right_cuff, collar and hem
-            tell how the garment is turned.
-        name: Name of the asset; that of the file by default.
-        licence: Under which licence you have it. It is recorded, never checked.
-        source: Where it comes from.
-        use_textures: Whether to keep the picture. A picture that is missing is an error then.
-        overwrite: Whether an asset of the same name is replaced.
-        mesh: Which mesh of a folder or an archive that holds several, such as "source/shirt.obj".
-        object_name: Which object of a file that holds several: the name of an object or a group, or a connected part
-            by its area, such as "part2" or "Shirt/part2".
-        weld: Distance below which open edges are sewn together, at the size of the file [m], above 0 to 0.01; by
-            default 1e-4 of the diagonal.
+        lay_flat: Simulation that lays it flat; none by default. Hats and gloves keep their shape.
+        keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices
+            or positions of the mesh file; by default keypoints.json in the folder. Names such as
+            left_cuff, collar and hem tell the orientation.
+        name: Name of the asset, letters of any alphabet; that of the file by default.
+        licence: Licence under which you have it. It is recorded, never checked.
+        source: Origin of the garment; recorded.
+        use_textures: Keep the picture. A picture that is missing is an error then.
+        overwrite: Replace an asset of the same name.
+        mesh: Mesh to take from a folder or an archive of several, such as "source/shirt.obj".
+        object_name: Object to take from a file of several: the name of an object or a group, or a
+            connected part by its area, such as "part2" or "Shirt/part2".
+        weld: Distance below which open edges are sewn together, at the size of the file [m], above
+            0 to 0.01; by default 1e-4 of the diagonal.
 
     Returns:
-        Where it is and what was assumed.
+        The asset's folder, facts and assumptions.
 
     Raises:
         ValueError: If an option is out of range.
-        AssetImportError: If it cannot be imported: `UnreadableFileError`, `UnsafePathError`, `BrokenMeshError` or
-            `UnclearGarmentError`, each with the place and what to do. Nothing is left in `out` then.
+        AssetImportError: If it cannot be imported: `UnreadableFileError`, `UnsafePathError`,
+            `BrokenMeshError` or `UnclearGarmentError`, each with the place and the remedy. Nothing
+            is left in `out` then.
 
     Limitations:
-        Layers that pass through each other are kept. Of what was modelled with a thickness the outer surface is kept;
-        parts that are sewn onto the cloth (pockets) are left out.
+        Layers that pass through each other are kept. Of a garment modelled with a thickness the
+        outer surface is kept; parts that are sewn onto the cloth (pockets) are left out.
     """
     _check_options(category=category, units=units, up=up, scale=scale, spacing=spacing, weld=weld)
     path, out = Path(path), Path(out)
     with tempfile.TemporaryDirectory(prefix="dgl-import-") as folder:
         found = find_source(_unpack(path, Path(folder)), mesh=mesh)
-        asset_name = _make_name(name or (path.stem if path.is_file() else found.name))
+        asset_name = make_asset_name(name or (path.stem if path.is_file() else found.name))
         meta = found.meta
         if found.clothesnet is not None and scale is None:
             scale = clothesnet.SCALE
@@ -165,10 +173,10 @@ def _check_options(
 
 
 def _unpack(path: Path, folder: Path) -> Path:
-    """The path itself, or the folder into which an archive was unpacked."""
+    """Give the path itself, or the folder into which an archive was unpacked."""
     if not _is_archive(path):
         return path
-    inside = folder / (_make_name(path.stem))
+    inside = folder / (make_asset_name(path.stem))
     inside.mkdir()
     unpack(path, inside)
     # Download sites pack the archive that the artist sent into one of their own.
@@ -189,13 +197,26 @@ def _is_archive(path: Path) -> bool:
         is_file = path.is_file()
     except OSError:
         return False  # what is wrong is said where it is read
-    return is_file and detect_kind(path, read_bytes(path)) == "zip"
+    return is_file and detect_kind(path) == "zip"
 
 
-def _make_name(text: str) -> str:
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")[:80]
-    if not name:
+def make_asset_name(text: str) -> str:
+    """Make the name of an asset, which names its folder, of any text.
+
+    Letters, marks and digits of any alphabet are kept, and "-" and "_"; all else becomes "_".
+    A long name is cut, with a hash of the whole at its end.
+
+    Raises:
+        ValueError: If the text holds neither letters nor digits.
+    """
+    whole = unicodedata.normalize("NFC", text)
+    kept = (c if c in "-_" or unicodedata.category(c)[0] in "LMN" else " " for c in whole)
+    name = "_".join("".join(kept).split()).strip("_")
+    if not any(unicodedata.category(c)[0] in "LN" for c in name):
         raise ValueError(f"name must hold letters or digits; got {text!r}")
+    if len(name.encode()) > _LONGEST_NAME:
+        start = name.encode()[: _LONGEST_NAME - 9].decode(errors="ignore")
+        name = f"{start}-{hashlib.sha256(whole.encode(errors='replace')).hexdigest()[:8]}"
     return name
 
 
@@ -221,7 +242,7 @@ def _describe(
 
 def _finish(
     raw: RawMesh,
-    placed: Placed,
+    placed: PlacedGarment,
     points: Keypoints | None,
     target: Path,
     *,
@@ -232,7 +253,7 @@ def _finish(
 ) -> ImportReport:
     """Remesh, carry over what is on the surface, lay flat, and write."""
     mesh, notes = placed.mesh, list(placed.notes)
-    surface = Surface(mesh.vertices, mesh.faces, spacing=spacing / 2)
+    surface = SurfaceIndex(mesh.vertices, mesh.faces, spacing=spacing / 2)
     pins, pin_normals = _place_points(placed, points, surface, target.name)
     remeshed = remesh_surface(
         mesh.vertices, mesh.faces, spacing=spacing, pins=pins, pin_normals=pin_normals
@@ -240,8 +261,10 @@ def _finish(
     even_edges, even_angles = measure_evenness(remeshed.vertices, remeshed.faces, spacing=spacing)
     if min(even_edges, even_angles) < _LEAST_EVEN:
         raise BrokenMeshError(
-            f"{target.name}: the surface cannot be meshed evenly at spacing {spacing:g} m: {even_edges:.1%} of edges "
-            f"and {even_angles:.1%} of angles are even; it is crumpled or has folds closer than `spacing`"
+            f"{target.name}: the surface cannot be meshed evenly at spacing {spacing:g} m: "
+            f"{even_edges:.1%} of edges "
+            f"and {even_angles:.1%} of angles are even; it is crumpled or has folds closer than "
+            "`spacing`"
         )
     uvs, texture = None, raw.texture
     if mesh.uvs is not None:
@@ -251,7 +274,8 @@ def _finish(
         else:
             texture = None
             notes.append(
-                f"texture left out: it is cut into {patches} patches, at most {MAX_PATCHES} are kept"
+                f"texture left out: it is cut into {patches} patches, at most {MAX_PATCHES} are "
+                "kept"
             )
     rest = _centre(remeshed.vertices)
     laid = None
@@ -306,9 +330,9 @@ def _finish(
 
 
 def _place_points(
-    placed: Placed, points: Keypoints | None, surface: Surface, name: str
+    placed: PlacedGarment, points: Keypoints | None, surface: SurfaceIndex, name: str
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Key points in the garment frame [m], and the normals there."""
+    """Place key points in the garment frame [m], and find the normals there."""
     if points is None or not len(points.names):
         return None, None
     positions = points.positions @ placed.frame.rotation.T * placed.scale
@@ -338,7 +362,8 @@ def _lay_flat(lay_flat: LayFlat, rest: np.ndarray, mesh: Remeshed) -> np.ndarray
     strain = float(np.abs(sides[0] / sides[1] - 1).mean())
     if strain > _STRETCH:
         raise BrokenMeshError(
-            f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; import it as it is, without `lay_flat`"
+            f"laying it flat left a mean strain of {strain:.1%}, at most {_STRETCH:.0%} is kept; "
+            "import it as it is, without `lay_flat`"
         )
     return _centre(_face_as(positions, rest))
 
@@ -361,13 +386,14 @@ def _centre(vertices: np.ndarray) -> np.ndarray:
 
 
 def _judge(vertices: np.ndarray, category: str) -> list[str]:
-    """What a user should know before using it."""
+    """Note limits of use: a garment that does not lie, or is too wide for the robots."""
     extent = np.ptp(vertices, axis=0)
     notes = []
     if len(CATEGORIES[category].openings) > 1 and extent[2] > _THICK:
         notes.append(f"it is {extent[2]:.2f} m thick and does not lie yet; lay it flat: `lay_flat`")
     if extent[0] > _REACH and category != "Scarf":
         notes.append(
-            f"it is {extent[0]:.2f} m wide, more than both robots reach ({_REACH} m); scale it down: `scale`"
+            f"it is {extent[0]:.2f} m wide, more than both robots reach ({_REACH} m); scale it "
+            "down: `scale`"
         )
     return notes

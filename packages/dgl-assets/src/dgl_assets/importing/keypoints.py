@@ -27,14 +27,14 @@ class Keypoints:
 
 
 def read_keypoints(path: Path, vertices: np.ndarray) -> Keypoints:
-    """Read a JSON file `{"left_cuff": 123, "collar": [x, y, z], ...}`, or the same under "keypoints".
+    """Read a JSON file `{"left_cuff": 123, "collar": [x, y, z]}`, or the same under "keypoints".
 
     Args:
         path: Of the file.
         vertices: Of the mesh that it belongs to, shape (V, 3).
 
     Raises:
-        UnreadableFileError: If it is broken, or a vertex does not exist; with the name of the point.
+        UnreadableFileError: If it is broken or a vertex does not exist; with the point's name.
     """
     tree = read_json(path)
     if isinstance(tree, dict) and isinstance(tree.get("keypoints"), dict):
@@ -59,7 +59,8 @@ def read_keypoints(path: Path, vertices: np.ndarray) -> Keypoints:
             continue
         if not _is_position(value):
             raise UnreadableFileError(
-                f"{path.name}: {name!r} must be a vertex or three numbers below {LARGEST_COORDINATE:g}; "
+                f"{path.name}: {name!r} must be a vertex or three numbers below "
+                f"{LARGEST_COORDINATE:g}; "
                 f"got {reprlib.repr(value)}"
             )
         ids.append(-1)
@@ -89,7 +90,8 @@ def check_on_surface(
     off = np.flatnonzero(distances > limit)
     if len(off):
         raise UnreadableFileError(
-            f"{name}: {len(off)} key points lie off the surface, the first is {keypoints.names[off[0]]!r} by "
+            f"{name}: {len(off)} key points lie off the surface, the first is "
+            f"{keypoints.names[off[0]]!r} by "
             f"{distances[off[0]]:.3g} units; they must be in the units and axes of the mesh"
         )
 

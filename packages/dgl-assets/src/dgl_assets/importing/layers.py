@@ -1,4 +1,4 @@
-"""Cloth on cloth: pockets on a sheet, and the two sides of a sheet that was modelled with a thickness."""
+"""Layers of cloth: pockets on a sheet, and the two sides of a sheet with a thickness."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from dgl_assets.importing.errors import BrokenMeshError
-from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.surface import SurfaceIndex
 from dgl_assets.importing.topology import (
     EdgeTable,
     compute_edge_table,
@@ -32,8 +32,8 @@ def drop_attached(
 ) -> tuple[np.ndarray, list[str]]:
     """Keep the sheet where more than two faces meet at an edge, and drop what is sewn onto it.
 
-    Such edges cut the surface into patches. From the largest on, the patch is added that continues it straightest, as
-    long as no edge gets a third face.
+    Such edges cut the surface into patches. From the largest on, the patch is added that continues
+    it straightest, as long as no edge gets a third face.
 
     Args:
         vertices: Positions, shape (V, 3).
@@ -61,14 +61,17 @@ def drop_attached(
         if share < LARGEST_ATTACHED:
             dropped = int((~stays).sum())
             return np.flatnonzero(stays), [
-                f"{dropped} faces in {int((~kept).sum())} parts that are sewn onto the cloth (pockets, {share:.1%} of the "
+                f"{dropped} faces in {int((~kept).sum())} parts that are sewn onto the cloth "
+                f"(pockets, {share:.1%} of the "
                 "area) were dropped"
             ]
     a, b = edges.pairs[crowded[0]]
     place = ", ".join(f"{x:.4g}" for x in vertices[[a, b]].mean(axis=0))
     raise BrokenMeshError(
-        f"{name}: {len(crowded)} edges have more than two faces, the first joins vertices {a} and {b} near "
-        f"({place}) and has {edges.counts[crowded[0]]}; which faces are the cloth cannot be told: remove the others, or "
+        f"{name}: {len(crowded)} edges have more than two faces, the first joins vertices {a} and "
+        f"{b} near "
+        f"({place}) and has {edges.counts[crowded[0]]}; which faces are the cloth cannot be told: "
+        "remove the others, or "
         "make them an object of their own and choose with `object_name`"
     )
 
@@ -76,7 +79,11 @@ def drop_attached(
 def _grow_sheet(
     vertices: np.ndarray, faces: np.ndarray, edges: EdgeTable, patches: np.ndarray
 ) -> np.ndarray | None:
-    """Patches that form one sheet with two faces at each crowded edge, shape (P,), bool; None if there is none."""
+    """Choose patches that form one sheet with two faces at each crowded edge.
+
+    Returns:
+        Mask of the patches, shape (P,), bool; None if there is no such choice.
+    """
     is_crowded = edges.counts > 2
     place = np.flatnonzero(is_crowded[edges.face_edges.ravel()])
     face, side = np.divmod(place, 3)
@@ -126,7 +133,7 @@ def lies_on(vertices: np.ndarray, main: np.ndarray, piece: np.ndarray) -> bool:
 
 
 def is_inner_side(vertices: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> bool:
-    """Say whether a piece is the inner side of another one: it runs along all of it, and is the smaller one.
+    """Tell an inner side: a piece that runs along all of another one and is smaller.
 
     Two panels that lie on each other have one rim each; what is worn has more.
 
@@ -149,7 +156,7 @@ def is_inner_side(vertices: np.ndarray, outer: np.ndarray, inner: np.ndarray) ->
 
 
 def measure_gap(vertices: np.ndarray, first: np.ndarray, second: np.ndarray) -> float | None:
-    """Smallest distance between the open edges of two pieces, in the units of the vertices; None without such edges."""
+    """Measure the smallest distance between open edges of two pieces; None without such edges."""
     rims = []
     for faces in (first, second):
         edges = compute_edge_table(faces)
@@ -160,18 +167,18 @@ def measure_gap(vertices: np.ndarray, first: np.ndarray, second: np.ndarray) -> 
 
 
 def take_outer_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Take the outer side of a garment that was modelled with a thickness: a closed surface of two sides and rims.
+    """Take the outer side of a garment with a thickness: a closed surface of two sides and rims.
 
-    Faces that have a face of the other side behind them, at the distance that most have, are a side; the rest are rims
-    around the openings. The side that encloses the other one is the outer.
+    Most faces of a side have a face of the other side behind them at one distance; the rest are
+    rims around the openings. The side that encloses the other one is the outer.
 
     Args:
         vertices: Positions, shape (V, 3).
         faces: Consistently oriented triangles of one piece, shape (F, 3), int.
 
     Returns:
-        Ids of the faces that stay, and what was dropped. All stay where the surface has openings, or where this
-        cannot be told.
+        Ids of the faces that stay, and notes. All stay where the surface has openings, or where the
+        sides cannot be told.
     """
     everything = np.arange(len(faces))
     edges = compute_edge_table(faces)
@@ -207,11 +214,11 @@ def take_outer_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndar
 def _compare(
     vertices: np.ndarray, main: np.ndarray, piece: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Distances of a piece's vertices from another one, whether they are over its inside, and what is near."""
+    """Measure a piece's vertices from another one: distances, mask of those inside, near points."""
     diagonal = float(np.linalg.norm(np.ptp(vertices[np.unique(main)], axis=0)))
     edges = compute_edge_table(main)
     lengths = np.linalg.norm(vertices[edges.pairs[:, 0]] - vertices[edges.pairs[:, 1]], axis=1)
-    surface = Surface(vertices, main, spacing=max(float(np.median(lengths)), 1e-3 * diagonal))
+    surface = SurfaceIndex(vertices, main, spacing=max(float(np.median(lengths)), 1e-3 * diagonal))
     points = vertices[np.unique(piece)]
     found, weights = surface.locate(points)
     distances = np.linalg.norm(surface.evaluate(found, weights) - points, axis=1)
@@ -238,13 +245,13 @@ def _label_rims(pairs: np.ndarray) -> np.ndarray:
 def _find_sides(
     vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Thickness of a closed surface, and which faces have another side at that distance, shape (F,), bool."""
+    """Find the thickness of a closed surface, and the faces with another side at that distance."""
     none = np.zeros(len(faces), dtype=bool)
     diagonal = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
     middles = vertices[faces].mean(axis=1)
     edges = compute_edge_table(faces)
     lengths = np.linalg.norm(vertices[edges.pairs[:, 0]] - vertices[edges.pairs[:, 1]], axis=1)
-    surface = Surface(vertices, faces, spacing=max(float(np.median(lengths)), 1e-3 * diagonal))
+    surface = SurfaceIndex(vertices, faces, spacing=max(float(np.median(lengths)), 1e-3 * diagonal))
 
     def look(points: np.ndarray, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found, weights = surface.locate(points, -surface.normals[ids])

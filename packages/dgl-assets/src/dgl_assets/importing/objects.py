@@ -65,7 +65,9 @@ def choose_object(raw: RawMesh, name: str | None, file: str) -> RawMesh:
 
 
 def list_objects(raw: RawMesh, faces: np.ndarray) -> str:
-    """List the objects of some triangles with their share of the area, largest first; "" where the file names none.
+    """List the objects of some triangles with their share of the area, largest first.
+
+    The text is empty where the file names none.
 
     Args:
         raw: What was read.

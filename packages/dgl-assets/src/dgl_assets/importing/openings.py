@@ -22,8 +22,11 @@ _BAND, _GAP = (
 )  # half height of such a level, and the gap that parts a sleeve from the body, of the length
 _TROUSERS = 0.5  # distance from the legs to the waist, over the longest extent
 _SCARF = 2.5  # length over width
-_HOLLOW = 1.1  # surface of a hat or glove over the area within its opening; a wide-brimmed hat has 1.3, a sheet 1
-_CLOSED = "a closed surface is sewn shut, or has a thickness whose sides cannot be told: open it, or export its outside alone"
+_HOLLOW = 1.1  # surface of a hat or glove over its opening's area; a wide brim gives 1.3
+_CLOSED = (
+    "a closed surface is sewn shut, or has a thickness whose sides cannot be told: open it, or "
+    "export its outside alone"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,10 +58,10 @@ def find_openings(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
 
 
 def compute_smallest_opening(vertices: np.ndarray, longest: np.ndarray) -> float:
-    """Perimeter below which an opening is a slit or a buttonhole, in the units of the vertices.
+    """Compute the perimeter below which an opening is a slit or a buttonhole.
 
-    A tenth of the longest opening, but cuffs are less where that is a wide hem, or the whole front of a coat: then
-    the extent of the garment counts.
+    A tenth of the longest opening, in the units of the vertices. Where that is a wide hem or the
+    whole front of a coat, cuffs are less, and the extent of the garment counts.
 
     Args:
         vertices: Positions, shape (V, 3).
@@ -82,8 +85,8 @@ def name_openings(vertices: np.ndarray, loops: list[np.ndarray], category: str) 
     expected = CATEGORIES[category].openings
     if len(loops) != len(expected):
         raise UnclearGarmentError(
-            f"a {category} has {len(expected)} openings ({', '.join(expected)}), this has {len(loops)}"
-            + ("" if loops else f"; {_CLOSED}")
+            f"a {category} has {len(expected)} openings ({', '.join(expected)}), this has "
+            f"{len(loops)}" + ("" if loops else f"; {_CLOSED}")
         )
     if len(loops) == 1:
         return Openings(main=loops[0], neck=None, pair=None)
@@ -115,7 +118,8 @@ def check_hollow(
     area = float(compute_normals(vertices, faces)[1].sum())
     if area < _HOLLOW * within:
         raise UnclearGarmentError(
-            f"a {category} is hollow; this is a flat sheet, {area / within:.2f} times as large as its opening"
+            f"a {category} is hollow; this is a flat sheet, {area / within:.2f} times as large as "
+            "its opening"
         )
 
 
@@ -149,7 +153,8 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
             )
         category = "Dress_LongSleeve" if slim > _DRESS else "Tops_LongSleeve"
         return category, (
-            f"guessed: four openings, cuffs {apart:.2f} widths of the body apart, {slim:.2f} times as long as wide"
+            f"guessed: four openings, cuffs {apart:.2f} widths of the body apart, {slim:.2f} times "
+            "as long as wide"
         )
     if len(loops) == 3:
         found = name_openings(vertices, loops, "Trousers")
@@ -171,7 +176,7 @@ def guess_category(vertices: np.ndarray, loops: list[np.ndarray]) -> tuple[str, 
 
 
 def measure_trunk(vertices: np.ndarray, openings: Openings) -> float | None:
-    """Measure a garment without its sleeves: the geometric mean of its length and width, in units of the file.
+    """Measure the geometric mean of length and width without sleeves, in units of the file.
 
     Args:
         vertices: Positions, shape (V, 3).

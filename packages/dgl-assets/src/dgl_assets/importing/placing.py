@@ -1,4 +1,4 @@
-"""Check a surface, find out what it is, and bring it to metres in the garment frame."""
+"""Check a surface, find its category, and bring it to metres in the garment frame."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _VERTICES = (60, 40_000)  # that a garment may need at its spacing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
+class PlacedGarment:
     """A clean surface in metres and in the garment frame."""
 
     mesh: CleanMesh
@@ -57,7 +57,7 @@ def place_surface(
     keypoints: Keypoints | None = None,
     object_name: str | None = None,
     weld: float | None = None,
-) -> Placed:
+) -> PlacedGarment:
     """Check a surface and bring it to metres in the garment frame.
 
     Args:
@@ -70,7 +70,8 @@ def place_surface(
         spacing: Edge length that it will be meshed at [m].
         keypoints: Named points of the file; known names tell how it is turned.
         object_name: Object or connected part to take.
-        weld: Distance below which seams are joined, at the size of the file [m]; found from the size when None.
+        weld: Distance below which seams are joined, at the size of the file [m]; found from the
+            size when None.
 
     Raises:
         BrokenMeshError: If it is not one sheet of cloth.
@@ -87,7 +88,7 @@ def place_surface(
     )
     if weld is None:
         return _place(raw, name, options, weld=None)
-    # The unit is found from the sewn surface, and how far to sew from the unit: take the unit that gives itself.
+    # The sewn surface gives the unit, and the unit the distance to sew: take a unit that agrees.
     tried = [UNITS[units]] if units is not None else [*filter(None, [raw.unit]), *UNITS.values()]
     problem: AssetImportError | None = None
     for unit in dict.fromkeys(tried):
@@ -116,7 +117,7 @@ class _Options:
     object_name: str | None
 
 
-def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) -> Placed:
+def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) -> PlacedGarment:
     """Place a surface; `weld` is in the units of the file."""
     category, scale, spacing = options.category, options.scale, options.spacing
     mesh = clean_mesh(raw, name, choice=options.object_name, weld=weld)
@@ -168,7 +169,7 @@ def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) ->
     if closed:
         notes.append(f"{closed} holes of less than {hole * 1e3:.0f} mm around were closed")
     _check_size(name, vertices, faces, spacing)
-    return Placed(
+    return PlacedGarment(
         mesh=CleanMesh(
             vertices=vertices, faces=faces, uvs=uvs, vertex_ids=mesh.vertex_ids, notes=()
         ),
@@ -191,6 +192,7 @@ def _check_size(name: str, vertices: np.ndarray, faces: np.ndarray, spacing: flo
     needed = area / (np.sqrt(0.75) * spacing**2)
     if not _VERTICES[0] <= needed <= _VERTICES[1]:
         raise UnclearGarmentError(
-            f"{name} would have {area:.3g} m^2 and need about {needed:,.0f} vertices at spacing {spacing:g} m, where "
+            f"{name} would have {area:.3g} m^2 and need about {needed:,.0f} vertices at spacing "
+            f"{spacing:g} m, where "
             f"{_VERTICES[0]} to {_VERTICES[1]:,} are possible; check `units` and `spacing`"
         )

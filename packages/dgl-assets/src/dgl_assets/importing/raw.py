@@ -1,8 +1,9 @@
-"""What a file holds, before anything is decided about it."""
+"""Content of a mesh file, in its own units and axes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from dgl_assets.importing.errors import UnreadableFileError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Texture:
+class ClothPicture:
     """A picture on the cloth."""
 
     data: bytes
@@ -30,13 +31,13 @@ class RawMesh:
     """Triangles, shape (F, 3), int64."""
     uvs: np.ndarray | None = None
     """Texture coordinates of each corner, v upwards, shape (F, 3, 2), float64."""
-    texture: Texture | None = None
+    texture: ClothPicture | None = None
     unit: float | None = None
     """Length of a unit that the file states [m]."""
     up: str | None = None
     """Up axis that the file states, "y" or "z"."""
     notes: tuple[str, ...] = ()
-    """What was left out or assumed."""
+    """Parts that were left out, and assumptions."""
     objects: tuple[tuple[str, ...], ...] = ()
     """Names of each object of the file: its own, and those of its groups."""
     object_ids: np.ndarray | None = None
@@ -44,15 +45,15 @@ class RawMesh:
 
 
 def check_raw(mesh: RawMesh, name: str) -> None:
-    """Refuse what cannot be a surface.
+    """Refuse a mesh that cannot be a surface.
 
     Args:
-        mesh: What was read.
-        name: Of the file, for messages.
+        mesh: Content of the file.
+        name: Name of the file, for messages.
 
     Raises:
-        UnreadableFileError: If there are no faces, too many, indices of vertices that do not exist, or positions
-            that are not finite; with the first index and the count.
+        UnreadableFileError: If there are no faces, too many, indices of vertices that do not exist,
+            or positions that are not finite; with the first index and the count.
     """
     vertices, faces = mesh.vertices, mesh.faces
     if not len(vertices) or not len(faces):
@@ -63,8 +64,8 @@ def check_raw(mesh: RawMesh, name: str) -> None:
     outside = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
     if len(outside):
         raise UnreadableFileError(
-            f"{name}: {len(outside)} faces use vertices that do not exist, the first is face {outside[0]} with "
-            f"{faces[outside[0]].tolist()} of {len(vertices)} vertices"
+            f"{name}: {len(outside)} faces use vertices that do not exist, the first is face "
+            f"{outside[0]} with {faces[outside[0]].tolist()} of {len(vertices)} vertices"
         )
     wrong = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(wrong):
@@ -80,8 +81,28 @@ def check_raw(mesh: RawMesh, name: str) -> None:
     if mesh.uvs is not None and not np.isfinite(mesh.uvs).all():
         bad = np.flatnonzero(~np.isfinite(mesh.uvs).all(axis=(1, 2)))
         raise UnreadableFileError(
-            f"{name}: texture coordinates of {len(bad)} faces are not finite, the first is face {bad[0]}"
+            f"{name}: texture coordinates of {len(bad)} faces are not finite, the first is face "
+            f"{bad[0]}"
         )
+
+
+def pack_mesh(mesh: RawMesh) -> dict[str, Any]:
+    """Turn a mesh into plain values and arrays, to pass it between processes."""
+    picture = mesh.texture
+    return {**vars(mesh), "texture": None if picture is None else vars(picture)}
+
+
+def unpack_mesh(plain: dict[str, Any]) -> RawMesh:
+    """Make a mesh of what `pack_mesh` gave."""
+    picture = plain["texture"]
+    return RawMesh(
+        **{
+            **plain,
+            "texture": None if picture is None else ClothPicture(**picture),
+            "notes": tuple(plain["notes"]),
+            "objects": tuple(map(tuple, plain["objects"])),
+        }
+    )
 
 
 def triangulate(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +112,7 @@ def triangulate(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sizes: Number of corners of each, at least three, shape (P,), int.
 
     Returns:
-        Polygon of each triangle, shape (F,), and which of its corners it has, shape (F, 3).
+        Polygon of each triangle, shape (F,), and its corners in the polygon, shape (F, 3).
     """
     counts = np.asarray(sizes, dtype=np.int64) - 2
     owner = np.repeat(np.arange(len(counts)), counts)

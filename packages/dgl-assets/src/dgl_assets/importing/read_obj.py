@@ -1,122 +1,70 @@
 """Wavefront OBJ with its materials.
 
-Read here and not by trimesh, so that vertices keep the numbers that key points refer to and errors name their line.
+Read here and not by trimesh, so that vertices keep the numbers that key points refer to, objects
+and groups keep their names, and errors name their line.
 """
 
 from __future__ import annotations
 
-import codecs
 import io
 from array import array
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from dgl_assets.importing.bounds import (
-    MAX_COORDINATES,
-    MAX_FACES,
     MAX_LIBRARIES,
     MAX_LIBRARY_BYTES,
-    MAX_LINE,
     MAX_OBJECTS,
     MAX_PICTURES,
-    MAX_VERTICES,
     check_count,
     check_lines,
-    check_size,
 )
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.paths import TEXTURE_HINT, read_bytes, resolve_reference
-from dgl_assets.importing.raw import RawMesh, Texture, triangulate
+from dgl_assets.importing.raw import ClothPicture, RawMesh, triangulate
 from dgl_assets.importing.textures import load_texture
 
 _MAX_UNUSED = 0.01  # of the vertices; OBJ has no other sign that its end is missing
-_BLOCK = 1 << 20
 
 
 def read_obj(path: Path, data: bytes, *, use_textures: bool, root: Path | None = None) -> RawMesh:
     """Read an OBJ file.
 
     Args:
-        path: Of the file; materials and pictures are looked for beside it.
-        data: The file.
-        use_textures: Whether to read materials.
+        path: Path of the file; materials and pictures are looked for beside it.
+        data: Content of the file.
+        use_textures: Read materials.
         root: Folder that references must not leave; that of the file by default.
 
     Raises:
         UnreadableFileError: With the line that cannot be read.
         UnsafePathError: If a material or a picture lies outside the root.
     """
-    return _parse(path.name, data).finish(path, use_textures=use_textures, root=root)
-
-
-def check_obj(name: str, data: bytes) -> None:
-    """Check the lines of an OBJ file, and that it is within the limits.
-
-    Args:
-        name: Of the file, for messages.
-        data: The file.
-
-    Raises:
-        UnreadableFileError: With the line that cannot be read.
-    """
-    _parse(name, data)
-
-
-def _parse(name: str, data: bytes) -> _Parser:
-    check_lines(data, name)
-    parser = _Parser(name)
-    for number, line in _split_lines(data, name):
+    check_lines(data, path.name)
+    parser = _ObjParser(path.name)
+    text = _decode(data)
+    if "\\" in text:  # a line that ends in a backslash goes on in the next one
+        text = text.replace("\\\r\n", " ").replace("\\\n", " ")
+    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
         parser.read_line(number, line)
-    return parser
+    return parser.finish(path, use_textures=use_textures, root=root)
 
 
-def _split_lines(data: bytes, name: str) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers; those that end in a backslash with what follows."""
-    stream = io.TextIOWrapper(io.BytesIO(data), encoding=_find_encoding(data))
-    held: list[str] = []
-    first = length = 0
-    for number, line in enumerate(stream, start=1):
-        length += len(line)
-        if length > MAX_LINE:
-            check_count(length, MAX_LINE, f"characters in line {first or number}", name)
-        if line.endswith("\\\n"):
-            held.append(line[:-2])
-            first = first or number
-            continue
-        if held:
-            line = " ".join([*held, line])
-            yield first, line
-            held, first = [], 0
-        else:
-            yield number, line
-        length = 0
-    if held:
-        yield first, " ".join(held)
-
-
-def _find_encoding(data: bytes) -> str:
-    if data.isascii():
-        return "ascii"
-    decoder = codecs.getincrementaldecoder("utf-8")()
+def _decode(data: bytes) -> str:
     try:
-        for start in range(0, len(data), _BLOCK):
-            decoder.decode(data[start : start + _BLOCK])
-        decoder.decode(b"", final=True)
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return "latin-1"  # comments and names in an old code page
-    return "utf-8-sig"
+        return data.decode("latin-1")  # comments and names in an old code page
 
 
-class _Parser:
+class _ObjParser:
     def __init__(self, name: str) -> None:
         self._name = name
         self._vertices, self._coordinates = array("d"), array("d")
         self._sizes = array("q")  # corners of each polygon
         self._corners = array("q")  # vertex and texture coordinate of each corner, -1 for none
-        self._triangles = 0
         self._materials: dict[str, int] = {"": 0}
         self._material, self._material_ids = 0, array("q")  # the latter of each polygon
         self._libraries: list[str] = []
@@ -132,17 +80,8 @@ class _Parser:
             match words[0]:
                 case "v":
                     _add_numbers(self._vertices, words, 3)
-                    if len(self._vertices) > 3 * MAX_VERTICES:
-                        check_size(len(self._vertices) // 3, 0, self._name)
                 case "vt":
                     _add_numbers(self._coordinates, words, 2)
-                    if len(self._coordinates) > 2 * MAX_COORDINATES:
-                        check_count(
-                            len(self._coordinates) // 2,
-                            MAX_COORDINATES,
-                            "texture coordinates",
-                            self._name,
-                        )
                 case "f":
                     self._read_face(words[1:])
                 case "o" | "g":
@@ -173,9 +112,6 @@ class _Parser:
     def _read_face(self, words: list[str]) -> None:
         if len(words) < 3:
             raise ValueError(f"a face needs at least 3 corners and has {len(words)}")
-        self._triangles += len(words) - 2
-        if self._triangles > MAX_FACES:
-            check_size(0, self._triangles, self._name)
         vertices, coordinates = len(self._vertices) // 3, len(self._coordinates) // 2
         for word in words:
             vertex, _, rest = word.partition("/")
@@ -200,9 +136,8 @@ class _Parser:
         if len(owner) > len(sizes):
             larger = int((sizes > 3).sum())
             notes.append(f"{larger} polygons of more than three corners were cut into triangles")
-        start = np.cumsum(sizes) - sizes
         corners = np.array(self._corners, dtype=np.int64).reshape(-1, 2)
-        corners = corners[start[owner][:, None] + choice]  # (F, 3, 2)
+        corners = corners[(np.cumsum(sizes) - sizes)[owner][:, None] + choice]  # (F, 3, 2)
         used = len(np.unique(corners[..., 0]))
         if used < (1 - _MAX_UNUSED) * len(vertices):
             raise UnreadableFileError(
@@ -210,10 +145,10 @@ class _Parser:
                 "belong to no face; if they are loose points, remove them"
             )
         uvs, texture = None, None
-        if self._coordinates and (corners[..., 1] >= 0).all():
+        missing = int((corners[..., 1] < 0).any(axis=1).sum())
+        if self._coordinates and not missing:
             uvs = np.array(self._coordinates, dtype=np.float64).reshape(-1, 2)[corners[..., 1]]
         elif self._coordinates and (corners[..., 1] >= 0).any():
-            missing = int((corners[..., 1] < 0).any(axis=1).sum())
             notes.append(f"texture left out: {missing} faces have no texture coordinates")
         if uvs is not None and use_textures:
             texture, more = self._read_texture(path, root)
@@ -241,7 +176,7 @@ class _Parser:
             names.append(tuple(dict.fromkeys(text for text in (name, groups, *several) if text)))
         return tuple(names), np.array(self._labels, dtype=np.int64)[owner]
 
-    def _read_texture(self, path: Path, root: Path | None) -> tuple[Texture | None, list[str]]:
+    def _read_texture(self, path: Path, root: Path | None) -> tuple[ClothPicture | None, list[str]]:
         references = self._read_libraries(path, root)
         names = list(self._materials)
         faces = Counter(self._material_ids)
@@ -262,12 +197,12 @@ class _Parser:
         if others:
             share = most / len(self._sizes)
             notes.append(
-                f"of {len(counts)} pictures only {chosen.name} was kept, on {share:.0%} of the faces"
+                f"of {len(counts)} pictures only {chosen.name} was kept, on {share:.0%} of faces"
             )
         return load_texture(read_bytes(chosen), chosen.name), notes
 
     def _read_libraries(self, path: Path, root: Path | None) -> dict[str, tuple[Path, str, str]]:
-        """Folder, file and reference of the colour picture of each material; each file is read once."""
+        """Folder, file and reference of the colour picture of each material."""
         libraries = dict.fromkeys(self._libraries)
         check_count(len(libraries), MAX_LIBRARIES, "material files", self._name)
         targets = [
@@ -285,7 +220,7 @@ class _Parser:
 
 
 def _read_materials(data: bytes) -> dict[str, str]:
-    """What each material of an MTL file says about its colour picture."""
+    """Find the reference to the colour picture of each material of an MTL file."""
     references: dict[str, str] = {}
     name = ""
     for line in data.decode("utf-8", "replace").splitlines():

@@ -1,8 +1,8 @@
 """Cover a surface with even triangles of the size of the particles.
 
-Isotropic remeshing after M. Botsch and L. Kobbelt, "A Remeshing Approach to Multiresolution Modeling", 2004: edges
-that are too long are split, those too short collapsed, diagonals flipped and vertices smoothed, while openings and sharp
-folds stay where they are and vertices return to the surface.
+Isotropic remeshing after M. Botsch and L. Kobbelt, "A Remeshing Approach to Multiresolution
+Modeling", 2004: long edges are split, short ones collapsed, diagonals flipped, vertices smoothed.
+Openings and sharp folds stay in place, and vertices return to the surface.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dgl_assets.importing._remesh_steps import (
 )
 from dgl_assets.importing.curves import CurveProjector, find_curves
 from dgl_assets.importing.errors import BrokenMeshError
-from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.surface import SurfaceIndex
 from dgl_assets.importing.topology import (
     compute_edge_table,
     compute_vertex_normals,
@@ -80,12 +80,12 @@ def remesh_surface(
         BrokenMeshError: If an opening or a piece was lost because it is too small for the spacing.
 
     Limitations:
-        Folds below 60 degrees are rounded within one edge length. A pinned point within a quarter of the spacing
-        of a line that is kept, of a corner or of another pin is moved there.
+        Folds below 60 degrees are rounded within one edge length. A pinned point within a quarter
+        of the spacing of a kept line, a corner or another pin is moved there.
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
     curves = find_curves(vertices, faces, spacing=spacing)
-    surface = Surface(vertices, faces, spacing=spacing / 2)
+    surface = SurfaceIndex(vertices, faces, spacing=spacing / 2)
     projector = CurveProjector(vertices, curves, spacing=spacing / 8)
     state = MeshState(
         vertices=vertices.copy(),
@@ -111,7 +111,7 @@ def remesh_surface(
     return Remeshed(vertices=state.vertices, faces=state.faces, pins=found)
 
 
-def _smooth(state: MeshState, surface: Surface, projector: CurveProjector) -> None:
+def _smooth(state: MeshState, surface: SurfaceIndex, projector: CurveProjector) -> None:
     positions = compute_smoothed(state, strength=_STRENGTH)
     kinds = state.classify()
     normals = compute_vertex_normals(state.vertices, state.faces)
@@ -159,10 +159,10 @@ def _choose_pinned(
     *,
     spacing: float,
 ) -> list[tuple[int, np.ndarray]]:
-    """Vertices that may take a pinned point, best first, and where each would go.
+    """List vertices that may take a pinned point, best first, each with its new position.
 
-    A point on a line that is kept, or hardly beside it, goes to a vertex of that line, which may only move along it:
-    a free vertex there would leave a sliver. Any other point goes to a free vertex, even if one of a line is nearer.
+    A point on or beside a kept line goes to a vertex of that line, which may only move along it: a
+    free vertex there would leave a sliver. Any other point goes to a free vertex.
     """
     kinds, labels = state.classify(), state.label_vertices()
     held: list[tuple[int, np.ndarray]] = []
@@ -180,9 +180,10 @@ def _choose_pinned(
 
 
 def _move_to(state: MeshState, vertex: int, place: np.ndarray) -> bool:
-    """Move one vertex to a place, around others where it must.
+    """Move one vertex to a position, around others if needed.
 
-    Where the whole way would turn a triangle over, it goes a part of it, and diagonals are flipped before the rest.
+    Where the whole way would turn a triangle over, it goes a part of the way, and diagonals are
+    flipped before the rest.
     """
     for _ in range(_PIN_STEPS):
         for share in (1.0, 0.5, 0.25):
@@ -205,6 +206,8 @@ def _check_openings(before: np.ndarray, after: np.ndarray, *, spacing: float) ->
         facts.append((label_pieces(faces)[0], len(find_loops(faces)), euler))
     if facts[0] != facts[1]:
         raise BrokenMeshError(
-            f"the surface cannot be meshed at spacing {spacing} m: (pieces, openings, Euler number) were "
-            f"{facts[0]} and became {facts[1]}; parts narrower than the spacing are lost, choose a smaller `spacing`"
+            f"the surface cannot be meshed at spacing {spacing} m: (pieces, openings, Euler "
+            "number) were "
+            f"{facts[0]} and became {facts[1]}; parts narrower than the spacing are lost, choose a "
+            "smaller `spacing`"
         )

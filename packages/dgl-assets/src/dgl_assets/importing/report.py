@@ -1,4 +1,4 @@
-"""What an import did."""
+"""Report of an import."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EVEN_ANGLE = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class ImportReport:
-    """Where an asset is, what it is, and what was assumed on the way."""
+    """Folder and facts of an imported asset, and assumptions of the import."""
 
     folder: Path
     """`<out>/<category>/<name>`."""
@@ -26,9 +26,9 @@ class ImportReport:
     category: str
     subtype: str
     source: str
-    """Where it comes from."""
+    """Origin."""
     source_id: str
-    """Which one of there: the name of its file."""
+    """Name of its file at the origin."""
     licence: str
     unit: float
     """Length of a unit of the file [m]."""
@@ -50,9 +50,9 @@ class ImportReport:
     landmarks: tuple[str, ...]
     has_texture: bool
     is_laid_flat: bool
-    """Whether a simulation has laid it down."""
+    """A simulation has laid it flat."""
     assumptions: tuple[str, ...]
-    """What was found out, assumed, repaired or left out, in order."""
+    """Findings, assumptions, repairs and parts left out, in order."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

@@ -46,7 +46,8 @@ def find_unit(
     if not fitting:
         sizes = ", ".join(f"{longest * unit:.3g} m in {name}" for name, unit in UNITS.items())
         raise UnclearGarmentError(
-            f"the unit is unclear: a {category} is {low:g} to {high:g} m long, this one {sizes}; give `units` or "
+            f"the unit is unclear: a {category} is {low:g} to {high:g} m long, this one {sizes}; "
+            "give `units` or "
             "`category`"
         )
     usual, size = CATEGORIES[category].trunk, trunk

@@ -1,4 +1,4 @@
-"""Find the mesh, its key points and what is known about it, in a file or a folder."""
+"""Find the mesh of a garment, its key points and its facts, in a file or a folder."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def list_models(folder: Path) -> tuple[Path, ...]:
     """Find the models below a folder, such as all of ClothesNet.
 
     Args:
-        folder: Where to look.
+        folder: Folder to search.
 
     Returns:
         Mesh files, or folders of {mesh, keypoints, meta}, sorted.
@@ -68,17 +68,17 @@ def list_archives(folder: Path) -> tuple[Path, ...]:
 
 
 def has_mesh(folder: Path) -> bool:
-    """Say whether a folder or one below holds a mesh file."""
+    """Test that a folder or one below holds a mesh file."""
     return any(_is_mesh(path, folder) for path in _list_files(folder))
 
 
 def find_source(path: Path, *, mesh: str | None = None) -> Source:
-    """Find what belongs to one garment.
+    """Find the files of one garment.
 
     Args:
-        path: A mesh file, or a folder with one mesh in it or in any folder below, and perhaps keypoints.json and
-            meta.json beside it.
-        mesh: Which mesh of a folder: its name, or its path in the folder.
+        path: A mesh file, or a folder with one mesh in it or in any folder below, and perhaps
+            keypoints.json and meta.json beside it.
+        mesh: Name or path of the mesh in a folder of several.
 
     Raises:
         UnreadableFileError: If there is no such path, no mesh or several, or meta.json is broken.
@@ -133,7 +133,7 @@ def _list_files(folder: Path) -> Iterator[Path]:
 
 
 def _is_mesh(path: Path, folder: Path) -> bool:
-    """Say whether a path below a folder is a mesh file by its name."""
+    """Test that a path below a folder is a mesh file by its name."""
     inside = path.relative_to(folder).parts
     is_hidden = any(part.startswith(".") for part in inside) or "__MACOSX" in inside
     kind = KINDS.get(path.suffix.lower(), "zip")
@@ -141,7 +141,7 @@ def _is_mesh(path: Path, folder: Path) -> bool:
 
 
 def _find_mesh(folder: Path, wanted: str | None) -> Path:
-    """The mesh of a folder: the wanted one, else the only one, else the only one that is called as the folder."""
+    """Find the mesh of a folder: the wanted one, the only one, or the one named like the folder."""
     meshes = [path for path in _list_files(folder) if _is_mesh(path, folder)]
     if not meshes:
         raise UnreadableFileError(_describe_nothing(folder))
@@ -182,7 +182,8 @@ def _read_meta(path: Path) -> dict[str, str]:
             continue
         if not isinstance(value, str) or len(value) > MAX_TEXT:
             raise UnreadableFileError(
-                f"{path.name}: {key} must be a text of at most {MAX_TEXT} characters; got {reprlib.repr(value)}"
+                f"{path.name}: {key} must be a text of at most {MAX_TEXT} characters; got "
+                f"{reprlib.repr(value)}"
             )
         meta[key] = value
     for key, valid in (("category", CATEGORIES), ("units", UNITS), ("up", AXES)):

@@ -17,12 +17,12 @@ def stage_folder(target: Path, *, overwrite: bool, marker: str = "meta.json") ->
 
     Args:
         target: Folder to appear; parents are made.
-        overwrite: Whether a folder that is there is replaced.
+        overwrite: Replace a folder that exists.
         marker: File by which a folder that may be replaced is known.
 
     Yields:
-        An empty folder to write into. If the block fails or is interrupted, it is removed, with the parents that
-        were made for it.
+        An empty folder to write into. If the block fails or is interrupted, it is removed, with the
+        parents that were made for it.
 
     Raises:
         AssetImportError: If the target exists and must not be replaced, or cannot be written.

@@ -13,11 +13,12 @@ _MOST_SAMPLES = 4_000_000  # garments take up to 500,000
 _NORMAL_WEIGHT = 2.0  # of a turned-over normal, in sample spacings: layers that touch stay apart
 
 
-class Surface:
+class SurfaceIndex:
     """A triangle mesh that answers which of its places is nearest.
 
-    The mesh is sampled densely, so that long thin triangles are found as well as small ones. Samples carry their
-    normal: of two layers of cloth that lie on each other, a query finds the one that faces the same way.
+    The mesh is sampled densely, so that long thin triangles are found as well as small ones.
+    Samples carry their normal: of two layers of cloth on each other, a query finds the one that
+    faces the same way.
 
     Args:
         vertices: Positions [m], shape (V, 3).
@@ -102,7 +103,7 @@ class Surface:
 
 
 def _sample(corners: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric grids on triangles: face of each sample, shape (S,), and its weights, shape (S, 3)."""
+    """Make barycentric grids on triangles: face, (S,), and weights, (S, 3), of each sample."""
     longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
     steps = np.clip(np.ceil(longest / spacing), 1, 400).astype(int)
     owners, weights = [], []

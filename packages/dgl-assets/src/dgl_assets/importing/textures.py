@@ -12,17 +12,17 @@ import numpy as np
 from dgl_assets.importing.bounds import MAX_PIXELS
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.paths import TEXTURE_HINT
-from dgl_assets.importing.raw import Texture
+from dgl_assets.importing.raw import ClothPicture
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
-"""Kinds of pictures that are read. Others are never opened: of PostScript, Pillow would start an interpreter."""
+"""Kinds of pictures that are read; for PostScript, Pillow would start an interpreter."""
 _SUFFIXES = {"PNG": ".png", "JPEG": ".jpg"}
 
 
-def load_texture(data: bytes, name: str) -> Texture:
+def load_texture(data: bytes, name: str) -> ClothPicture:
     """Check a picture file by decoding it.
 
     Args:
@@ -39,7 +39,7 @@ def load_texture(data: bytes, name: str) -> Texture:
         with open_picture(data, name) as picture:
             picture.load()
             if picture.format in _SUFFIXES:
-                return Texture(data=data, suffix=_SUFFIXES[picture.format])
+                return ClothPicture(data=data, suffix=_SUFFIXES[picture.format])
             return encode_texture(picture)
     except UnreadableFileError:
         raise
@@ -48,7 +48,7 @@ def load_texture(data: bytes, name: str) -> Texture:
 
 
 def open_picture(data: bytes, name: str) -> Image:
-    """Open a picture: what it is and how large, without decoding it.
+    """Open a picture without decoding it: its kind and size are known.
 
     Args:
         data: The whole file.
@@ -75,7 +75,8 @@ def open_picture(data: bytes, name: str) -> Image:
 def _make_error(name: str, err: Exception) -> UnreadableFileError:
     kinds = ", ".join(FORMATS)
     return UnreadableFileError(
-        f"the picture {name} cannot be read as one of {kinds} ({type(err).__name__}); repair it{TEXTURE_HINT}"
+        f"the picture {name} cannot be read as one of {kinds} ({type(err).__name__}); repair "
+        f"it{TEXTURE_HINT}"
     )
 
 
@@ -108,10 +109,10 @@ def read_picture(path: Path, *, side: int = 2048) -> np.ndarray:
         raise _make_error(str(path), err) from err
 
 
-def encode_texture(picture: Image) -> Texture:
+def encode_texture(picture: Image) -> ClothPicture:
     """Write a picture as PNG."""
     if picture.mode not in ("RGB", "RGBA", "L"):
         picture = picture.convert("RGBA")
     stream = io.BytesIO()
     picture.save(stream, format="PNG")
-    return Texture(data=stream.getvalue(), suffix=".png")
+    return ClothPicture(data=stream.getvalue(), suffix=".png")

@@ -86,8 +86,8 @@ def find_loops(faces: np.ndarray) -> list[np.ndarray]:
         faces: Triangles, shape (F, 3), int.
 
     Returns:
-        Vertex ids of each opening in the direction of its faces, each shape (L,), the opening of most
-        vertices first.
+        Vertex ids of each opening in the direction of its faces, each shape (L,), the opening of
+        most vertices first.
     """
     edges = compute_edge_table(faces)
     is_open = (edges.counts == 1)[edges.face_edges]  # (F, 3)
@@ -134,7 +134,7 @@ def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarra
 
 
 def drop_unused(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Number the vertices that faces use, in their order.
+    """Renumber the vertices that faces use, in their order.
 
     Args:
         vertices: Shape (V, D).

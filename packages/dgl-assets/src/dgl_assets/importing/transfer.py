@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.importing.surface import Surface
+from dgl_assets.importing.surface import SurfaceIndex
 from dgl_assets.importing.topology import (
     compute_edge_table,
     compute_normals,
@@ -18,7 +18,7 @@ _SAME = 1e-5  # texture coordinates that differ by less are one
 
 
 def label_patches(faces: np.ndarray, uvs: np.ndarray) -> tuple[int, np.ndarray]:
-    """Label the patches of a texture: faces whose texture coordinates continue over their common edge.
+    """Label texture patches: faces with texture coordinates that continue over their edge.
 
     Args:
         faces: Triangles, shape (F, 3), int.
@@ -39,11 +39,11 @@ def label_patches(faces: np.ndarray, uvs: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def transfer_uvs(
-    surface: Surface, uvs: np.ndarray, vertices: np.ndarray, faces: np.ndarray
+    surface: SurfaceIndex, uvs: np.ndarray, vertices: np.ndarray, faces: np.ndarray
 ) -> np.ndarray:
     """Texture coordinates of the corners of a new mesh.
 
-    Each new triangle takes the patch at its middle, so that no triangle spans two patches of the picture.
+    Each new triangle takes the patch at its middle, so that no triangle spans two patches.
 
     Args:
         surface: The former mesh.

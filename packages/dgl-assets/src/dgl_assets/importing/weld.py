@@ -9,7 +9,7 @@ from dgl_assets.importing.errors import BrokenMeshError
 from dgl_assets.importing.topology import compute_edge_table, label_components
 
 RELATIVE_TOLERANCE = 1e-4
-"""Vertices closer than this share of the bounding box's diagonal are one, about 0.15 mm on a top."""
+"""Share of the bounding box's diagonal below which vertices are one; 0.15 mm on a top."""
 _OF_AN_EDGE = 0.2  # but never more than this share of the median edge
 
 _OF_A_RIM = 0.5  # of the median open edge, that a given tolerance may be
@@ -18,21 +18,22 @@ _OF_A_RIM = 0.5  # of the median open edge, that a given tolerance may be
 def weld_vertices(
     vertices: np.ndarray, faces: np.ndarray, *, tolerance: float | None = None
 ) -> tuple[np.ndarray, float]:
-    """Find which vertices are one place.
+    """Find vertices that are one point.
 
-    Only vertices on open edges are joined: files that split vertices at texture seams, panels of one garment that
-    touch, and triangles that share nothing (STL). Layers that lie on each other stay apart.
+    Only vertices on open edges are joined: vertices split at texture seams, panels that touch, and
+    triangles that share nothing (STL). Layers that lie on each other stay apart.
 
     Args:
         vertices: Positions, shape (V, 3).
         faces: Triangles, shape (F, 3), int.
-        tolerance: Distance below which vertices are one, in the units of the vertices; found from the size when None.
+        tolerance: Distance below which vertices are one, in the units of the vertices; found from
+            the size when None.
 
     Raises:
         BrokenMeshError: If the tolerance would join neighbours along an edge.
 
     Returns:
-        For each vertex the one that stands for it, shape (V,), and the tolerance, in the units of the vertices.
+        Representative of each vertex, shape (V,), and the tolerance, in the units of the vertices.
 
     Limitations:
         Openings whose two edges touch within the tolerance are sewn up.
@@ -47,7 +48,8 @@ def weld_vertices(
         most = _OF_A_RIM * float(np.median(lengths[edges.counts == 1]))
         if tolerance > most:
             raise BrokenMeshError(
-                f"`weld` of {tolerance:.3g} units would join neighbours along the open edges; at most {most:.3g} units "
+                f"`weld` of {tolerance:.3g} units would join neighbours along the open edges; at "
+                f"most {most:.3g} units "
                 "are possible with edges of this length"
             )
     rim = np.unique(edges.pairs[edges.counts == 1])

@@ -1,7 +1,7 @@
 """Bring your own robot: arms and hands from URDF, usable by name in every task."""
 
 from dgl_assets.robots.errors import RobotImportError as RobotImportError
-from dgl_assets.robots.importing.importer import ImportOptions as ImportOptions
+from dgl_assets.robots.importing.importer import RobotImportOptions as RobotImportOptions
 from dgl_assets.robots.importing.importer import RobotReport as RobotReport
 from dgl_assets.robots.importing.importer import import_robot as import_robot
 from dgl_assets.robots.importing.library import list_robots as list_robots

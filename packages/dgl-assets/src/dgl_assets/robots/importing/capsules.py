@@ -14,7 +14,7 @@ GAIN = 0.85
 """A capsule is divided where the two halves together have less than this share of its volume."""
 MIN_HALF_LENGTH = 1e-4
 MIN_RADIUS = 5e-4
-"""What is thinner becomes this thick [m]."""
+"""Least thickness; thinner parts get it [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ def enclosing_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _find_outside(points: np.ndarray, start: int, centre: np.ndarray, radius: float) -> int:
-    """Find the first point from `start` on that lies outside of a circle; their number if none does."""
+    """Find the first point from `start` on outside of a circle; the number of points if none."""
     offset = points[start:] - centre
     is_outside = np.hypot(offset[:, 0], offset[:, 1]) > radius * (1 + 1e-9) + 1e-12
     return start + int(is_outside.argmax()) if is_outside.any() else len(points)
@@ -204,7 +204,7 @@ def _estimate(points: np.ndarray) -> float:
 
 
 def clip_triangles(triangles: np.ndarray, normal: np.ndarray, level: float) -> np.ndarray:
-    """Keep the part of triangles, shape (F, 3, 3), where position . normal <= level, shape (G, 3, 3)."""
+    """Keep the part of triangles, (F, 3, 3), with position . normal <= level, (G, 3, 3)."""
     height = triangles @ normal - level
     is_kept = (height <= 0).all(axis=1)
     kept = [triangles[is_kept]]

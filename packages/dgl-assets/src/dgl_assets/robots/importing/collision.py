@@ -1,4 +1,4 @@
-"""Collision shapes of an imported link: capsules fitted to it, convex pieces, or what the file has."""
+"""Collision shapes of an imported link: fitted capsules, convex pieces, or those of the file."""
 
 import io
 from functools import lru_cache
@@ -26,14 +26,14 @@ def build_collision(
 ) -> tuple[list[CollisionShape], dict[str, bytes]]:
     """Make the collision shapes of a link.
 
-    Boxes, spheres and capsules stay as they are; a cylinder becomes a capsule of its length where it
-    is long enough, and stays where the file's shapes are kept. A link without collision elements takes
+    Boxes, spheres and capsules stay as they are. A cylinder becomes a capsule of its length where
+    it is long enough, unless the file's shapes are kept. A link without collision elements takes
     its visual ones.
 
     Args:
         link: The link.
-        method: "capsules": at most four around each mesh; "coacd": each mesh in at most eight convex
-            pieces; "keep": each mesh as its convex hull, which is what PhysX makes of it.
+        method: "capsules": at most four around each mesh; "coacd": each mesh in at most eight
+            convex pieces; "keep": each mesh as its convex hull, which is what PhysX makes of it.
 
     Returns:
         The shapes, and the content of the mesh files that they name.
@@ -131,7 +131,8 @@ def _encode_hull(mesh: trimesh.Trimesh, link: str) -> bytes:
         hull = mesh.convex_hull
     except Exception as err:  # Qhull raises its own kinds for flat meshes
         raise RobotImportError(
-            f"link {link}: a collision mesh has no convex hull (is it flat?); try --collision capsules"
+            f"link {link}: a collision mesh has no convex hull (is it flat?); try --collision "
+            "capsules"
         ) from err
     return _write_stl(hull)
 

@@ -1,7 +1,7 @@
 """From a description as read to a kinematic tree with its pictures and collision shapes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import pi
 
@@ -35,7 +35,7 @@ class ConvertedPart:
     tree: KinematicTree
     meshes: LinkMeshes
     assumptions: tuple[str, ...]
-    """What the file did not say, or says otherwise."""
+    """Values that the file lacks or gives otherwise."""
 
 
 def convert(
@@ -112,8 +112,6 @@ def _convert_link(
 
 
 def _rename_shape(shape: CollisionShape, link: str, names: dict[str, str]) -> CollisionShape:
-    from dataclasses import replace
-
     return replace(shape, link=link, mesh=names.get(shape.mesh, ""))
 
 
@@ -124,34 +122,27 @@ def _name_file(name: str, data: bytes) -> str:
 
 
 def _convert_joint(joint: RawJoint, rename: Callable[[str], str], notes: list[str]) -> TreeJoint:
-    kind, lower, upper = joint.kind, joint.lower, joint.upper
-    common = {
-        "name": rename(joint.name),
-        "parent": rename(joint.parent),
-        "child": rename(joint.child),
-        "joint_to_parent": joint.joint_to_parent,
-    }
-    if kind == "fixed":
-        return TreeJoint(**common)
-    if kind == "continuous":
-        kind, lower, upper = "revolute", -2 * pi, 2 * pi
+    lower, upper, speed = joint.lower, joint.upper, joint.speed
+    if joint.is_endless:
+        lower, upper = -2 * pi, 2 * pi
         notes.append(f"joint {joint.name} turns without end; limited to two turns")
-    speed = joint.speed
-    if speed == 0.0:
-        speed = DEFAULT_SPEED[kind]
+    if joint.axis is not None and speed == 0.0:
+        speed = DEFAULT_SPEED[joint.kind]
         notes.append(f"joint {joint.name} has no speed limit; {speed:g} assumed")
-    if joint.mimic is not None:
+    if joint.axis is not None and joint.mimic is not None:
         notes.append(
             f"joint {joint.name} follows {joint.mimic} in the file; here it moves by itself"
         )
-    return TreeJoint(
-        **common,
-        axis=joint.axis,
-        kind=kind,
+    return replace(
+        joint,
+        name=rename(joint.name),
+        parent=rename(joint.parent),
+        child=rename(joint.child),
         lower=lower,
         upper=upper,
-        effort=joint.effort,
         speed=speed,
+        is_endless=False,
+        mimic=None,
     )
 
 

@@ -7,11 +7,11 @@ from dgl_assets.robots.importing.convert import compute_moments
 from dgl_assets.robots.tree import KinematicTree
 
 FREQUENCY = 40.0
-"""How quickly a drive answers [rad/s]: within a few control steps of 1/60 s."""
+"""Natural frequency of a drive [rad/s]: it answers within a few control steps of 1/60 s."""
 ARM_ARMATURE, HAND_ARMATURE = 0.1, 0.0002
 """Rotor inertias [kg m^2], those published for the UR10e and the Shadow Hand."""
 FINGER_STIFFNESS = 1.0
-"""Least stiffness of a finger [N m / rad], that of the Shadow Hand: what closes on cloth holds it."""
+"""Least stiffness of a finger that holds cloth [N m / rad], that of the Shadow Hand."""
 SLIDE_STIFFNESS = 1000.0
 """Least stiffness of a joint that slides [N / m]."""
 LARGEST_SWING = 0.5

@@ -1,4 +1,4 @@
-"""Which way a hand's fingers point, where its palm and thumb are: found from the tree, or given."""
+"""Directions of fingers and palm of a hand, and its thumb: found from the tree, or given."""
 
 import re
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ _THUMB = re.compile(
 )
 """Names of a thumb's links and joints."""
 THUMB_GAP = 0.008
-"""How much nearer to the wrist the thumb must begin than the other fingers [m]."""
+"""Least distance by which the thumb begins nearer to the wrist than other fingers [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +51,9 @@ class HandFrame:
     fingers: tuple[Finger, ...]
     """The thumb first, then from the thumb's side on."""
     rotation: np.ndarray
-    """Columns: directions of fingers, palm, and their cross product, frame of the hand, shape (3, 3)."""
+    """Columns: directions of fingers, palm and their cross product in the hand, (3, 3)."""
     is_right: bool
-    """Whether the thumb is on the side of a right hand's."""
+    """The thumb is on the side of a right hand."""
 
 
 def rest_positions(tree: KinematicTree) -> dict[str, float]:
@@ -148,7 +148,7 @@ def _find_fingers(tree: KinematicTree, meshes: LinkMeshes) -> list[Finger]:
     parent = {joint.child: joint.parent for joint in tree.joints}
 
     def path(link: str) -> list[str]:
-        """Moved links from the root to a link."""
+        """List the moved links from the root to a link."""
         links = [link]
         while links[-1] in parent:
             links.append(parent[links[-1]])
@@ -183,7 +183,7 @@ def _find_fingers(tree: KinematicTree, meshes: LinkMeshes) -> list[Finger]:
 
 
 def _find_tip(tree: KinematicTree, meshes: LinkMeshes, end: str) -> np.ndarray:
-    """The furthest point of the last link and what is fixed to it; of pure frames their origin."""
+    """Find the furthest point of the last link and links fixed to it; of frames their origin."""
     poses, points = {end: np.eye(4)}, []
     by_name: dict[str, TreeLink] = {link.name: link for link in tree.links}
     for joint in tree.joints:
@@ -201,7 +201,7 @@ def _find_tip(tree: KinematicTree, meshes: LinkMeshes, end: str) -> np.ndarray:
 
 
 def _closing_direction(tree: KinematicTree, fingers: list[Finger]) -> np.ndarray:
-    """Where the tips go when every joint goes to the middle of its range."""
+    """Directions in which the tips move when every joint goes to the middle of its range."""
     rest = rest_positions(tree)
     half = dict(rest)
     own = {name for finger in fingers for name in finger.joints}

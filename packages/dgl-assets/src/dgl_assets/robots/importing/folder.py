@@ -1,6 +1,6 @@
 """The folder of an imported robot: robot.json, one URDF for each part, and their meshes.
 
-`robot.json` says what it is: kind, joints, home, poses, drives, grasp point, licence and origin. It may be
+`robot.json` holds its kind, joints, home, poses, drives, grasp point, licence and origin. It may be
 edited; everything that is read from it is checked.
 """
 
@@ -25,10 +25,10 @@ from dgl_assets.robots.collision import CollisionShape
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.gains import JointGains
 from dgl_assets.robots.hand import SIDES, Side
-from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot, RawShape
+from dgl_assets.robots.importing.raw import RawLink, RawRobot, RawShape
 from dgl_assets.robots.importing.read_urdf import read_urdf
 from dgl_assets.robots.robot import ArmPart, HandPart
-from dgl_assets.robots.tree import EE_LINK, KinematicTree, TreeJoint, TreeLink
+from dgl_assets.robots.tree import EE_LINK, KinematicTree, TreeLink
 from dgl_assets.robots.urdf import FRAME_MASS, make_urdf_text
 from dgl_assets.robots.visual import LinkMeshes
 
@@ -49,7 +49,7 @@ def write_robot_folder(
     """Write the files of a robot into an empty folder.
 
     Args:
-        folder: Where to.
+        folder: Folder to write into.
         meta: Kind, licence, origin, assumptions and the like, JSON-ready.
         arm: The arm, if it has one.
         hand: The hand, if it has one.
@@ -88,7 +88,7 @@ def load_robot_folder(folder: Path) -> tuple[ArmPart | None, HandPart | None]:
 
 
 def read_meta(folder: Path) -> dict[str, Any]:
-    """Read what `robot.json` says.
+    """Read `robot.json`.
 
     Raises:
         AssetNotFoundError: If there is none.
@@ -176,7 +176,7 @@ def _load_hand(folder: Path, content: Mapping[str, Any]) -> HandPart:
         raise ValueError(f"poses must have {', '.join(POSE_NAMES)}; missing {missing}")
     x, y, z = (_finite(v, "grasp_point") for v in content["grasp_point"])
     links = {link.name for link in right.links}
-    thumb = content.get("thumb_links", [])  # none in files of before
+    thumb = content.get("thumb_links", [])  # older files have none
     for key, named in (("ground_links", content["ground_links"]), ("thumb_links", thumb)):
         unknown = sorted(set(named) - links)
         if unknown:
@@ -225,7 +225,8 @@ def read_positions(tree: KinematicTree, values: Mapping[str, Any], what: str) ->
         value, joint = _finite(values[name], f"{what}, {name}"), joints[name]
         if not joint.lower - 1e-4 <= value <= joint.upper + 1e-4:
             raise ValueError(
-                f"{what}: {name} must be within {joint.lower:.4f} to {joint.upper:.4f}; got {value:.4f}"
+                f"{what}: {name} must be within {joint.lower:.4f} to {joint.upper:.4f}; got "
+                f"{value:.4f}"
             )
         result.append(float(np.clip(value, joint.lower, joint.upper)))
     array = np.array(result)
@@ -288,31 +289,10 @@ def _to_tree(raw: RawRobot) -> KinematicTree:
         )
         for link in raw.links
     )
-    return KinematicTree(links=links, joints=tuple(_to_joint(joint) for joint in raw.joints))
-
-
-def _to_joint(joint: RawJoint) -> TreeJoint:
-    if joint.kind == "fixed":
-        return TreeJoint(
-            name=joint.name,
-            parent=joint.parent,
-            child=joint.child,
-            joint_to_parent=joint.joint_to_parent,
-        )
-    if joint.kind == "continuous":
-        raise ValueError(f"joint {joint.name} must have limits")
-    return TreeJoint(
-        name=joint.name,
-        parent=joint.parent,
-        child=joint.child,
-        joint_to_parent=joint.joint_to_parent,
-        axis=joint.axis,
-        kind=joint.kind,
-        lower=joint.lower,
-        upper=joint.upper,
-        effort=joint.effort,
-        speed=joint.speed,
-    )
+    for joint in raw.joints:
+        if joint.is_endless:
+            raise ValueError(f"joint {joint.name} must have limits")
+    return KinematicTree(links=links, joints=raw.joints)
 
 
 def _to_shape(link: RawLink, shape: RawShape) -> CollisionShape:

@@ -1,4 +1,4 @@
-"""Where an imported arm starts: inverse kinematics from many starts, in numpy."""
+"""Home configuration of an imported arm: inverse kinematics from many starts, in numpy."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,16 +28,16 @@ PLACES = (
     (0.1, 0.75, 0.25),
     (0.6, 0.5, -0.35),
 )
-"""Where garments are taken from the left base [m]: for an arm as long as the UR10e."""
+"""Grasp point of garments from the left base [m], for an arm as long as the UR10e."""
 TURNS = (0.0, 0.35, 0.7)
-"""How far the hand points inwards there [rad]."""
+"""Angle by which the hand points inwards there [rad]."""
 MARGIN = 0.05
 """Distance that home keeps from the joints' limits, a share of their range."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Home:
-    """Where an arm starts, and how good that is."""
+    """Home configuration of an arm, and its score."""
 
     positions: np.ndarray
     """Joint positions [rad or m], shape (n,)."""
@@ -48,9 +48,9 @@ class Home:
 def find_home(tree: KinematicTree, side: Side) -> Home | None:
     """Find joint positions with the fingers forward and the palm down, where the UR10e has them.
 
-    The place is that of the UR10e's home, nearer by the ratio of the arms' lengths, or further on the
-    same line. Arms work on the branch that they start on, so of the solutions with the highest elbows
-    and the best-conditioned Jacobians the one is taken from which most of the workspace is reached.
+    The hand's position is that of the UR10e's home, nearer by the ratio of the arms' lengths, or
+    further on the same line. Arms stay on the branch that they start on: of the solutions with the
+    highest elbows and best-conditioned Jacobians, the one that reaches most is taken.
 
     Args:
         tree: The arm, up to `ee`.
@@ -142,7 +142,7 @@ class ArmChain:
         self._end = T
 
     def linearise(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Compute the pose of `ee` (4, 4), its Jacobian (6, n), and the joints' places [m], (n, 3)."""
+        """Compute the pose of `ee`, (4, 4), its Jacobian, (6, n), and joint origins [m], (n, 3)."""
         R, p = np.eye(3), np.zeros(3)
         axes, places = np.empty((len(q), 3)), np.empty((len(q), 3))
         for k, ((T, axis, K, slides), value) in enumerate(zip(self._links, q, strict=True)):
@@ -191,7 +191,7 @@ class ArmChain:
         return bool(((q >= self.low + room) & (q <= self.high - room)).all())
 
     def rate(self, q: np.ndarray) -> float:
-        """Rate a solution: its least singular value, its room to the limits, and how high it is [m]."""
+        """Rate a solution: least singular value, distance to the limits, and height [m]."""
         _, J, places = self.linearise(q)
         room = float((np.minimum(q - self.low, self.high - q) / (self.high - self.low)).min())
         heights = places[:, 2]

@@ -31,7 +31,7 @@ from dgl_assets.robots.importing.folder import POSE_NAMES, read_positions, write
 from dgl_assets.robots.importing.home import find_home, find_parked
 from dgl_assets.robots.importing.poses import compute_grasp_point, take_over_poses
 from dgl_assets.robots.importing.raw import RawJoint, RawRobot
-from dgl_assets.robots.importing.read_urdf import read_urdf
+from dgl_assets.robots.importing.read_urdf import read_foreign_urdf
 from dgl_assets.robots.importing.reflect import reflect_meshes, reflect_tree
 from dgl_assets.robots.importing.topology import drop_subtrees, take_subtree
 from dgl_assets.robots.robot import ArmPart, HandPart
@@ -49,8 +49,8 @@ RESERVED = ("ur10e", "shadow")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImportOptions:
-    """What the importer cannot or need not find out."""
+class RobotImportOptions:
+    """Options of an import; the importer finds values that are None."""
 
     root: str | None = None
     """Import only what hangs on this link; the file's root otherwise."""
@@ -69,11 +69,11 @@ class ImportOptions:
     thumb: str | None = None
     """A link of the thumb."""
     side: Side | None = None
-    """Which hand the file describes; found from the thumb otherwise."""
+    """Side of the hand in the file; found from the thumb otherwise."""
     mount_offset: float | None = None
     """Distance from the flange to the hand's first link along the fingers [m]."""
     grasp_point: tuple[float, float, float] | None = None
-    """Place between the fingers of the right hand that tasks lead, axes of `ee` [m]."""
+    """Grasp point between the fingers of the right hand, axes of `ee` [m]."""
     home: Path | None = None
     """JSON file: {"left": {joint: value}, "right": {...}}, where the arms start."""
     poses: Path | None = None
@@ -81,18 +81,18 @@ class ImportOptions:
     packages: Mapping[str, Path] = field(default_factory=dict)
     """Folders of ROS packages that the file refers to."""
     collision: CollisionMethod = "capsules"
-    """How collision shapes are made."""
+    """Method that makes collision shapes."""
     licence: str = ""
     """Licence under which you have it; recorded, never judged."""
     source: str = ""
-    """Where it comes from; recorded."""
+    """Origin; recorded."""
     overwrite: bool = False
-    """Whether a robot of that name is replaced."""
+    """Replace a robot of that name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """What was made."""
+    """Facts of an imported robot."""
 
     name: str
     kind: RobotKind
@@ -104,7 +104,7 @@ class RobotReport:
     collision_shapes: Mapping[str, int]
     """Number of collision shapes of one side by kind."""
     assumptions: tuple[str, ...]
-    """What was found out or assumed."""
+    """Findings and assumptions."""
 
 
 def import_robot(
@@ -113,7 +113,7 @@ def import_robot(
     name: str,
     out: Path | str,
     kind: RobotKind,
-    options: ImportOptions | None = None,
+    options: RobotImportOptions | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> RobotReport:
     """Import a robot into `out/name`, which appears whole or not at all.
@@ -123,16 +123,16 @@ def import_robot(
         name: Name to use it by: lower-case letters, digits, "_" and "-".
         out: Folder of robots.
         kind: "arm", "hand", or "pair": an arm with its hand, in one file.
-        options: What cannot or need not be found out.
+        options: Options of the import.
         on_progress: Called with the name of each link when its shapes are made.
 
     Returns:
-        What was made.
+        Facts of the robot.
 
     Raises:
-        AssetImportError: In one line, what is wrong and what to do.
+        AssetImportError: In one line, with the fault and the remedy.
     """
-    options = options or ImportOptions()
+    options = options or RobotImportOptions()
     path, out = Path(path), Path(out)
     if kind not in KINDS:
         raise RobotImportError(f"kind must be one of {KINDS}; got {kind!r}")
@@ -140,7 +140,8 @@ def import_robot(
         raise RobotImportError(f"collision must be one of {METHODS}; got {options.collision!r}")
     if not _NAME.fullmatch(name) or name in RESERVED:
         raise RobotImportError(
-            "a robot's name must be lower-case letters, digits, '_' and '-', at most 40, and none of "
+            "a robot's name must be lower-case letters, digits, '_' and '-', at most 40, and none "
+            "of "
             f"{RESERVED}; got {name[:60]!r}"
         )
     with stage_folder(out / name, overwrite=options.overwrite, marker="robot.json") as staging:
@@ -170,7 +171,7 @@ class _Maker:
     """Makes the parts of one import and notes what it assumes."""
 
     def __init__(
-        self, name: str, options: ImportOptions, on_progress: Callable[[str], None] | None
+        self, name: str, options: RobotImportOptions, on_progress: Callable[[str], None] | None
     ) -> None:
         self._name, self._options, self._on_progress = name, options, on_progress
         self._notes: list[str] = []
@@ -180,7 +181,7 @@ class _Maker:
 
     def make(self, path: Path, kind: RobotKind) -> RobotReport:
         options = self._options
-        raw = read_urdf(path, packages=options.packages)
+        raw = read_foreign_urdf(path, options.packages)
         if options.root is not None:
             raw = take_subtree(raw, options.root)
         if kind == "arm":
@@ -220,7 +221,7 @@ class _Maker:
                 "--ee-link is for an arm; a pair's hand is fixed where its arm ends"
             )
         for joint in raw.joints:
-            if joint.child == wanted and joint.kind == "fixed":
+            if joint.child == wanted and joint.axis is None:
                 return joint
         raise RobotImportError(
             f"--hand-link must be a link that is fixed to the arm; got {wanted[:60]!r}"
@@ -229,7 +230,7 @@ class _Maker:
     # Arms ------------------------------------------------------------------------------------
 
     def _tool_rotations(self) -> list[np.ndarray]:
-        """Axes of `ee` in the link that the tool is mounted on, as columns: every way to turn the palm."""
+        """List axes of `ee` in the link of the tool, as columns: every way to turn the palm."""
         x = parse_axis(self._options.tool_axis)
         if self._options.tool_palm is not None:
             sides = [parse_axis(self._options.tool_palm)]
@@ -252,7 +253,8 @@ class _Maker:
         count = len(part.tree.moving_joint_names)
         if not 6 <= count <= 12:
             raise RobotImportError(
-                f"an arm must have 6 to 12 moving joints to hold a hand anywhere; {ee_link} is moved by {count}"
+                f"an arm must have 6 to 12 moving joints to hold a hand anywhere; {ee_link} is "
+                f"moved by {count}"
             )
         trees = [_add_ee(part.tree, _rename_reserved(ee_link), R) for R in rotations]
         tree, home = self._choose_home(trees)
@@ -269,7 +271,7 @@ class _Maker:
     def _choose_home(
         self, trees: list[KinematicTree]
     ) -> tuple[KinematicTree, dict[Side, np.ndarray]]:
-        """Take the way to mount the hand from whose home most is reached; the given home with the first."""
+        """Choose the mount whose home reaches most; a given home takes the first mount."""
         given = self._read_home(trees[0])
         if given is not None:
             return trees[0], given
@@ -285,12 +287,14 @@ class _Maker:
                 best = (score, tree, {"left": left.positions, "right": right.positions})
         if best is None:
             raise RobotImportError(
-                "no home was found: the arm cannot hold the fingers forward with the palm down near its base; "
+                "no home was found: the arm cannot hold the fingers forward with the palm down "
+                "near its base; "
                 "give --home with joint values, or another --tool-axis"
             )
         R = best[1].joints[-1].joint_to_parent[:3, :3]
         self._notes.append(
-            f"the hand is mounted with fingers along {_name_axis(R[:, 0])} and palm towards {_name_axis(R[:, 1])} "
+            f"the hand is mounted with fingers along {_name_axis(R[:, 0])} and palm towards "
+            f"{_name_axis(R[:, 1])} "
             "of the tool; home was found by inverse kinematics"
         )
         return best[1], best[2]
@@ -306,7 +310,8 @@ class _Maker:
             chosen = usual[0]
         else:
             raise RobotImportError(
-                f"where the arm ends cannot be told; give --ee-link, one of {', '.join(ends[:12]) or 'its links'}"
+                "where the arm ends cannot be told; give --ee-link, one of "
+                f"{', '.join(ends[:12]) or 'its links'}"
             )
         self._notes.append(f"the arm ends in link {chosen}")
         return chosen
@@ -323,7 +328,7 @@ class _Maker:
         dropped = [
             joint.child
             for joint in raw.joints
-            if joint.child not in chain and (joint.kind != "fixed" or joint.parent == ee_link)
+            if joint.child not in chain and (joint.axis is not None or joint.parent == ee_link)
         ]
         if dropped:
             self._notes.append(f"left out what hangs beside the arm: {', '.join(dropped[:8])}")
@@ -408,7 +413,8 @@ class _Maker:
         which = "right" if is_right else "left"
         other = "left" if is_right else "right"
         self._notes.append(
-            f"fingers along {_name_axis(frame.rotation[:, 0])}, palm towards {_name_axis(frame.rotation[:, 1])}; "
+            f"fingers along {_name_axis(frame.rotation[:, 0])}, palm towards "
+            f"{_name_axis(frame.rotation[:, 1])}; "
             f"thumb first, the fingers end in {names}"
         )
         self._notes.append(f"the file has a {which} hand; the {other} one is its reflection")
@@ -478,13 +484,13 @@ def _name_axis(axis: np.ndarray) -> str:
 def _moved_links(raw: RawRobot) -> set[str]:
     moved: set[str] = set()
     for joint in raw.joints:
-        if joint.kind != "fixed" or joint.parent in moved:
+        if joint.axis is not None or joint.parent in moved:
             moved.add(joint.child)
     return moved
 
 
 def _find_lowest(part: ConvertedPart, frame: HandFrame) -> float:
-    """Where the hand's body begins along the fingers [m], frame of its first link."""
+    """Find the begin of the hand's body along the fingers [m], frame of its first link."""
     poses = part.tree.compute_link_poses(rest_positions(part.tree))
     lowest = inf
     for link in part.tree.links:
@@ -496,7 +502,7 @@ def _find_lowest(part: ConvertedPart, frame: HandFrame) -> float:
 
 
 def _links_of_fingers_and_palm(tree: KinematicTree, finger_joints: set[str]) -> frozenset[str]:
-    """Links that fingers move, and the ones that they are attached to with what is fixed to those."""
+    """List links that fingers move, links that fingers are attached to, and links fixed to them."""
     links = {joint.child for joint in tree.joints if joint.name in finger_joints}
     links |= {joint.parent for joint in tree.joints if joint.name in finger_joints}
     for joint in tree.joints:

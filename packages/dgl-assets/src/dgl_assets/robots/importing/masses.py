@@ -1,4 +1,4 @@
-"""Masses of links: what a file leaves out is added to what a link is fixed to, or given a small stated value."""
+"""Masses of links: missing ones are merged into a neighbour or get a small stated value."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 from dgl_assets.robots.importing.raw import RawLink, RawRobot
 
 NO_INERTIA = 1e-12
-"""Largest moment below which a link counts as a point [kg m^2]: of a grain of 1 mg with a radius of 1 mm."""
+"""Moment below which a link counts as a point [kg m^2], that of a ball of 1 mg and 1 mm."""
 THIN = 1e-3
 """Least moment over the largest one; a rod or a plate without thickness in the file gets it."""
 SMALL_MASS = 0.01
@@ -21,14 +21,15 @@ _LISTED = 8
 def settle_masses(robot: RawRobot) -> tuple[RawRobot, list[str]]:
     """Give every body that moves a mass and an inertia.
 
-    Links without inertia that are fixed to another one, such as fingertips, become frames, and their mass a point of that
-    one. A link that moves without a mass, or as a point, gets a small one.
+    Links without inertia that are fixed to another link, such as fingertips, become frames, and
+    their mass a point of the other link. A link that moves without a mass, or as a point, gets a
+    small one.
 
     Args:
-        robot: What was read; links may lack mass or inertia.
+        robot: Robot as in its file; links may lack mass or inertia.
 
     Returns:
-        The robot, and what was assumed.
+        The robot, and the assumptions.
     """
     links = {link.name: link for link in robot.links}
     notes = []
@@ -36,7 +37,7 @@ def settle_masses(robot: RawRobot) -> tuple[RawRobot, list[str]]:
     merged = []
     for joint in reversed(robot.joints):
         child = links[joint.child]
-        if joint.kind == "fixed" and child.mass > 0.0 and _is_point(child):
+        if joint.axis is None and child.mass > 0.0 and _is_point(child):
             links[joint.parent] = _add_point(
                 links[joint.parent],
                 child.mass,
@@ -46,13 +47,14 @@ def settle_masses(robot: RawRobot) -> tuple[RawRobot, list[str]]:
             merged.append(joint.child)
     if merged:
         notes.append(
-            f"links without inertia count as points of what they are fixed to: {_list(merged[::-1])}"
+            "links without inertia count as points of what they are fixed to: "
+            f"{_list(merged[::-1])}"
         )
     masses = {name: link.mass for name, link in links.items()}
     light, points, thin = [], [], []
-    moved = {joint.child: joint.kind != "fixed" for joint in robot.joints}
+    moved = {joint.child: joint.axis is not None for joint in robot.joints}
     for joint in reversed(robot.joints):
-        if joint.kind == "fixed":
+        if joint.axis is None:
             masses[joint.parent] += masses[joint.child]
         elif masses[joint.child] <= 0.0:
             links[joint.child] = _make_ball(links[joint.child], SMALL_MASS)
@@ -69,7 +71,8 @@ def settle_masses(robot: RawRobot) -> tuple[RawRobot, list[str]]:
                 thin.append(name)
     if thin:
         notes.append(
-            f"links whose inertia has no thickness in the file get {THIN:g} of their largest moment: {_list(thin)}"
+            f"links whose inertia has no thickness in the file get {THIN:g} of their largest "
+            f"moment: {_list(thin)}"
         )
     if light:
         notes.append(
@@ -77,7 +80,8 @@ def settle_masses(robot: RawRobot) -> tuple[RawRobot, list[str]]:
         )
     if points:
         notes.append(
-            f"links without inertia in the file get that of a ball of {SMALL_RADIUS * 100:g} cm radius: {_list(points)}"
+            f"links without inertia in the file get that of a ball of {SMALL_RADIUS * 100:g} cm "
+            f"radius: {_list(points)}"
         )
     return replace(robot, links=tuple(links[link.name] for link in robot.links)), notes
 

@@ -1,4 +1,4 @@
-"""Mesh files of a robot, read with trimesh and kept with their colours."""
+"""Mesh files of a robot, read with trimesh in a child process, and kept with their colours."""
 
 from __future__ import annotations
 
@@ -8,26 +8,23 @@ import re
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import trimesh
+from PIL import Image
 from trimesh.exchange.gltf import export_glb
 from trimesh.resolvers import Resolver
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from dgl_assets.importing.bounds import (
-    MAX_BUFFER_BYTES,
-    check_count,
-    check_lines,
-    check_size,
-)
-from dgl_assets.importing.errors import AssetImportError, describe_install
-from dgl_assets.importing.gltf_file import open_gltf
-from dgl_assets.importing.paths import detect_kind, read_bytes, resolve_reference
-from dgl_assets.importing.read_obj import check_obj
-from dgl_assets.importing.read_ply import check_header
-from dgl_assets.importing.read_stl import read_stl
+from dgl_assets.importing.bounds import check_size
+from dgl_assets.importing.errors import UnreadableFileError, describe_install
+from dgl_assets.importing.guarded import call_reader
+from dgl_assets.importing.paths import check_file, detect_kind, read_bytes, resolve_reference
+from dgl_assets.importing.read import read_ply, read_stl
+from dgl_assets.importing.read_gltf import check_gltf
 from dgl_assets.importing.textures import open_picture
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.importing.raw import RawShape, Rgba
@@ -37,36 +34,23 @@ LARGEST = 5.0
 """A link longer than this is in another unit [m]."""
 SMALLEST = 1e-4
 """A link shorter than this is in another unit [m]."""
-_MATERIALS = (".mtl", ".bin")
-_POSTSCRIPT = (b"%!PS", b"\xc5\xd0\xd3\xc6")
-MAX_COLLADA_BYTES = 64 * 2**20
-"""Largest COLLADA file; its parser takes many times as much memory [bytes]."""
 GREY: Rgba = (0.6, 0.6, 0.6, 1.0)
+_FACTORS = ("baseColorFactor", "emissiveFactor", "metallicFactor", "roughnessFactor")
+_FLAGS = ("alphaMode", "alphaCutoff", "doubleSided")
+_PICTURES = (
+    "baseColorTexture", "emissiveTexture", "metallicRoughnessTexture", "normalTexture",
+    "occlusionTexture",
+)  # fmt: skip
 
 
 class _InFolder(Resolver):
-    """Gives the files that a mesh refers to, from its own folder and no other, each read once."""
+    """Gives the files that a mesh refers to, from its own folder and no other."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._files: dict[str, bytes] = {}
 
     def get(self, key: str) -> bytes:
-        if key not in self._files:
-            data = read_bytes(resolve_reference(self._path.parent, key, named_by=self._path.name))
-            if key.lower().endswith(_MATERIALS):
-                check_lines(data, key)
-                _refuse_postscript(data, key)
-            else:
-                open_picture(data, key).close()
-            self._files[key] = data
-            check_count(
-                sum(map(len, self._files.values())),
-                MAX_BUFFER_BYTES,
-                "bytes in other files",
-                self._path.name,
-            )
-        return self._files[key]
+        return read_bytes(resolve_reference(self._path.parent, key, named_by=self._path.name))
 
     def write(self, name: str, data: bytes) -> None:
         raise NotImplementedError
@@ -76,23 +60,6 @@ class _InFolder(Resolver):
 
     def keys(self) -> list[str]:
         return []
-
-
-class _Checked(_InFolder):
-    """Gives the files of a glTF file that were checked, and no others."""
-
-    def __init__(self, path: Path, files: dict[str, bytes]) -> None:
-        super().__init__(path)
-        self._files = files
-
-    def get(self, key: str) -> bytes:
-        return self._files[key]
-
-
-def _refuse_postscript(data: bytes, name: str) -> None:
-    """A picture may be named like a material, and of PostScript Pillow would start an interpreter."""
-    if data[:4] in _POSTSCRIPT:
-        raise RobotImportError(f"{name[:80]} is PostScript, not a material")
 
 
 def load_geometry(shape: RawShape) -> list[trimesh.Trimesh]:
@@ -111,11 +78,13 @@ def load_geometry(shape: RawShape) -> list[trimesh.Trimesh]:
         longest = max(float(np.ptp(piece.vertices, axis=0).max()) for piece in pieces)
         if not longest >= SMALLEST:
             raise RobotImportError(
-                f"{shape.path.name} is {longest:.1e} m long, at least {SMALLEST:g} m are used; is its scale in the URDF right?"
+                f"{shape.path.name} is {longest:.1e} m long, at least {SMALLEST:g} m are used; is "
+                "its scale in the URDF right?"
             )
         if longest > LARGEST:
             raise RobotImportError(
-                f"{shape.path.name} is {longest:.1f} m long; is it in millimetres? then its scale in the URDF "
+                f"{shape.path.name} is {longest:.1f} m long; is it in millimetres? then its scale "
+                "in the URDF "
                 "must be 0.001 0.001 0.001"
             )
     else:
@@ -180,21 +149,19 @@ def _make_primitive(shape: RawShape) -> trimesh.Trimesh:
 
 
 def count_vertices_and_pixels(path: Path) -> tuple[int, int]:
-    """Count the vertices of a mesh file and the pixels of its pictures, each as often as a piece has it.
+    """Count the vertices of a mesh file and the pixels of the pictures of all its pieces.
 
     Raises:
         AssetImportError: If it cannot be used.
     """
-    vertices = pixels = 0
-    for piece in _load_mesh(path):
-        vertices += len(piece.vertices)
-        material = getattr(piece.visual, "material", None)
-        for name in ("baseColorTexture", "image"):
-            picture = getattr(material, name, None)
-            if picture is not None:
-                pixels += picture.width * picture.height
-                break
-    return vertices, pixels
+    pieces = _load_mesh(path)
+    pictures = [
+        getattr(piece.visual.material, "baseColorTexture", None)
+        for piece in pieces
+        if isinstance(piece.visual, TextureVisuals)
+    ]
+    pixels = sum(picture.width * picture.height for picture in pictures if picture is not None)
+    return sum(len(piece.vertices) for piece in pieces), pixels
 
 
 def _load_mesh(path: Path) -> tuple[trimesh.Trimesh, ...]:
@@ -203,11 +170,8 @@ def _load_mesh(path: Path) -> tuple[trimesh.Trimesh, ...]:
     Raises:
         AssetImportError: If it cannot be used.
     """
-    try:
-        changed = path.stat().st_mtime_ns
-    except OSError as err:
-        raise RobotImportError(f"{path.name} cannot be read: {err.strerror}") from err
-    return _load_file(path, changed)
+    check_file(path)
+    return _load_file(path, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=8)
@@ -215,31 +179,58 @@ def _load_file(path: Path, _changed: int) -> tuple[trimesh.Trimesh, ...]:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise RobotImportError(f"{path.name}: meshes must be {', '.join(SUFFIXES)}; got {suffix!r}")
-    data = read_bytes(path)
-    resolver: Resolver = _InFolder(path)
+    if suffix == ".dae" and importlib.util.find_spec("collada") is None:
+        raise RobotImportError(
+            f"{path.name} is COLLADA, which needs the package pycollada: "
+            + describe_install("collada", "pycollada")
+        )
+    return tuple(map(_unpack_piece, call_reader(read_pieces, str(path.absolute()), file=path.name)))
+
+
+def read_pieces(file: str) -> list[dict[str, Any]]:
+    """Read the pieces of a mesh file; `load_geometry` calls this in the child process.
+
+    Returns:
+        Plain values and arrays of each piece, placed by the file's nodes.
+
+    Raises:
+        AssetImportError: If it cannot be used.
+    """
+    path, unit, failures = Path(file), 1.0, []
+    data, suffix = read_bytes(path), path.suffix.lower()
     if suffix == ".dae":
-        _check_collada(path, data)
-    elif detect_kind(path, data) in ("glb", "gltf"):
-        resolver = _Checked(path, open_gltf(path, data, use_textures=True).files)
+        unit = _read_unit(path.name, data)
     else:
-        _check_counts(path, data)
-    try:
+        match detect_kind(path):  # what trimesh would read in part
+            case "glb" | "gltf":
+                check_gltf(path)
+            case "ply":
+                read_ply(path)
+            case "stl":
+                read_stl(path)
+            case _:
+                pass
+
+    def open_checked(stream: Any, *_: Any, **__: Any) -> Image.Image:
+        try:
+            return open_picture(stream.read(), f"of {path.name}")
+        except UnreadableFileError as err:
+            failures.append(err)
+            raise
+
+    with patch.object(Image, "open", open_checked):
         scene = trimesh.load_scene(
-            io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False
+            io.BytesIO(data), file_type=suffix[1:], resolver=_InFolder(path), process=False
         )
         shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
         check_size(
             sum(len(getattr(mesh, "vertices", ())) for mesh in shown),
             sum(len(getattr(mesh, "faces", ())) for mesh in shown),
-            path.name,
+            f"{path.name}, each mesh as often as it is shown,",
         )
         loaded = [piece for piece in scene.dump() if isinstance(piece, trimesh.Trimesh)]
-    except AssetImportError:
-        raise
-    except Exception as err:  # a foreign parser on a foreign file: it may raise anything
-        raise RobotImportError(
-            f"{path.name} cannot be read: {type(err).__name__}: {str(err)[:120]}"
-        ) from err
+    if failures and suffix in (".glb", ".gltf"):  # elsewhere a mesh is used without its picture
+        raise failures[0]
     pieces = [piece for piece in loaded if len(piece.faces)]
     if not pieces:
         raise RobotImportError(f"{path.name} holds no triangles")
@@ -248,39 +239,62 @@ def _load_file(path: Path, _changed: int) -> tuple[trimesh.Trimesh, ...]:
             raise RobotImportError(f"{path.name} has vertices that are not finite")
         if piece.faces.min() < 0 or piece.faces.max() >= len(piece.vertices):
             raise RobotImportError(f"{path.name} has triangles of vertices that do not exist")
-        if suffix == ".dae":
-            piece.apply_scale(_read_unit(data))
-    return tuple(pieces)
+        if unit != 1.0:
+            piece.apply_scale(unit)
+    return [_pack_piece(piece) for piece in pieces]
 
 
-def _check_counts(path: Path, data: bytes) -> None:
-    """Refuse OBJ, PLY and STL files beyond the limits: trimesh counts only what it has built."""
-    check_lines(data, path.name)
-    match path.suffix.lower():
-        case ".obj":
-            check_obj(path.name, data)
-        case ".ply":
-            check_header(path.name, data)
-        case _:
-            read_stl(path, data)
+def _pack_piece(piece: trimesh.Trimesh) -> dict[str, Any]:
+    """Turn a piece into plain values; its material into that of glTF, with pictures as PNG."""
+    has_normals = "vertex_normals" in piece._cache  # noqa: SLF001, elsewhere they are computed
+    plain: dict[str, Any] = {
+        "vertices": np.asarray(piece.vertices),
+        "faces": np.asarray(piece.faces),
+        "normals": np.asarray(piece.vertex_normals) if has_normals else None,
+    }
+    visual = piece.visual
+    if isinstance(visual, ColorVisuals):
+        return {**plain, "colour": visual.main_color.tolist() if visual.defined else None}
+    assert isinstance(visual, TextureVisuals)
+    material: Any = visual.material
+    if not isinstance(material, PBRMaterial):
+        material = material.to_pbr()
+    values = {key: getattr(material, key, None) for key in (*_FACTORS, *_FLAGS)}
+    for key in _FACTORS:
+        if values[key] is not None:
+            values[key] = np.asarray(values[key]).tolist()
+    for key in _PICTURES:
+        picture = getattr(material, key, None)
+        if picture is not None:
+            stream = io.BytesIO()
+            picture.save(stream, format="PNG", compress_level=1)
+            values[key] = stream.getvalue()
+    return {**plain, "uv": visual.uv, "material": values}
 
 
-def _check_collada(path: Path, data: bytes) -> None:
-    check_count(len(data), MAX_COLLADA_BYTES, "bytes of XML", path.name)
-    if importlib.util.find_spec("collada") is None:
-        raise RobotImportError(
-            f"{path.name} is COLLADA, which needs the package pycollada: {describe_install('collada', 'pycollada')}"
-        )
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise RobotImportError(
-            f"{path.name} declares a document type or entities, which are not read"
-        )
-    if b"<COLLADA" not in data[:4096]:
-        raise RobotImportError(f"{path.name} is named .dae but is no COLLADA file")
+def _unpack_piece(plain: dict[str, Any]) -> trimesh.Trimesh:
+    """Make a piece of what `_pack_piece` gave."""
+    vertices, material = plain["vertices"], plain.get("material")
+    if material is None:
+        colour = plain["colour"]
+        colours = None if colour is None else np.tile(np.uint8(colour), (len(vertices), 1))
+        visual = ColorVisuals(vertex_colors=colours)
+    else:
+        values = {key: value for key, value in material.items() if value is not None}
+        for key in values.keys() & set(_PICTURES):
+            values[key] = Image.open(io.BytesIO(values[key]), formats=["PNG"])
+        visual = TextureVisuals(uv=plain["uv"], material=PBRMaterial(**values))
+    return trimesh.Trimesh(
+        vertices, plain["faces"], vertex_normals=plain["normals"], visual=visual, process=False
+    )
 
 
-def _read_unit(data: bytes) -> float:
+def _read_unit(name: str, data: bytes) -> float:
     """Metres of a COLLADA file's unit; its up axis is left alone, as ROS does."""
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise RobotImportError(f"{name} declares a document type or entities, which are not read")
+    if b"<COLLADA" not in data[:4096]:
+        raise RobotImportError(f"{name} is named .dae but is no COLLADA file")
     found = re.search(rb'<unit[^>]*\bmeter="([0-9.eE+-]+)"', data)
     unit = float(found.group(1)) if found else 1.0
     if not 1e-6 <= unit <= 1e3:

@@ -1,4 +1,4 @@
-"""The six hand poses of another hand, taken over from the Shadow Hand's by the places of the fingertips."""
+"""Six poses of an imported hand, by the fingertip positions of the Shadow Hand's poses."""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ from dgl_assets.robots.tree import KinematicTree
 _REFERENCE = ("th", "ff", "mf", "rf", "lf")
 _BASES = {"th": "THJ5", "ff": "FFJ4", "mf": "MFJ4", "rf": "RFJ4", "lf": "LFJ4"}
 PULL_TO_REST = 0.003
-"""How much a joint is drawn to rest where the tip leaves it free [m]."""
+"""Weight that draws a joint to rest where the tip leaves it free [m]."""
 THUMB_REACH = 0.3
 """Weight of the thumb's own reach beside its place relative to the first finger."""
 
@@ -21,9 +21,9 @@ THUMB_REACH = 0.3
 def take_over_poses(tree: KinematicTree, frame: HandFrame) -> dict[str, dict[str, float]]:
     """Find the joint values of open, close, pinch, cradle, smooth and flat.
 
-    Each fingertip goes where the Shadow Hand's is, seen from the finger's base and scaled by the
-    length of the finger; the thumb's where it is seen from the first finger's tip. Joints of the wrist
-    stay at rest. Fingers are counted from the thumb; of a hand with fewer the last ones are missing.
+    Each fingertip goes to the position of the Shadow Hand's, relative to the finger's base and
+    scaled by the finger's length; the thumb's relative to the first finger's tip. Joints of the
+    wrist stay at rest. Fingers are counted from the thumb; a hand with fewer lacks the last ones.
 
     Limitations: fingers are not kept apart from each other.
 
@@ -85,7 +85,7 @@ def _solve(
     positions: dict[str, float],
     goals: list[tuple[float, np.ndarray, np.ndarray]],
 ) -> None:
-    """Set the joints of one finger so that its tip is near goals: weight, origin, and offset from it."""
+    """Solve one finger's joints for goals of its tip: weight, origin, and offset from it."""
     joints = {joint.name: joint for joint in tree.joints}
     low = np.array([joints[name].lower for name in finger.joints])
     high = np.array([joints[name].upper for name in finger.joints])
@@ -111,7 +111,7 @@ def _solve(
 def _tip(
     tree: KinematicTree, frame: HandFrame, finger: Finger, positions: Mapping[str, float]
 ) -> np.ndarray:
-    """Fingertip [m] in directions of fingers, palm and their cross product, thumb's side as a right hand's."""
+    """Fingertip of the hand as a right one [m], axes: fingers, palm, their cross product."""
     T = tree.compute_link_poses(positions)[finger.tip_link]
     return frame.rotation.T @ (T[:3, :3] @ finger.tip + T[:3, 3])
 
@@ -123,7 +123,7 @@ def _shadow_poses(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _measure_reference(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Tips of the Shadow Hand from their bases, and the thumb's from the first finger's, axes of `ee` [m]."""
+    """Give the Shadow Hand's tips from their bases, the thumb's from the first finger's [m]."""
     poses, R = _shadow_poses(values), SHADOW_HAND_PART.mounts["right"][:3, :3]
     tips = {key: R @ poses[f"{key}_tip"][:3, 3] for key in _REFERENCE}
     bases = {key: R @ poses[_child(key)][:3, 3] for key in _REFERENCE}

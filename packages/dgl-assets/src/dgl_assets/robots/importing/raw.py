@@ -1,12 +1,13 @@
-"""A robot description as it stands in its file, checked entry by entry."""
+"""Content of a robot description, checked entry by entry."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+from dgl_assets.robots.tree import TreeJoint, TreeLink
+
 Rgba = tuple[float, float, float, float]
 
 
@@ -18,7 +19,8 @@ class RawShape:
     shape_to_link: np.ndarray
     """Pose in the link, shape (4, 4)."""
     size: tuple[float, ...] = ()
-    """Box: full sizes; cylinder and capsule: radius and length (of a capsule without caps); sphere: radius [m]."""
+    """Full sizes of a box; radius and length of a cylinder and of a capsule without its caps;
+    radius of a sphere [m]."""
     path: Path | None = None
     """File of a mesh."""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -28,39 +30,19 @@ class RawShape:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RawLink:
-    """A link."""
+class RawLink(TreeLink):
+    """A link; its mass is zero where the file gives no inertia."""
 
-    name: str
-    mass: float
-    """Mass [kg]; zero where the file gives no inertia."""
-    inertial_to_link: np.ndarray
-    """Pose of the inertial frame, shape (4, 4)."""
-    inertia: np.ndarray
-    """Inertia at the centre of mass [kg m^2], shape (3, 3)."""
     visuals: tuple[RawShape, ...] = ()
     collisions: tuple[RawShape, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class RawJoint:
-    """A joint."""
+class RawJoint(TreeJoint):
+    """A joint; effort and speed are zero where the file gives none."""
 
-    name: str
-    kind: JointKind
-    parent: str
-    child: str
-    joint_to_parent: np.ndarray
-    """Constant pose in the parent, shape (4, 4)."""
-    axis: tuple[float, float, float]
-    """Unit axis in the joint's frame."""
-    lower: float = 0.0
-    upper: float = 0.0
-    """Limits [rad or m]; both zero for continuous and fixed joints."""
-    effort: float = 0.0
-    """Largest torque [N m] or force [N]; zero where the file says nothing."""
-    speed: float = 0.0
-    """Largest speed [rad/s or m/s]; zero where the file says nothing."""
+    is_endless: bool = False
+    """A continuous joint, without limits."""
     mimic: str | None = None
     """Joint that this one is said to follow."""
 
@@ -77,3 +59,39 @@ class RawRobot:
     def root(self) -> str:
         """Name of the first link."""
         return self.links[0].name
+
+
+def pack_robot(robot: RawRobot) -> dict[str, Any]:
+    """Turn a robot into plain values and arrays, to pass it between processes."""
+    plain = asdict(robot)
+    for link in plain["links"]:
+        for shape in (*link["visuals"], *link["collisions"]):
+            shape["path"] = None if shape["path"] is None else str(shape["path"])
+    return plain
+
+
+def unpack_robot(plain: dict[str, Any]) -> RawRobot:
+    """Make a robot of what `pack_robot` gave."""
+    return RawRobot(
+        name=plain["name"],
+        links=tuple(
+            RawLink(
+                **{
+                    **link,
+                    "visuals": tuple(map(_unpack_shape, link["visuals"])),
+                    "collisions": tuple(map(_unpack_shape, link["collisions"])),
+                }
+            )
+            for link in plain["links"]
+        ),
+        joints=tuple(
+            RawJoint(**{**joint, "axis": joint["axis"] and tuple(joint["axis"])})
+            for joint in plain["joints"]
+        ),
+    )
+
+
+def _unpack_shape(plain: dict[str, Any]) -> RawShape:
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in plain.items()}
+    path = values.pop("path")
+    return RawShape(**values, path=None if path is None else Path(path))

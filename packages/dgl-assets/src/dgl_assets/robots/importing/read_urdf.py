@@ -1,21 +1,36 @@
-"""Reading URDF: every number and every reference is checked before anything is made of it."""
+"""Read URDF: every number and every reference is checked.
+
+Read here and not by yourdfpy, which drops capsules, names neither link nor joint in its errors, and
+whose rotations differ in the last bit from those of robots that were imported before.
+"""
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dgl_assets.importing.bounds import check_count
 from dgl_assets.importing.errors import AssetImportError
-from dgl_assets.importing.paths import read_bytes, resolve_reference
+from dgl_assets.importing.guarded import call_reader
+from dgl_assets.importing.paths import check_file, read_bytes, resolve_reference
 from dgl_assets.robots._frames import rotation_about, transform
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.importing.masses import NO_INERTIA
-from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot, RawShape, Rgba
+from dgl_assets.robots.importing.raw import (
+    RawJoint,
+    RawLink,
+    RawRobot,
+    RawShape,
+    Rgba,
+    pack_robot,
+    unpack_robot,
+)
 from dgl_assets.robots.importing.topology import order_tree
-from dgl_assets.robots.importing.xml_safe import parse_xml
 
+MAX_XML_BYTES = 16 * 2**20
 MAX_LINKS = 400
 MAX_MASS = 1e4
 """Largest mass of a link [kg]."""
@@ -27,33 +42,55 @@ _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,100}")
 _KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
+def read_foreign_urdf(path: Path, packages: Mapping[str, Path]) -> RawRobot:
+    """Read a URDF of unknown origin in a child process; arguments and errors as of `read_urdf`."""
+    check_file(path)
+    folders = {name: str(folder.absolute()) for name, folder in packages.items()}
+    plain = call_reader(read_packed_urdf, str(path.absolute()), folders, file=path.name)
+    return unpack_robot(plain)
+
+
+def read_packed_urdf(file: str, folders: dict[str, str]) -> dict[str, Any]:
+    """Read a URDF; `read_foreign_urdf` calls this in the child process."""
+    packages = {name: Path(folder) for name, folder in folders.items()}
+    return pack_robot(read_urdf(Path(file), packages=packages))
+
+
 def read_urdf(path: Path, *, packages: Mapping[str, Path] | None = None) -> RawRobot:
     """Read a URDF.
 
     Meshes must lie in the folder of the file or below, or in a folder of `packages` or below. A
-    reference `package://NAME/...` without an entry in `packages` is looked up in the folders above the
-    file: in the nearest one called NAME.
+    reference `package://NAME/...` without an entry in `packages` is looked up in the folders above
+    the file: in the nearest one called NAME.
 
     Args:
         path: The file; xacro must have been expanded.
         packages: Folders by name of a ROS package.
 
     Raises:
-        AssetImportError: In one line, what is wrong and where.
+        AssetImportError: In one line, with the place of the fault.
     """
     data = read_bytes(path)
-    robot = parse_xml(data, path.name)
+    check_count(len(data), MAX_XML_BYTES, "bytes", path.name)
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise RobotImportError(
+            f"{path.name} declares a document type or entities, which are not read; remove them"
+        )
+    try:
+        robot = ET.fromstring(data)
+    except (ET.ParseError, ValueError, LookupError) as err:
+        raise RobotImportError(f"{path.name} is not valid XML: {err}") from err
     if robot.tag != "robot":
         raise RobotImportError(
             f"{path.name} must be a URDF, <robot>; its root is <{robot.tag[:60]}>"
         )
     if any("xacro" in element.tag for element in robot.iter()) or b"${" in data:
         raise RobotImportError(f"{path.name} is xacro; expand it first: xacro in.xacro > out.urdf")
-    return _Reader(path, robot, packages or {}).read()
+    return _UrdfReader(path, robot, packages or {}).read()
 
 
-class _Reader:
-    """Reads the elements of one file; messages name the link or joint at hand."""
+class _UrdfReader:
+    """Reads the elements of one file; messages name the link or joint."""
 
     def __init__(self, path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> None:
         self._path, self._robot, self._packages = path, robot, packages
@@ -136,7 +173,8 @@ class _Reader:
             scale = self._read_numbers(shape, "scale", 3, default=(1.0, 1.0, 1.0))
             if not all(_SCALES[0] <= abs(s) <= _SCALES[1] for s in scale):
                 raise self._error(
-                    f"the scale of a mesh must be {_SCALES[0]:g} to {_SCALES[1]:g} along each axis; got {scale}"
+                    f"the scale of a mesh must be {_SCALES[0]:g} to {_SCALES[1]:g} along each "
+                    f"axis; got {scale}"
                 )
             file = self._find_mesh(shape.get("filename", ""))
             return RawShape(
@@ -186,7 +224,8 @@ class _Reader:
             name, _, text = reference.removeprefix("package://").partition("/")
             if not _NAME.fullmatch(name) or set(name) == {"."}:
                 raise self._error(
-                    f"{reference[:120]!r} must name a package, package://NAME/PATH; got {name[:60]!r}"
+                    f"{reference[:120]!r} must name a package, package://NAME/PATH; got "
+                    f"{name[:60]!r}"
                 )
             folder = self._packages.get(name) or self._find_package(name)
         elif reference.startswith("file://"):
@@ -201,7 +240,8 @@ class _Reader:
             if folder.name == name:
                 return folder
         raise self._error(
-            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package NAME FOLDER"
+            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package "
+            "NAME FOLDER"
         )
 
     # Joints ----------------------------------------------------------------------------------
@@ -219,54 +259,53 @@ class _Reader:
             if end is None or not end.get("link"):
                 raise self._error(f"must have a {tag} link")
             ends.append(end.get("link", ""))
-        axis_element = element.find("axis")
-        axis = (
-            np.array([1.0, 0.0, 0.0])
-            if axis_element is None
-            else np.array(self._read_numbers(axis_element, "xyz", 3))
-        )
+        values: dict[str, Any] = {
+            "name": name,
+            "parent": ends[0],
+            "child": ends[1],
+            "joint_to_parent": self._read_origin(element),
+            "mimic": None if (mimic := element.find("mimic")) is None else mimic.get("joint", ""),
+        }
+        axis = np.array([1.0, 0.0, 0.0])
+        if (axis_element := element.find("axis")) is not None:
+            axis = np.array(self._read_numbers(axis_element, "xyz", 3))
+        lower, upper, effort, speed = self._read_limit(element.find("limit"), kind)
+        if kind == "fixed":
+            return RawJoint(**values)
         length = float(np.linalg.norm(axis))
-        if kind != "fixed" and length < 1e-6:
+        if length < 1e-6:
             raise self._error("its axis must not be zero")
         axis = axis / max(length, 1e-12)
-        lower, upper, effort, speed = self._read_limit(element.find("limit"), kind)
-        mimic = element.find("mimic")
         return RawJoint(
-            name=name,
-            kind=kind,  # pyright: ignore[reportArgumentType]
-            parent=ends[0],
-            child=ends[1],
-            joint_to_parent=self._read_origin(element),
-            axis=(float(axis[0]), float(axis[1]), float(axis[2])),
+            **values,
             lower=lower,
             upper=upper,
             effort=effort,
             speed=speed,
-            mimic=None if mimic is None else mimic.get("joint", ""),
+            kind="prismatic" if kind == "prismatic" else "revolute",
+            axis=(float(axis[0]), float(axis[1]), float(axis[2])),
+            is_endless=kind == "continuous",
         )
 
     def _read_limit(
         self, element: ET.Element | None, kind: str
     ) -> tuple[float, float, float, float]:
+        """Read the lower and the upper limit, the effort and the speed."""
+        is_bounded = kind in ("revolute", "prismatic")
         if element is None:
-            if kind in ("revolute", "prismatic"):
+            if is_bounded:
                 raise self._error(f"a {kind} joint must have a limit")
             return 0.0, 0.0, 0.0, 0.0
-        effort, speed = (
-            self._read_numbers(element, key, 1, default=(0.0,))[0] for key in ("effort", "velocity")
-        )
+        keys = ("effort", "velocity", "lower", "upper") if is_bounded else ("effort", "velocity")
+        read = [self._read_numbers(element, key, 1, default=(0.0,))[0] for key in keys]
+        effort, speed, lower, upper = (*read, 0.0, 0.0)[:4]
         if effort < 0.0 or speed < 0.0:
             raise self._error(
                 f"effort and velocity must not be negative; got {effort:g} and {speed:g}"
             )
-        if kind not in ("revolute", "prismatic"):
-            return 0.0, 0.0, effort, speed
-        lower, upper = (
-            self._read_numbers(element, key, 1, default=(0.0,))[0] for key in ("lower", "upper")
-        )
-        if lower >= upper:
+        if is_bounded and lower >= upper:
             raise self._error(f"lower limit must be below the upper; got {lower:g} and {upper:g}")
-        furthest = 100.0 if kind == "revolute" else 10.0
+        furthest = 10.0 if kind == "prismatic" else 100.0
         if max(-lower, upper) > furthest:
             raise self._error(f"limits must be within +-{furthest:g}; got {lower:g} and {upper:g}")
         return lower, upper, effort, speed
@@ -277,7 +316,8 @@ class _Reader:
         name = element.get("name", "")
         if not _NAME.fullmatch(name):
             raise self._error(
-                f"names must be of letters, digits, '_', '.' and '-', at most 100; got {name[:60]!r}"
+                "names must be of letters, digits, '_', '.' and '-', at most 100; got "
+                f"{name[:60]!r}"
             )
         return name
 
@@ -311,7 +351,8 @@ class _Reader:
             values = ()
         if len(values) != count or not np.isfinite(values).all():
             raise self._error(
-                f"{key} of {element.tag} must be {count} finite number{'s' * (count > 1)}; got {text[:60]!r}"
+                f"{key} of {element.tag} must be {count} finite number{'s' * (count > 1)}; got "
+                f"{text[:60]!r}"
             )
         if max(map(abs, values)) > most:
             raise self._error(

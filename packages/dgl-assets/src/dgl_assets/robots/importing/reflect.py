@@ -1,7 +1,7 @@
 """The other hand: every link frame, shape and picture reflected in its own x.
 
-A rotation by the same angle about the reflected axis gives the reflected pose, so equal joint values
-give mirrored hands.
+A rotation by the same angle about the reflected axis gives the reflected pose, so that equal joint
+values give mirrored hands.
 """
 
 from dataclasses import replace

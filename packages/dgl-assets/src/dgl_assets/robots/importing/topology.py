@@ -38,7 +38,8 @@ def order_tree(
                 )
         if joint.child in parent_joint:
             raise RobotImportError(
-                f"{source}: link {joint.child} has two parents, by joints {parent_joint[joint.child].name} "
+                f"{source}: link {joint.child} has two parents, by joints "
+                f"{parent_joint[joint.child].name} "
                 f"and {joint.name}; closed loops cannot be imported"
             )
         if joint.mimic is not None and joint.mimic not in names_of_joints:
