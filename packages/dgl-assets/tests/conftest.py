@@ -85,3 +85,14 @@ def _read_here(reader, *arguments, file, errors=(), **limits):
 def reads_here(monkeypatch):
     """Read files in this process: quicker, for tests of very many files."""
     monkeypatch.setattr(guard, "read_guarded", _read_here)
+
+
+@pytest.fixture
+def rest_poses(monkeypatch):
+    """Give imported hands their joints at rest for each pose, which saves two seconds a hand."""
+    from dgl_assets.robots.importing import importer
+
+    def take_over_poses(tree, frame):
+        return {name: importer.rest_positions(tree) for name in importer.POSE_NAMES}
+
+    monkeypatch.setattr(importer, "take_over_poses", take_over_poses)

@@ -286,7 +286,14 @@ def test_what_is_closed_and_thick_is_refused_with_a_way_on(tmp_path):
 # Seams
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 0.01), ("in", 0.0254)])
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [
+        pytest.param("m", 1.0, marks=pytest.mark.slow),
+        ("cm", 0.01),
+        pytest.param("in", 0.0254, marks=pytest.mark.slow),
+    ],
+)
 def test_seams_that_lie_apart_are_sewn(unit, metres, tmp_path, worn):
     middle = worn.vertices[worn.faces].mean(axis=1)[:, 0]
     part = np.digitize(middle, [-0.25, 0.25])

@@ -1,4 +1,4 @@
-"""Imported garments are turned rightly, by their key points or by their shape."""
+"""Imported garments are turned rightly, by their landmarks or by their shape."""
 
 import importlib.util
 from pathlib import Path
@@ -49,7 +49,7 @@ def test_key_points_turn_worn_tops(seed):
     points = name_points(shape.vertices, shape.landmarks, foreign.Z_UP)
     placed = place(shape.vertices, shape.faces, foreign.Z_UP, points=points)
     assert placed.frame.rotation == pytest.approx(foreign.Z_UP.T)
-    assert "front, left and up are as the names of the key points say" in placed.notes
+    assert "front, left and up are as the names of the landmarks say" in placed.notes
 
 
 @pytest.mark.parametrize("turn", [(1, -1, -1), (-1, -1, 1), (-1, 1, -1)])

@@ -229,7 +229,7 @@ def test_archive_with_buttons_faults_key_points_and_licence(tmp_path):
     ("make", "category", "openings"),
     [
         (foreign.make_trousers, "Trousers", 3),
-        (foreign.make_dress, "Dress_LongSleeve", 4),
+        pytest.param(foreign.make_dress, "Dress_LongSleeve", 4, marks=pytest.mark.slow),
         (foreign.make_vest, "Tops_NoSleeve", 4),
     ],
 )

@@ -212,8 +212,8 @@ def test_meshes_packages_scales_and_grippers_are_understood(seven, tmp_path):
     assert len(elbow.collision) >= 2
 
 
-@pytest.mark.parametrize("method", ["coacd", "keep"])
-def test_convex_pieces_are_files_of_the_robot(tmp_path, method):
+@pytest.mark.parametrize("method", [pytest.param("coacd", marks=pytest.mark.slow), "keep"])
+def test_convex_pieces_are_files_of_the_robot(tmp_path, method, rest_poses):
     """CoACD divides an L; kept, it is one hull."""
     arm = trimesh.creation.box(extents=(0.3, 0.05, 0.05))
     leg = trimesh.creation.box(
@@ -247,7 +247,7 @@ def test_convex_pieces_are_files_of_the_robot(tmp_path, method):
     np.testing.assert_allclose(np.sort(hulls["left"], axis=0), np.sort(flipped, axis=0), atol=1e-6)
 
 
-def test_collada_is_read_in_its_unit(tmp_path):
+def test_collada_is_read_in_its_unit(tmp_path, rest_poses):
     collada = pytest.importorskip("collada")
     box = trimesh.creation.box(extents=(60, 100, 90))
     data = box.export(file_type="dae")
@@ -282,7 +282,7 @@ def test_given_poses_and_home_are_taken(tmp_path):
     assert hand.grasp_point == (0.2, 0.03, 0.01)
 
 
-def test_edits_of_the_folder_are_checked(library, tmp_path):
+def test_edits_of_the_folder_are_checked(tmp_path, rest_poses):
     (tmp_path / "hand.urdf").write_text(samples.sixteen_joint_hand())
     import_robot(tmp_path / "hand.urdf", name="h", out=tmp_path, kind="hand")
     path = tmp_path / "h" / "robot.json"

@@ -270,7 +270,7 @@ def test_missing_files_links_out_of_the_folder_and_bad_names(tmp_path):
     refuse(inside / "r.urdf", "out of its own folder")
 
 
-def test_a_robot_that_exists_is_kept_unless_asked(tmp_path):
+def test_a_robot_that_exists_is_kept_unless_asked(tmp_path, rest_poses):
     path = tmp_path / "hand.urdf"
     path.write_text(HAND)
     out = tmp_path / "out"
@@ -289,7 +289,7 @@ def test_a_robot_that_exists_is_kept_unless_asked(tmp_path):
     assert sorted(p.name for p in out.iterdir()) == ["h"]
 
 
-def test_damaged_bytes_are_refused_or_read_and_never_a_defect(tmp_path, reads_here):
+def test_damaged_bytes_are_refused_or_read_and_never_a_defect(tmp_path, reads_here, rest_poses):
     rng = np.random.default_rng(3)
     for number in range(20):
         data = bytearray(HAND.encode())

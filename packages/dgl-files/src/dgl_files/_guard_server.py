@@ -10,6 +10,7 @@ import math
 import os
 import resource
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,7 @@ def _run(request: dict[str, Any]) -> None:
         resource.setrlimit(
             kind, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard)
         )
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, CLOCK_FACTOR * seconds)  # its signal ends the process
     try:
         function = getattr(importlib.import_module(request["module"]), request["name"])
@@ -106,4 +108,6 @@ def read_result(path: Path) -> Any:
 
 
 if __name__ == "__main__":
+    here = Path(__file__).parent  # its modules must not stand for others of their names
+    sys.path[:] = [path for path in sys.path if Path(path) != here]
     serve()

@@ -71,7 +71,7 @@ def load_asset(folder: str | Path) -> ImportedGarment:
         folder: `<root>/<category>/<name>`.
 
     Returns:
-        The garment; key points may have been edited since.
+        The garment; landmarks may have been edited since.
 
     Raises:
         AssetNotFoundError: If there is no asset.

@@ -1,4 +1,4 @@
-"""Directions of a garment that the names of its key points tell."""
+"""Directions of a garment that the names of its landmarks tell."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Directions:
     up: np.ndarray | None
     """From hem or legs to neck or waist, the garment's +y, shape (3,)."""
     notes: tuple[str, ...]
-    """Findings, and key points that were left out."""
+    """Findings, and landmarks that were left out."""
 
     @property
     def axes(self) -> np.ndarray | None:
@@ -39,7 +39,7 @@ def find_directions(points: Keypoints | None) -> Directions:
     """Find directions from names such as "left_cuff" and "right_cuff", "collar" and "hem".
 
     Args:
-        points: Key points in the axes of the file, if there are any.
+        points: Landmarks in the axes of the file, if there are any.
 
     Returns:
         The directions. Names that contradict each other tell nothing, and a note says so.
@@ -57,14 +57,14 @@ def find_directions(points: Keypoints | None) -> Directions:
         if size > _AGREEING * np.linalg.norm(steps, axis=1).mean():
             right = steps.mean(axis=0) / size
         else:
-            notes.append("the key points of the left and right contradict each other, not used")
+            notes.append("the landmarks of the left and right contradict each other, not used")
     up = None
     upper = _mean_of(places, _UPPER_PARTS)
     lower = _mean_of(places, _LOWER_PARTS)
     if upper is not None and lower is not None and np.linalg.norm(upper - lower) > 0:
         up = (upper - lower) / np.linalg.norm(upper - lower)
     if right is not None and up is not None and abs(right @ up) > _PARALLEL:
-        notes.append("the key points say that up is sideways, not used")
+        notes.append("the landmarks say that up is sideways, not used")
         right = up = None
     return Directions(right=right, up=up, notes=tuple(notes))
 

@@ -72,7 +72,7 @@ def find_frame(
     declared_up: str | None,
     directions: Directions,
 ) -> Frame:
-    """Find the axes of a garment from its openings, and their signs from key points where given.
+    """Find the axes of a garment from its openings, and their signs from landmarks where given.
 
     Args:
         vertices: Positions, shape (V, 3), axes of the file.
@@ -81,7 +81,7 @@ def find_frame(
         openings: Its openings.
         up: Up axis given by the user, a name of `AXES`.
         declared_up: Up axis that the file states.
-        directions: Directions told by the names of key points.
+        directions: Directions told by the names of landmarks.
 
     Raises:
         ValueError: If `up` is unknown.
@@ -111,9 +111,9 @@ def find_frame(
             notes += more
         else:
             notes.append(
-                "front, left and up are as the names of the key points say"
+                "front, left and up are as the names of the landmarks say"
                 if directions.up is not None
-                else "front and left are as the names of the key points say"
+                else "front and left are as the names of the landmarks say"
             )
     elif snapped is not None:
         rotation = snapped
@@ -138,9 +138,9 @@ def _complete(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _name_axes(rotation: np.ndarray, named: np.ndarray) -> np.ndarray:
-    """Put the axes of a garment into the order and signs that its key points tell.
+    """Put the axes of a garment into the order and signs that its landmarks tell.
 
-    Openings give exact axes but may be mistaken for one another. Key points lie anywhere on a part,
+    Openings give exact axes but may be mistaken for one another. Landmarks lie anywhere on a part,
     but their names are right.
     """
     candidates = [turn @ rotation for turn in _list_turns()]
@@ -181,7 +181,7 @@ def _find_body_axes(
     if directions.up is not None:
         y = y * np.sign(directions.up @ y)
         if directions.right is None:
-            notes.append("neck and hem, or waist and legs, are as the names of the key points say")
+            notes.append("neck and hem, or waist and legs, are as the names of the landmarks say")
     elif towards is not None and abs(towards @ y) > _ALIGNED and towards @ y < 0:
         y = -y
         notes.append("turned upside down, after the up axis")
@@ -205,7 +205,7 @@ def _find_sheet_axes(
     axes = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2]
     notes = ["long side along x"]
     if directions.right is not None and directions.right @ axes[0] < 0:
-        return -axes[1], -axes[0], [*notes, "left is as the names of the key points say"]
+        return -axes[1], -axes[0], [*notes, "left is as the names of the landmarks say"]
     return axes[1], axes[0], notes
 
 

@@ -332,7 +332,7 @@ def _finish(
 def _place_points(
     placed: PlacedGarment, points: Keypoints | None, surface: SurfaceIndex, name: str
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Place key points in the garment frame [m], and find the normals there."""
+    """Place landmarks in the garment frame [m], and find the normals there."""
     if points is None or not len(points.names):
         return None, None
     positions = points.positions @ placed.frame.rotation.T * placed.scale

@@ -90,7 +90,7 @@ def check_on_surface(
     off = np.flatnonzero(distances > limit)
     if len(off):
         raise UnreadableFileError(
-            f"{name}: {len(off)} key points lie off the surface, the first is "
+            f"{name}: {len(off)} landmarks lie off the surface, the first is "
             f"{keypoints.names[off[0]]!r} by "
             f"{distances[off[0]]:.3g} units; they must be in the units and axes of the mesh"
         )

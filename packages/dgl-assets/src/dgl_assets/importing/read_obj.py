@@ -1,6 +1,6 @@
 """Wavefront OBJ with its materials.
 
-Read here and not by trimesh, so that vertices keep the numbers that key points refer to, objects
+Read here and not by trimesh, so that vertices keep the numbers that landmarks refer to, objects
 and groups keep their names, and errors name their line.
 """
 

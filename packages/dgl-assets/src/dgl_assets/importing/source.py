@@ -1,4 +1,4 @@
-"""Find the mesh of a garment, its key points and its facts, in a file or a folder."""
+"""Find the mesh of a garment, its landmarks and its facts, in a file or a folder."""
 
 from __future__ import annotations
 
