@@ -75,7 +75,7 @@ class CurveProjector:
         )
 
     def project(self, points: np.ndarray, labels: np.ndarray) -> np.ndarray:
-        """Find the nearest place of a curve.
+        """Find the nearest point of a curve.
 
         Args:
             points: Queries [m], shape (N, 3).

@@ -1,4 +1,4 @@
-"""The place on a surface that is nearest to a point, on the side that the point belongs to."""
+"""Nearest points of a surface, on the side that faces as the query does."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _sample(corners: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _project(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric weights of the nearest place in each triangle.
+    """Compute barycentric weights of the nearest point of each triangle.
 
     Args:
         points: Shape (N, 1, 3).
@@ -139,7 +139,7 @@ def _project(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     result = weights.copy()
     outside = (weights < 0).any(axis=-1)
     best[~outside] = -1.0
-    for first, second in ((0, 1), (1, 2), (2, 0)):  # else the nearest place on an edge
+    for first, second in ((0, 1), (1, 2), (2, 0)):  # else the nearest point of an edge
         start, along = corners[..., first, :], corners[..., second, :] - corners[..., first, :]
         length = np.maximum((along * along).sum(-1), 1e-300)
         share = np.clip(((points - start) * along).sum(-1) / length, 0.0, 1.0)

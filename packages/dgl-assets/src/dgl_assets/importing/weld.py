@@ -1,4 +1,4 @@
-"""Join vertices that are one place of the cloth."""
+"""Join vertices that are one point of the cloth."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def _make_ball(link: RawLink, mass: float) -> RawLink:
 
 
 def _add_point(link: RawLink, mass: float, place: np.ndarray) -> RawLink:
-    """Add a point to a link; `place` is in its frame [m], shape (3,)."""
+    """Add a point mass to a link; `place` is in its frame [m], shape (3,)."""
     T = link.inertial_to_link if link.mass > 0.0 else np.eye(4)
     total = link.mass + mass
     centre = (link.mass * T[:3, 3] + mass * place) / total

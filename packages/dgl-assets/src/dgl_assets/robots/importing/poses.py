@@ -15,7 +15,7 @@ _BASES = {"th": "THJ5", "ff": "FFJ4", "mf": "MFJ4", "rf": "RFJ4", "lf": "LFJ4"}
 PULL_TO_REST = 0.003
 """Weight that draws a joint to rest where the tip leaves it free [m]."""
 THUMB_REACH = 0.3
-"""Weight of the thumb's own reach beside its place relative to the first finger."""
+"""Weight of the thumb's own reach beside its position relative to the first finger."""
 
 
 def take_over_poses(tree: KinematicTree, frame: HandFrame) -> dict[str, dict[str, float]]:
@@ -60,7 +60,7 @@ def take_over_poses(tree: KinematicTree, frame: HandFrame) -> dict[str, dict[str
 
 
 def compute_grasp_point(frame: HandFrame, hand_to_ee: np.ndarray) -> tuple[float, float, float]:
-    """Find the place between the fingers that tasks lead, as it is in the Shadow Hand.
+    """Find the grasp point between the fingers, relative to them as in the Shadow Hand.
 
     Args:
         frame: The right hand.

@@ -36,6 +36,12 @@ MAX_MASS = 1e4
 """Largest mass of a link [kg]."""
 MAX_NUMBER = 1e6
 """Largest other number of a file: efforts, speeds, moments, components of axes."""
+_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}  # numbers of each attribute
 _SCALES = (1e-6, 1e4)  # of a mesh along an axis
 _ROUNDING = 1e-6  # of the largest moment that the least may be negative
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,100}")
@@ -167,8 +173,12 @@ class _UrdfReader:
         geometry = element.find("geometry")
         if geometry is None or len(geometry) != 1:
             raise self._error(f"its {element.tag} must have one geometry")
-        shape, T = geometry[0], self._read_origin(element)
-        rgba = self._read_material(element)
+        shape = geometry[0]
+        values: dict[str, Any] = {
+            "kind": shape.tag,
+            "shape_to_link": self._read_origin(element),
+            "rgba": self._read_material(element),
+        }
         if shape.tag == "mesh":
             scale = self._read_numbers(shape, "scale", 3, default=(1.0, 1.0, 1.0))
             if not all(_SCALES[0] <= abs(s) <= _SCALES[1] for s in scale):
@@ -176,30 +186,17 @@ class _UrdfReader:
                     f"the scale of a mesh must be {_SCALES[0]:g} to {_SCALES[1]:g} along each "
                     f"axis; got {scale}"
                 )
-            file = self._find_mesh(shape.get("filename", ""))
-            return RawShape(
-                kind="mesh",
-                shape_to_link=T,
-                path=file,
-                scale=(scale[0], scale[1], scale[2]),
-                rgba=rgba,
-            )
-        keys = {
-            "sphere": ("radius",),
-            "cylinder": ("radius", "length"),
-            "capsule": ("radius", "length"),
-        }
-        if shape.tag == "box":
-            size = self._read_numbers(shape, "size", 3)
-        elif shape.tag in keys:
-            size = tuple(self._read_numbers(shape, key, 1)[0] for key in keys[shape.tag])
-        else:
+            path = self._find_mesh(shape.get("filename", ""))
+            return RawShape(**values, path=path, scale=(scale[0], scale[1], scale[2]))
+        if shape.tag not in _SIZES:
             raise self._error(
                 f"geometry must be box, cylinder, sphere, capsule or mesh; got {shape.tag[:40]!r}"
             )
+        numbers = (self._read_numbers(shape, key, n) for key, n in _SIZES[shape.tag].items())
+        size = tuple(number for several in numbers for number in several)
         if not all(1e-6 <= s <= 10.0 for s in size):
             raise self._error(f"sizes of a {shape.tag} must be within 1e-6 to 10 m; got {size}")
-        return RawShape(kind=shape.tag, shape_to_link=T, size=size, rgba=rgba)  # pyright: ignore[reportArgumentType]
+        return RawShape(**values, size=size)
 
     def _read_material(self, element: ET.Element) -> Rgba | None:
         material = element.find("material")
