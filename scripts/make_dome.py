@@ -1,4 +1,4 @@
-"""Draw the dome of `dgl_tasks.scene` with SAPIEN's blurred copies, and write its file.
+"""Draw the dome of `dgl_tasks.studio` with SAPIEN's blurred copies, and write its file.
 
 Needed after a change of the dome's colours. The blur takes SAPIEN 11 s on a processor, so the
 result is kept.
@@ -12,7 +12,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import sapien
 
-from dgl_tasks.scene import DOME_PATH, paint_dome
+from dgl_tasks.studio import DOME_PATH, paint_dome
 
 
 def main() -> None:

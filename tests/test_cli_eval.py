@@ -404,7 +404,7 @@ def test_what_cannot_be_reached_is_a_failure(monkeypatch, fake_setup, tmp_path):
         raise UnreachableError("the left arm cannot reach that", distance=0.1)
 
     picture = np.full((4, 4, 3), 7, np.uint8)
-    monkeypatch.setattr("dgl_collect.attempt.film", lambda env: picture)
+    monkeypatch.setattr("dgl_tasks.env.GarmentEnv.film", lambda env: picture)
     result, _ = run_fake(monkeypatch, tmp_path, fail)
     assert (result.success, result.value, result.reason) == (False, None, "unreachable")
     assert result.detail == "the left arm cannot reach that"

@@ -39,8 +39,8 @@ class Heights:
     def __init__(self, env):
         self.env, self.highest = env, 0.0
 
-    def before_step(self, command, sensed):
-        if sensed.step % 10 == 0:
+    def before_step(self, command, look):
+        if look().step % 10 == 0:
             self.highest = max(self.highest, float(self.env.get_particles()[:, 2].max()))
 
     def note(self, mark, sensed):

@@ -91,7 +91,7 @@ def compare(setup: Setup, number: int) -> dict[str, float]:
     arrange(env, number)
     row: dict[str, float] = {}
     for camera in CAMERAS:
-        ours, theirs = see.take_picture(env, camera), photograph(env, camera)
+        ours, theirs = env.take_picture(camera), photograph(env, camera)
         row |= {
             f"{name}, {camera}": value for name, value in _compare_pixels(env, ours, theirs).items()
         }
@@ -101,7 +101,8 @@ def compare(setup: Setup, number: int) -> dict[str, float]:
 
 
 def _compare_pixels(env: GarmentEnv, ours: see.Picture, theirs: see.Picture) -> dict[str, float]:
-    named = [env.garment_segment, *env.robot_segments, *(p.segment for p in env.objects.values())]
+    ids = env.segments
+    named = [ids.garment, *ids.robot, *ids.objects.values()]
     first, second = (np.where(np.isin(p.segments, named), p.segments, 0) for p in (ours, theirs))
     is_same = first == second
     distance = np.linalg.norm(ours.points - theirs.points, axis=2)[is_same & (first > 0)]
@@ -116,11 +117,11 @@ def _compare_pixels(env: GarmentEnv, ours: see.Picture, theirs: see.Picture) -> 
 
 def _compare_garments(setup: Setup, ours: see.Picture, theirs: see.Picture) -> dict[str, float]:
     env = setup.env
-    seen = [see.get_garment_points(env, picture) for picture in (ours, theirs)]
+    seen = [see.get_garment_points(picture, env.segments) for picture in (ours, theirs)]
     verdicts = [env.task.success(_see(env, points)) for points in seen]
     values, passed = [v.value for v in verdicts], [v.success for v in verdicts]
     clouds = [
-        see.get_garment_cloud(env, picture, seed=seed)
+        see.get_garment_cloud(picture, env.segments, seed=seed)
         for picture, seed in ((ours, 0), (theirs, 0), (theirs, 1))
     ]
     matches = []

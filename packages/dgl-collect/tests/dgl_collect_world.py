@@ -7,11 +7,11 @@ import numpy as np
 
 from dgl_assets.robots import SIDES
 from dgl_tasks import get_task
-from dgl_tasks.course import Command, StageBegins
 from dgl_tasks.errors import PerceptionError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.handling import Handling
 from dgl_tasks.hanging import Hanging
+from dgl_tasks.messages import Command, StageBegins, TakePictures
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import Observation
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
@@ -37,7 +37,7 @@ class World:
         self.target = motion.robot.compute_start("open")
         self.seed = 3
         self.commands, self.marks = [], []
-        self.frames, self.has_objects = {}, False
+        self.frames = {}
         self.image = np.zeros((4, 4, 3), np.uint8)
         self.listener = None  # of commands and marks, as a driver has one
         self.looks = []  # whether the arms were out of the way, look after look at the garment
@@ -67,9 +67,6 @@ class World:
     def get_grasp_point(self, side):
         pose = self.ee_pose[SIDES.index(side)]
         return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.motion.robot)
-
-    def get_frames(self):
-        return self.frames
 
     def observe(self):
         return Observation(
@@ -134,10 +131,10 @@ class World:
             while True:
                 if isinstance(item, Command):
                     if self.listener is not None:
-                        self.listener.before_step(item, self)
+                        self.listener.before_step(item, lambda *cameras: self)
                     self.target = np.array(item.target)
                     self.commands.append(item)
-                else:
+                elif not isinstance(item, TakePictures):
                     if self.listener is not None:
                         self.listener.note(item, self)
                     self.marks.append(item)

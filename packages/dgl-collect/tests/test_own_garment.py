@@ -16,7 +16,6 @@ from dgl_collect.matching import ExactMatcher
 from dgl_collect.own_garment import _digest, prepare_garment
 from dgl_tasks import get_task
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.perception import take_picture
 
 TOP = "Tops_LongSleeve/004321"
 
@@ -182,8 +181,8 @@ def env():
 @pytest.mark.render
 def test_pictures_show_what_is_printed_on_it(env, prepared):
     env.reset(seed=3, options={"garment": str(prepared.folder)})
-    picture = take_picture(env, "garment_camera")
-    is_garment = picture.segments == env.garment_segment
+    picture = env.take_picture("garment_camera")
+    is_garment = picture.segments == env.segments.garment
     points, colours = picture.points[is_garment], picture.rgb[is_garment].astype(float)
     vertex = cKDTree(env.get_particles()).query(points)[1]
     flat = env.garment.vertices[:, :2]

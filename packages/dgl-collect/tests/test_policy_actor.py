@@ -17,10 +17,10 @@ from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_gam import compute_affordance
 from dgl_tasks import get_task
-from dgl_tasks.course import BeginsAgain, StageBegins, StageEnds
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import orient
+from dgl_tasks.messages import BeginsAgain, StageBegins, StageEnds
 
 POINTS = {"left_cuff": np.array([-0.4, 0.7, 0.01]), "right_cuff": np.array([0.4, 0.7, 0.01])}
 CLOUD = np.array([POINTS["left_cuff"], (0.0, 0.8, 0.0), POINTS["right_cuff"]])
@@ -175,7 +175,7 @@ def test_the_other_hand_of_a_one_handed_stage_stays_and_its_affordance_is_the_sa
 
 def test_objects_are_shown_where_there_are_some(make_world):
     world = make_world(cloud=CLOUD)
-    world.has_objects = True
+    world.frames = {"stand": {"target": np.zeros(3)}}
     policy = Listener(world)
     world.run(make_runner(make_demonstration(), {"one": policy}))
     assert policy.stages[0]["object_point_cloud"].shape == (2048, 3)

@@ -9,8 +9,8 @@ from dgl_collect import EpisodeRecorder, Observation, StageRecorder
 from dgl_collect.stage_runner import StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_tasks import get_task
-from dgl_tasks.course import StageBegins
 from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.messages import StageBegins
 from dgl_tasks.perception import find_pixel
 
 TASK = get_task("FoldTops-v1")
@@ -202,7 +202,9 @@ def test_points_are_named_with_where_they_are_seen(record_episode):
     assert set(points) == set(POINTS)
     seen = points["left_cuff"]
     np.testing.assert_allclose(seen["xyz"], POINTS["left_cuff"], atol=1e-6)
-    assert seen["uv"] == list(find_pixel(ENV, "environment_camera", np.array(seen["xyz"])))
+    assert seen["uv"] == list(
+        find_pixel(ENV.task.cameras["environment_camera"], np.array(seen["xyz"]))
+    )
 
 
 @pytest.mark.parametrize("with_approach", [False, True])

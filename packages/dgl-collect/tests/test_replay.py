@@ -11,9 +11,10 @@ from dgl_collect import EpisodeRecorder, NotReplayableError, read_episode, write
 from dgl_collect.attempt import DemonstrationAttempts
 from dgl_collect.episodes import FINAL_PARTICLES
 from dgl_collect.replay import Difference, Replay, replay_episode, replay_in
-from dgl_tasks.course import StageBegins, StageEnds
 from dgl_tasks.driver import Driver
 from dgl_tasks.handling import Handling
+from dgl_tasks.messages import StageBegins, StageEnds
+from dgl_tasks.sensing import SENSOR_CAMERAS
 
 COMPARED = {
     "garment_point_cloud", "object_point_cloud", "joint_state", "ee_pose", "image", "env_point_cloud",
@@ -24,13 +25,14 @@ COMPARED = {
 def close_and_open(hands):
     """The course of a short attempt: the left hand closes where it is, and opens again."""
     yield from hands.park()
+    sensed = yield from hands.look(*SENSOR_CAMERAS)
     begins = StageBegins(
         name="left_sleeve",
-        garment_point_cloud=hands.sensed.see_garment(),
+        garment_point_cloud=sensed.see_garment(),
         points_affordance_feature=np.zeros((2048, 2), np.float32),
-        object_point_cloud=hands.sensed.see_objects(),
+        object_point_cloud=sensed.see_objects(),
         points={"left_cuff": np.array([-0.4, 0.7, 0.01])},
-        seen_at=hands.sensed.step,
+        seen_at=sensed.step,
     )
     yield from hands.send(hands.motion.hold(3))
     yield from hands.mark(begins)

@@ -17,7 +17,6 @@ from dgl_collect import (
     Limits,
     MachineError,
     OutputFolderError,
-    UnknownTaskError,
     WorkerError,
     Workers,
     collect,
@@ -28,6 +27,7 @@ from dgl_collect.results import read_results
 from dgl_collect.run_folder import RunFolder
 from dgl_collect.runner import make_attempt_seed
 from dgl_files.whole import append_line
+from dgl_tasks.errors import UnknownTaskError
 
 SUCCESSES = [index for index in range(8) if make_attempt_seed(0, index) % 2 == 0]
 

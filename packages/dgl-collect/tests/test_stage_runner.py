@@ -28,10 +28,10 @@ from dgl_collect.steps import (
     Wait,
 )
 from dgl_tasks import get_task, task_ids
-from dgl_tasks.course import BeginsAgain, Believes, StageBegins, StageEnds
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
+from dgl_tasks.messages import BeginsAgain, Believes, StageBegins, StageEnds
 from dgl_tasks.policy import Method
 from dgl_tasks.success import CoversFlatArea, Criterion, Verdict
 
@@ -571,7 +571,7 @@ def test_a_stage_that_nobody_learns_is_scripted_whoever_acts(make_world):
 
 def test_what_begins_a_stage_is_what_was_seen_before_it(make_world):
     world = make_world()
-    world.has_objects = True
+    world.frames = {"stand": {"target": np.zeros(3)}}
     looks_again = make_stage("two", looks_again=True)
     actor = Scripted({("one", 1): lambda work: setattr(world, "cloud", world.cloud[::-1])})
     world.run(make_runner(make_demonstration(make_stage("one"), looks_again), actor=actor))
@@ -677,7 +677,7 @@ def test_every_demonstration_can_be_carried_out_on_its_own_garment(make_world, t
     task, demonstration = get_task(task_id), load_demonstration(task_id)
     cloud, frames = lay_out(task, demonstration)
     world = make_world(task_id, cloud)
-    world.frames, world.has_objects = frames, bool(frames)
+    world.frames = frames
     matcher = Marked(demonstration)
     if any(isinstance(step, Look) for stage in demonstration.stages for step in stage.steps):
         world.see_garment = lambda: cloud + follow_hands(world, cloud)

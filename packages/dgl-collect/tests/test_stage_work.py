@@ -26,10 +26,10 @@ from dgl_collect.steps import (
     Stretch,
     Wait,
 )
-from dgl_tasks.course import Carrying, StageBegins
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, point_along_fingers
 from dgl_tasks.hanging import Hanging
+from dgl_tasks.messages import Carrying, StageBegins
 
 POINT = np.array([-0.4, 0.7, 0.015])
 TOPS = load_demonstration("FoldTops-v1")

@@ -12,10 +12,10 @@ from dgl_collect.stage_runner import StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_physics import PhysicsError
 from dgl_tasks import get_task
-from dgl_tasks.course import Command
 from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError, RenderingUnavailableError, UnreachableError
 from dgl_tasks.evaluation import EpisodeResult, run_episode
+from dgl_tasks.messages import Command
 from dgl_tasks.success import Criterion, ShareInBox, Verdict
 
 TASK = get_task("FoldTops-v1")
@@ -90,15 +90,11 @@ class Still:
 @pytest.fixture
 def run(make_world, monkeypatch):
     """Runs an episode in which the garment is really somewhere, and seen somewhere."""
-    monkeypatch.setattr(
-        "dgl_tasks.evaluation.take_picture",
-        lambda *_: SimpleNamespace(rgb=np.zeros((2, 2, 3), np.uint8)),
-    )
 
     def run_one(*, truth, wrong, rounds=3, moves=None):
         far = np.array([3.0, 3.0, 0.0])
         world = make_world(cloud=np.array([LEFT, RIGHT, INSIDE, far]))
-        monkeypatch.setattr(Driver, "sense", lambda driver: world)
+        monkeypatch.setattr(Driver, "sense", lambda driver, *cameras: world)
         env = Env(world, np.array([truth] * 4))
         actor = Still(lambda: moves(env, actor) if moves else None)
         stage = Stage(

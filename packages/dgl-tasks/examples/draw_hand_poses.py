@@ -22,7 +22,7 @@ from dgl_assets.robots import (
     build_bimanual_urdf,
     joint_slice,
 )
-from dgl_tasks.scene import light_scene
+from dgl_tasks.studio import light_scene
 
 POSES = tuple(HAND_POSES)
 STEPS_A_SECOND = 240

@@ -5,15 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
 
 import dgl_tasks
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
-from dgl_tasks.course import Command
+from dgl_physics.drawing.rasteriser import Picture
+from dgl_tasks.cameras import Workspace
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.handling import Handling
+from dgl_tasks.messages import Command, TakePictures
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import Observation
+from dgl_tasks.perception import Segments
 from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 from dgl_tasks.success import Criterion, Verdict
 
@@ -58,7 +60,7 @@ class World:
     def see_garment(self):
         return np.zeros((2048, 3), np.float32)
 
-    def see_points(self):
+    def see_points(self, camera="environment_camera"):
         return self.points
 
     def see_mask(self):
@@ -73,7 +75,7 @@ class World:
                 if isinstance(item, Command):
                     self.target = np.array(item.target)
                     self.commands.append(item)
-                else:
+                elif not isinstance(item, TakePictures):
                     self.marks.append(item)
                 item = part.send(self)
         except StopIteration:
@@ -103,11 +105,11 @@ class FakeEnv:
     """Arms that come half way to each target, hands and cloth where a test puts them, and a verdict."""
 
     def __init__(self, *, value=0.9, grasp_points=((-0.4, 0.7, 0.4), (0.4, 0.7, 0.4))):
-        self.task = SimpleNamespace(picture_camera="video_camera")
+        self.task = SimpleNamespace(picture_camera="video_camera", workspace=Workspace())
         self.agent = SimpleNamespace(
             model=DEFAULT_ROBOT,
-            get_joint_state=lambda: torch.from_numpy(self.joints)[None],
-            get_ee_poses=lambda: torch.from_numpy(self._compute_poses())[None],
+            read_joints=lambda: np.array(self.joints),
+            read_hands=self._compute_poses,
         )
         self.cloth = SimpleNamespace(
             measure_strain=lambda: np.linspace(0.0, self.strain, 1001),
@@ -119,9 +121,9 @@ class FakeEnv:
         self.particles = np.zeros((1, 3))
         self.value, self.strain = value, 0.0
         self.garment, self.objects = SimpleNamespace(name="tops/1"), {}
-        self.garment_segment = 7
+        self.segments = Segments(garment=7, robot=(), objects={})
         self.draws = {"garment": "tops/1", "x": 0.1}
-        self.resets, self.sent = [], []
+        self.resets, self.sent, self.pictures = [], [], []
 
     def _compute_poses(self):
         turn = np.array([1.0, 0.0, 0.0, 0.0])
@@ -140,6 +142,22 @@ class FakeEnv:
 
     def get_particles(self):
         return self.particles
+
+    def get_frames(self):
+        return {}
+
+    def take_picture(self, camera):
+        """Show the garment at one place in all pictures."""
+        self.pictures.append(camera)
+        shape = (4, 4)
+        return Picture(
+            rgb=np.full((*shape, 3), 9, np.uint8),
+            points=np.zeros((*shape, 3)),
+            segments=np.full(shape, 7),
+        )
+
+    def film(self):
+        return len(self.sent)
 
     def judge(self):
         share = Criterion(name="share", value=self.value, comparison=">=", threshold=0.8)
@@ -185,6 +203,8 @@ def make_env():
 @pytest.fixture
 def observe_without_cameras(monkeypatch):
     """Let what is sensed of an environment that cannot render be its joints alone."""
+    monkeypatch.setattr("dgl_tasks.env.GarmentEnv.take_picture", lambda self, camera: None)
+    monkeypatch.setattr("dgl_tasks.env.GarmentEnv.segments", None)
     monkeypatch.setattr(
         "dgl_tasks.sensing.Sensed.observe", lambda self: make_observation(self.joint_state)
     )

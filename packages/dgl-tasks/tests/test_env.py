@@ -19,7 +19,6 @@ from dgl_tasks.env import STILL_SPEED
 from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.observation import STEPS_PER_ACTION
-from dgl_tasks.perception import take_picture
 from dgl_tasks.success import CoversFlatArea
 from dgl_tasks.views import TrueView
 
@@ -528,4 +527,4 @@ def test_several_environments_in_one_process_are_refused():
 
 def test_pictures_of_a_scene_that_cannot_render_are_an_error(env):
     with pytest.raises(RenderingUnavailableError, match="render_backend"):
-        take_picture(env, "garment_camera")
+        env.take_picture("garment_camera")

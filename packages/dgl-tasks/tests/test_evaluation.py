@@ -1,27 +1,15 @@
 """How an episode goes and ends, in an environment that only looks like one."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from dgl_tasks.course import BeginsAgain, Believes, Carrying
 from dgl_tasks.evaluation import plan_episode, run_episode
 from dgl_tasks.handling import PARKED_FRAMES, SETTLE_FRAMES, Handling
+from dgl_tasks.messages import BeginsAgain, Believes, Carrying
 from dgl_tasks.policy import Nothing
 from dgl_tasks.success import Criterion, Verdict
 
 PARKING = 1 + PARKED_FRAMES
-
-
-@pytest.fixture(autouse=True)
-def seen(monkeypatch):
-    """Cameras that see the garment at one place in all pictures."""
-    picture = SimpleNamespace(rgb=np.full((4, 4, 3), 9, np.uint8), segments=np.full((4, 4), 7))
-    monkeypatch.setattr("dgl_tasks.perception.take_picture", lambda env, camera: picture)
-    end = {"video_camera": picture}  # the one that the task names, and no other
-    monkeypatch.setattr("dgl_tasks.evaluation.take_picture", lambda env, camera: end[camera])
-    monkeypatch.setattr("dgl_tasks.perception.film", lambda env: len(env.sent))
 
 
 @pytest.fixture
@@ -64,6 +52,7 @@ def test_doing_nothing_is_judged_as_the_garment_fell(make_env, jumping_motion, r
     assert result.first_try is result.verdict
     assert (result.garment, result.draws) == ("tops/1", {"garment": "tops/1", "x": 0.1})
     assert result.picture.shape == (4, 4, 3)
+    assert env.pictures[-1] == env.task.picture_camera
     assert result.measurements["max_penetration_m"] == 0.001
 
 
@@ -147,7 +136,7 @@ def test_films_and_listeners_are_given_the_whole_episode(make_env, jumping_motio
         def __init__(self):
             self.commands, self.marks = [], []
 
-        def before_step(self, command, sensed):
+        def before_step(self, command, look):
             self.commands.append(command)
 
         def note(self, mark, sensed):

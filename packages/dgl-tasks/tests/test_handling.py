@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
-from dgl_tasks.course import Believes
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.handling import (
@@ -25,6 +24,7 @@ from dgl_tasks.handling import (
     plan_leave,
     plan_way_out,
 )
+from dgl_tasks.messages import Believes
 from dgl_tasks.motion import HAND_FRAMES, PARKED
 from dgl_tasks.observation import STEPS_PER_ACTION
 
@@ -206,7 +206,7 @@ def leave_and_count(world, distances, out=WayOut()):  # noqa: B008 - cannot be c
     """Let the left hand leave where cloth is seen so far below it, look after look [m]; the commands."""
     looks = iter(distances)
 
-    def see():
+    def see(camera=None):
         distance = next(looks)
         if distance is None:
             raise PerceptionError("no pixel of the garment")

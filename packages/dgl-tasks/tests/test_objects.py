@@ -13,9 +13,9 @@ from dgl_assets.props import PROP_KINDS, PlatformParameters
 from dgl_assets.robots import SIDES
 from dgl_physics.sapien_bridge import convert_shape
 from dgl_tasks.declaration import HandFriction, SceneObject, Start
-from dgl_tasks.perception import CLOUD_SIZE, get_object_cloud, take_picture
-from dgl_tasks.scene import MAT, FloorLook, paint_floor, sample_floor_look
+from dgl_tasks.perception import CLOUD_SIZE, get_object_cloud
 from dgl_tasks.scene_check import check_scene
+from dgl_tasks.studio import MAT, FloorLook, paint_floor, sample_floor_look
 
 GARMENT = "Tops_LongSleeve/001294"
 FOLD = dgl_tasks.get_task("FoldTops-v1")
@@ -302,8 +302,8 @@ def test_cameras_see_objects_and_random_looks_judge_alike():
     for look, seed in (("studio", 2), ("random", 2), ("random", 4)):
         env._look = look  # as a second environment would have it, which takes longer to make
         env.reset(seed=seed, options={"garment": GARMENT})
-        picture = take_picture(env, "environment_camera")
-        ids = [env.garment_segment, *(item.segment for item in env.objects.values())]
+        picture = env.take_picture("environment_camera")
+        ids = [env.segments.garment, *env.segments.objects.values()]
         masks = np.array([picture.segments == k for k in ids])
         seen[look, seed] = (picture, masks, env.apply_rule(), dict(env.draws))
         if look == "studio":
@@ -324,7 +324,7 @@ def test_cameras_see_objects_and_random_looks_judge_alike():
 
 def check_clouds(env, picture):
     for name in ("hanger", "hat_stand", "platform", "coat_hanger", "pothook"):
-        cloud = get_object_cloud(env, picture, seed=0, names=[name])
+        cloud = get_object_cloud(picture, env.segments, seed=0, names=[name])
         assert cloud.shape == (CLOUD_SIZE, 3)
         item = env.objects[name]
         points = np.concatenate([part.vertices for part in item.prop.parts]) + item.pose[:3]
@@ -332,10 +332,10 @@ def check_clouds(env, picture):
         assert (cloud < points.max(axis=0) + 0.01).all()
     segments = [item.segment for item in env.objects.values()]
     assert len(np.unique(picture.segments[np.isin(picture.segments, segments)])) >= 5
-    assert env.garment_segment not in segments
-    cloud = get_object_cloud(env, picture, seed=0, names=["platform"])
+    assert env.segments.garment not in segments
+    cloud = get_object_cloud(picture, env.segments, seed=0, names=["platform"])
     top = cloud[cloud[:, 2] > 0.045]
     assert len(top) > 0.8 * CLOUD_SIZE
     assert np.quantile(np.abs(top[:, 2] - 0.05), 0.95) < 0.004
     with pytest.raises(ValueError, match=r"names must be some of .*got \['sofa'\]"):
-        get_object_cloud(env, picture, seed=0, names=["sofa"])
+        get_object_cloud(picture, env.segments, seed=0, names=["sofa"])

@@ -1,5 +1,6 @@
 """Pictures and clouds against the simulation's own particles."""
 
+import pickle
 from dataclasses import replace
 
 import gymnasium
@@ -9,19 +10,18 @@ from scipy.spatial import cKDTree
 
 import dgl_tasks
 from dgl_assets.robots import SIDES
+from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PerceptionError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.perception import (
     CLOUD_SIZE,
     Picture,
-    film,
     find_pixel,
     get_environment_cloud,
     get_garment_cloud,
     get_garment_points,
-    take_picture,
 )
-from dgl_tasks.sensing import Sensed
+from dgl_tasks.sensing import SENSOR_CAMERAS
 
 pytestmark = pytest.mark.render
 
@@ -44,16 +44,16 @@ def env():
 
 @pytest.fixture(scope="module")
 def from_above(env):
-    return take_picture(env, "garment_camera")
+    return env.take_picture("garment_camera")
 
 
 @pytest.fixture(scope="module")
 def from_afar(env):
-    return take_picture(env, "environment_camera")
+    return env.take_picture("environment_camera")
 
 
 def test_the_garment_cloud_lies_on_the_particles(env, from_above):
-    cloud = get_garment_cloud(env, from_above, seed=1)
+    cloud = get_garment_cloud(from_above, env.segments, seed=1)
     assert cloud.shape == (CLOUD_SIZE, 3)
     assert cloud.dtype == np.float32
     particles = env.get_particles()
@@ -63,24 +63,25 @@ def test_the_garment_cloud_lies_on_the_particles(env, from_above):
 
 
 def test_clouds_depend_on_their_seed_alone(env, from_above, from_afar):
-    for sample, picture in (
-        (get_garment_cloud, from_above),
-        (get_environment_cloud, from_afar),
+    ids = env.segments
+    for sample, arguments in (
+        (get_garment_cloud, (from_above, ids)),
+        (get_environment_cloud, (from_afar, ids, env.task.workspace)),
     ):
-        first, again, other = (sample(env, picture, seed=s) for s in (1, 1, 2))
+        first, again, other = (sample(*arguments, seed=s) for s in (1, 1, 2))
         np.testing.assert_array_equal(first, again)
         assert not np.array_equal(first, other)
 
 
 def test_two_pictures_of_one_state_are_equal(env, from_above):
-    again = take_picture(env, "garment_camera")
+    again = env.take_picture("garment_camera")
     np.testing.assert_array_equal(again.rgb, from_above.rgb)
     np.testing.assert_array_equal(again.points, from_above.points)
     np.testing.assert_array_equal(again.segments, from_above.segments)
 
 
 def test_the_environment_cloud_has_colours_and_lies_in_the_workspace(env, from_afar):
-    cloud = get_environment_cloud(env, from_afar, seed=1)
+    cloud = get_environment_cloud(from_afar, env.segments, env.task.workspace, seed=1)
     assert cloud.shape == (CLOUD_SIZE, 6)
     assert cloud.dtype == np.float32
     xyz, rgb = cloud[:, :3], cloud[:, 3:]
@@ -94,22 +95,22 @@ def test_the_environment_cloud_has_colours_and_lies_in_the_workspace(env, from_a
 def test_the_environment_cloud_is_what_the_robot_works_on(env, from_afar):
     """Neither robot nor ground are in it; a garment that lies on the ground is, to its lowest layer."""
     points = from_afar.points.reshape(-1, 3)
-    is_robot = np.isin(from_afar.segments.reshape(-1), env.robot_segments)
+    is_robot = np.isin(from_afar.segments.reshape(-1), env.segments.robot)
     assert (is_robot & (points[:, 2] > 0.5)).sum() > 1000  # the camera sees it
-    cloud = get_environment_cloud(env, from_afar, seed=1)[:, :3]
+    cloud = get_environment_cloud(from_afar, env.segments, env.task.workspace, seed=1)[:, :3]
     particles = env.get_particles()
     assert cKDTree(particles).query(cloud)[0].max() < 0.02
     # one that is no higher than the ground
     lowered = replace(from_afar, points=from_afar.points - np.float32([0, 0, 0.02]))
-    flat = get_environment_cloud(env, lowered, seed=1)[:, :3]
-    seen = lowered.points[from_afar.segments == env.garment_segment]
+    flat = get_environment_cloud(lowered, env.segments, env.task.workspace, seed=1)[:, :3]
+    seen = lowered.points[from_afar.segments == env.segments.garment]
     assert seen[:, 2].max() < env.task.workspace.low[2]
     assert cKDTree(flat).query(seen)[0].max() < 0.03
 
 
 @pytest.mark.parametrize("camera", ["garment_camera", "environment_camera"])
 def test_a_pixels_point_projects_back_to_the_pixel(env, camera):
-    picture = take_picture(env, camera)
+    picture = env.take_picture(camera)
     height, width = picture.segments.shape
     assert picture.rgb.shape == (height, width, 3) == (480, 640, 3)
     assert picture.rgb.dtype == np.uint8
@@ -117,7 +118,7 @@ def test_a_pixels_point_projects_back_to_the_pixel(env, camera):
     for row, column in rng.integers((0, 0), (height, width), size=(50, 2)):
         point = picture.points[row, column]
         if np.isfinite(point).all():
-            u, v = find_pixel(env, camera, point)
+            u, v = find_pixel(env.task.cameras[camera], point)
             assert (u, v) == pytest.approx((column + 0.5, row + 0.5), abs=0.05)
 
 
@@ -127,9 +128,9 @@ def test_a_particle_seen_from_above_is_at_its_pixel(env, from_above):
     top = particles[particles[:, 2] > np.median(particles[:, 2])]
     inner = top[np.argsort(np.linalg.norm(top[:, :2] - top[:, :2].mean(axis=0), axis=1))[:50]]
     for particle in inner:
-        u, v = find_pixel(env, "garment_camera", particle)
+        u, v = find_pixel(env.task.cameras["garment_camera"], particle)
         seen = from_above.points[int(v), int(u)]
-        assert from_above.segments[int(v), int(u)] == env.garment_segment
+        assert from_above.segments[int(v), int(u)] == env.segments.garment
         np.testing.assert_allclose(seen[:2], particle[:2], atol=0.006)
         assert abs(seen[2] - particle[2]) < 0.015
 
@@ -147,14 +148,14 @@ class SeenView:
 
 
 def test_camera_and_geometry_judge_alike(env, from_above):
-    view = SeenView(get_garment_points(env, from_above), env.view)
+    view = SeenView(get_garment_points(from_above, env.segments), env.view)
     seen, computed = env.task.success(view), env.apply_rule()
     assert seen.box == computed.box
     assert seen.value == pytest.approx(computed.value, abs=0.02)
 
 
 def test_the_video_camera_gives_a_picture(env):
-    frame = film(env)
+    frame = env.film()
     assert frame.shape == (480, 640, 3)
     assert frame.dtype == np.uint8
     assert frame.std() > 10
@@ -166,7 +167,7 @@ def test_a_picture_follows_the_garment(env):
     moved = before + np.float32([0.05, 0.0, 0.0])
     env.cloth.state.set_particles(moved[None])
     env.advance(None)
-    points = get_garment_points(env, take_picture(env, "garment_camera"))
+    points = get_garment_points(env.take_picture("garment_camera"), env.segments)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     expected = (moved.min(axis=0) + moved.max(axis=0)) / 2
     env.cloth.state.set_particles(before[None])
@@ -176,7 +177,7 @@ def test_a_picture_follows_the_garment(env):
 
 def test_an_unknown_camera_names_the_known(env):
     with pytest.raises(ValueError, match=r"must be one of .*'garment_camera'.*got 'front'"):
-        take_picture(env, "front")
+        env.take_picture("front")
 
 
 def test_a_picture_without_the_garment_is_an_error(env, from_above):
@@ -186,48 +187,63 @@ def test_a_picture_without_the_garment_is_an_error(env, from_above):
         segments=np.zeros_like(from_above.segments),
     )
     with pytest.raises(PerceptionError, match="nothing of the garment"):
-        get_garment_cloud(env, empty, seed=0)
+        get_garment_cloud(empty, env.segments, seed=0)
     with pytest.raises(PerceptionError, match="nothing but the robot inside the workspace"):
-        get_environment_cloud(env, empty, seed=0)
+        get_environment_cloud(empty, env.segments, env.task.workspace, seed=0)
 
 
 def test_a_picture_of_the_robot_alone_is_an_error(env, from_afar):
-    robot = env.robot_segments[0]
-    segments = np.where(from_afar.segments == env.garment_segment, robot, from_afar.segments)
+    robot = env.segments.robot[0]
+    segments = np.where(from_afar.segments == env.segments.garment, robot, from_afar.segments)
     hidden = replace(from_afar, segments=segments)
     with pytest.raises(PerceptionError, match="nothing but the robot inside the workspace"):
-        get_environment_cloud(env, hidden, seed=0)
+        get_environment_cloud(hidden, env.segments, env.task.workspace, seed=0)
+
+
+def sense(env, *, seed, step):
+    driver = Driver(env, seed=seed)
+    driver.commands = [None] * step
+    return driver.sense(*SENSOR_CAMERAS)
+
+
+def test_what_is_sensed_is_data_and_stays_as_it_was(env):
+    sensed = sense(env, seed=3, step=10)
+    before = pickle.dumps(sensed)
+    env.advance(sensed.joint_state + 0.02)
+    assert pickle.dumps(sensed) == before
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"garment_camera was not asked.*there are \[\]"):
+        Driver(env, seed=3).sense().see_garment()
 
 
 def test_what_is_sensed_is_what_the_cameras_see_and_the_joints_feel(env):
     from_above, from_afar = (
-        take_picture(env, name) for name in ("garment_camera", "environment_camera")
+        env.take_picture(name) for name in ("garment_camera", "environment_camera")
     )
-    sensed = Sensed(env, seed=3, step=10)
+    sensed = sense(env, seed=3, step=10)
     seen = sensed.observe()
     np.testing.assert_array_equal(seen.image, from_afar.rgb)
     np.testing.assert_array_equal(seen.joint_state, env.agent.get_joint_state()[0].numpy())
     np.testing.assert_array_equal(seen.ee_pose, env.agent.get_ee_poses()[0].numpy())
     assert set(seen.as_arrays()) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
     segments = np.stack([from_above.segments, from_afar.segments])
-    np.testing.assert_array_equal(sensed.see_mask(), segments == env.garment_segment)
-    np.testing.assert_array_equal(sensed.see_points(), get_garment_points(env, from_afar))
+    np.testing.assert_array_equal(sensed.see_mask(), segments == env.segments.garment)
+    np.testing.assert_array_equal(sensed.see_points(), get_garment_points(from_afar, env.segments))
     above = sensed.see_points("garment_camera")
-    np.testing.assert_array_equal(above, get_garment_points(env, from_above))
+    np.testing.assert_array_equal(above, get_garment_points(from_above, env.segments))
     for side, pose in zip(SIDES, seen.ee_pose, strict=True):
         point = wrist_to_grasp(pose[:3], pose[3:], side)
         np.testing.assert_allclose(sensed.get_grasp_point(side), point, atol=1e-6)
-    assert not sensed.has_objects
-    assert sensed.get_frames() == {}
+    assert sensed.frames == {}
 
 
 def test_what_is_sensed_depends_on_seed_and_step_alone(env):
     first, other_step, other_seed = (
-        Sensed(env, seed=seed, step=step) for seed, step in ((3, 10), (3, 11), (4, 10))
+        sense(env, seed=seed, step=step) for seed, step in ((3, 10), (3, 11), (4, 10))
     )
     cloud = first.see_garment()
     first.see_mask()
-    again = Sensed(env, seed=3, step=10)
+    again = sense(env, seed=3, step=10)
     again.observe()  # what was looked at before changes nothing
     np.testing.assert_array_equal(again.see_garment(), cloud)
     np.testing.assert_array_equal(again.observe().env_point_cloud, first.observe().env_point_cloud)
@@ -258,7 +274,7 @@ def test_observations_have_pictures_and_clouds():
         data = seen["sensor_data"][camera]
         assert data["rgb"].shape == (1, 480, 640, 3)
         assert data["depth"].shape == data["segmentation"].shape == (1, 480, 640, 1)
-        picture = take_picture(base, camera)
+        picture = base.take_picture(camera)
         placement = base.task.cameras[camera]
         _assert_like_sapiens(base, placement, picture, {k: v[0].numpy() for k, v in data.items()})
     made.close()
@@ -266,11 +282,11 @@ def test_observations_have_pictures_and_clouds():
 
 def _assert_like_sapiens(env, placement, picture, seen):
     """Our picture is SAPIEN's but for rounding: a few pixels at edges, a millimetre of its depth."""
-    is_garment = picture.segments == env.garment_segment
+    is_garment = picture.segments == env.segments.garment
     assert is_garment.sum() > 1000
     named = [
-        env.garment_segment,
-        *env.robot_segments,
+        env.segments.garment,
+        *env.segments.robot,
     ]  # SAPIEN's shadows have a segment of their own
     ours, theirs = (
         np.where(np.isin(s, named), s, 0) for s in (picture.segments, seen["segmentation"][..., 0])

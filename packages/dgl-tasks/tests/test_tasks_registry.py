@@ -34,18 +34,16 @@ def test_the_ids_are_registered_with_gymnasium():
 def test_an_unknown_id_names_the_closest_and_all(wrong):
     with pytest.raises(UnknownTaskError, match=f"unknown task {wrong!r}; did you mean") as caught:
         dgl_tasks.get_task(wrong)
-    assert f"Tasks: {', '.join(dgl_tasks.task_ids())}" in str(caught.value)
+    assert f"nown tasks: {', '.join(dgl_tasks.task_ids())}" in str(caught.value)
     assert isinstance(caught.value, dgl_tasks.TaskError)
     assert isinstance(caught.value, ValueError)
 
 
 @pytest.mark.parametrize("wrong", [3, None, ["FoldTops-v1"]])
 def test_what_is_no_id_is_refused(wrong):
-    with pytest.raises(
-        UnknownTaskError, match=r"must be an id, such as .*, or a declaration.*; got"
-    ):
+    with pytest.raises(ValueError, match=r"must be an id, such as .*, or a declaration.*; got"):
         dgl_tasks.get_task(wrong)
-    with pytest.raises(UnknownTaskError, match="must be an id"):
+    with pytest.raises(ValueError, match="must be an id"):
         gymnasium.make("FoldTops-v1", task=wrong, render_backend="none")
 
 

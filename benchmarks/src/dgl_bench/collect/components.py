@@ -17,12 +17,12 @@ COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType(
             "dgl_physics.sapien_bridge:SapienCloth.step",
             "dgl_physics.sapien_bridge:SapienCloth.apply_forces",
         ),
-        "film, pictures": ("dgl_tasks.perception:film",),
+        "film, pictures": ("dgl_tasks.env:GarmentEnv.film",),
         "film, encoding": (
             "dgl_collect.video:VideoWriter.add",
             "dgl_collect.video:VideoWriter.__exit__",
         ),
-        "sensor pictures": ("dgl_tasks.perception:take_picture",),
+        "sensor pictures": ("dgl_tasks.env:GarmentEnv.take_picture",),
         "clouds": (
             "dgl_tasks.perception:get_garment_points",
             "dgl_tasks.perception:get_garment_cloud",

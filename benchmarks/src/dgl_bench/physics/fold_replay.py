@@ -6,7 +6,7 @@ motion: with other substeps, on another device, or just to be timed.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -90,9 +90,9 @@ def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
     """
     from dgl_collect.actors import Expert
     from dgl_collect.setup import make_setup
-    from dgl_tasks.course import Command, Mark, StageBegins, StageEnds
     from dgl_tasks.driver import Driver
     from dgl_tasks.evaluation import plan_episode
+    from dgl_tasks.messages import Command, Mark, StageBegins, StageEnds
     from dgl_tasks.sensing import Sensed
 
     poses: list[np.ndarray] = []
@@ -103,9 +103,9 @@ def record_fold(*, seed: int, garment: str | None = GARMENT) -> FoldRecord:
     class Recorder:
         """Recorder of the frames in which the hands of each stage close and have retreated."""
 
-        def before_step(self, command: Command, sensed: Sensed) -> None:
+        def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
             if command.recorded == "stage":
-                first.setdefault(now[-1], sensed.step)
+                first.setdefault(now[-1], look().step)
 
         def note(self, mark: Mark, sensed: Sensed) -> None:
             if isinstance(mark, StageBegins):

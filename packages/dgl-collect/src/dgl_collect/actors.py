@@ -7,7 +7,8 @@ import numpy as np
 
 from dgl_assets.robots import Side
 from dgl_collect.stage_work import StageWork
-from dgl_tasks.handling import RELEASE_FRAMES, Part
+from dgl_tasks.handling import RELEASE_FRAMES
+from dgl_tasks.messages import Part
 
 LIFT_HEIGHT = 0.3
 """How high the garment is lifted before it is dropped [m]."""

@@ -21,7 +21,6 @@ from dgl_physics import MeshError, PhysicsError
 from dgl_tasks import TaskError
 from dgl_tasks.driver import Listener
 from dgl_tasks.evaluation import EpisodeResult, run_episode
-from dgl_tasks.perception import film
 from dgl_tasks.policy import Method
 
 logger = logging.getLogger(__name__)
@@ -178,8 +177,8 @@ def film_attempt(
         except (TaskError, PhysicsError) as err:
             logger.info("attempt %d: %s", index, err)
             error = err
-            video.add(film(env))
-    save_png(out_dir / files["picture"], ended.picture if ended else film(env))
+            video.add(env.film())
+    save_png(out_dir / files["picture"], ended.picture if ended else env.film())
     result = describe_episode(
         ended or error,
         index=index,

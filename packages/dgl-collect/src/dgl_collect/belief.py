@@ -47,7 +47,7 @@ class BelievedView:
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:
         """As in `SceneView`."""
-        return self._sensed.get_frames()
+        return self._sensed.frames
 
     def _see(self, camera: str) -> np.ndarray:
         try:

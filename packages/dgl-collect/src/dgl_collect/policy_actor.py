@@ -8,8 +8,8 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.stage_work import StageWork
-from dgl_tasks.handling import Part
 from dgl_tasks.holding import is_low
+from dgl_tasks.messages import Part
 
 CLOSED = 1.0
 """How far the targets of a hand's joints have to have gone for it to be closed, as a Euclidean distance [rad]; 3.3 in demonstrations."""
@@ -73,13 +73,13 @@ class PolicyActor:
         keys = [work.hands.sensed.seed, *work.draw]
         policy.reset(first, seed=int(np.random.SeedSequence(keys).generate_state(1)[0]))
         watch = _Watch(work)
-        seen = work.hands.sensed.observe().as_arrays()
+        seen = (yield from work.hands.observe()).as_arrays()
         for _ in range(learned.chunks):
             targets = policy.act(seen)
             for number, target in enumerate(targets, start=1):
                 yield from work.hands.execute(np.asarray(target)[None], recorded="stage")
                 watch.note(target)
-                seen = work.hands.sensed.observe().as_arrays()
+                seen = (yield from work.hands.observe()).as_arrays()
                 if number < len(targets):
                     policy.observe(seen)
             work.react(watch.find_empty())

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_collect.episodes import Points, StageRecord
-from dgl_tasks import perception as see
-from dgl_tasks.course import Command, Mark, StageBegins, StageEnds
+from dgl_tasks.messages import Command, Mark, StageBegins, StageEnds
 from dgl_tasks.observation import STEPS_PER_ACTION, Observation
+from dgl_tasks.perception import find_pixel
+from dgl_tasks.sensing import ENVIRONMENT_CAMERA
 
 if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
@@ -129,15 +130,15 @@ class EpisodeRecorder:
         self._has_begun = False
         self._lost: StageRecorder | None = None
 
-    def before_step(self, command: Command, sensed: Sensed) -> None:
+    def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
         """Record a command, if it belongs to a stage's record."""
         if self._now is None or command.recorded is None:
             return
         if command.recorded == "stage" and not self._has_begun:
-            self._now.begin(sensed.step)
+            self._now.begin(look().step)
             self._has_begun = True
         if command.recorded == "stage" or self._with_approach:
-            self._now.before_step(command.target, sensed.observe)
+            self._now.before_step(command.target, lambda: look(ENVIRONMENT_CAMERA).observe())
 
     def note(self, mark: Mark, sensed: Sensed) -> None:
         """Begin and end stages."""
@@ -157,10 +158,11 @@ class EpisodeRecorder:
                 self.records[mark.name] = now.finish()
 
     def _describe(self, mark: StageBegins) -> Points:
+        camera = self._env.task.cameras[ENVIRONMENT_CAMERA]
         return {
             name: {
                 "xyz": [float(v) for v in xyz],
-                "uv": list(see.find_pixel(self._env, "environment_camera", xyz)),
+                "uv": list(find_pixel(camera, xyz)),
             }
             for name, xyz in mark.points.items()
         }

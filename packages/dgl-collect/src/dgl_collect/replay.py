@@ -13,8 +13,9 @@ from dgl_collect.episodes import FINAL_PARTICLES, Episode, StageRecord
 from dgl_collect.errors import NotReplayableError
 from dgl_collect.options import RunOptions
 from dgl_tasks import get_task
-from dgl_tasks.course import Command, Mark
+from dgl_tasks.messages import Command, Mark
 from dgl_tasks.observation import STEPS_PER_ACTION
+from dgl_tasks.sensing import SENSOR_CAMERAS
 
 if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
@@ -140,7 +141,6 @@ def replay_in(
 ) -> Replay:
     """Replay in an environment of the episode's task, robot and look; see `replay_episode`."""
     from dgl_tasks.driver import Driver
-    from dgl_tasks.perception import take_picture
 
     commands = _check_replayable(episode)
     comparison = _Comparison(episode)
@@ -161,7 +161,7 @@ def replay_in(
         changed_draws=_compare_draws(episode.randomisation, env.draws),
         recorded=(episode.success, episode.success_value),
         replayed=(verdict.success, verdict.value),
-        picture=take_picture(env, env.task.picture_camera).rgb,
+        picture=env.take_picture(env.task.picture_camera).rgb,
     )
 
 
@@ -193,15 +193,19 @@ class _Comparison:
             for name, largest in self._largest.items()
         )
 
-    def before_step(self, command: Command, sensed: Sensed) -> None:
+    def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
         del command
-        if sensed.step in self._clouds:
-            stage = self._clouds[sensed.step]
+        step = look().step
+        if step not in self._clouds and step not in self._frames:
+            return
+        sensed = look(*SENSOR_CAMERAS)
+        if step in self._clouds:
+            stage = self._clouds[step]
             self._compare("garment_point_cloud", stage.garment_point_cloud, sensed.see_garment())
             if stage.object_point_cloud is not None:
                 self._compare("object_point_cloud", stage.object_point_cloud, sensed.see_objects())
-        if sensed.step in self._frames:
-            stage, k = self._frames[sensed.step]
+        if step in self._frames:
+            stage, k = self._frames[step]
             seen = sensed.observe()
             for name in ("joint_state", "ee_pose", "image", "env_point_cloud"):
                 self._compare(name, getattr(stage, name)[k], getattr(seen, name))

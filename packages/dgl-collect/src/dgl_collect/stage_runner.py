@@ -14,10 +14,10 @@ from dgl_collect.point_finder import PointFinder
 from dgl_collect.stage_work import Hold, HoldLost, Reaction, StageWork
 from dgl_collect.steps import Demonstration, Stage
 from dgl_gam import Matcher, compute_affordance
-from dgl_tasks.course import BeginsAgain, Believes, Command, Mark, StageBegins, StageEnds
 from dgl_tasks.errors import PerceptionError, UnreachableError
-from dgl_tasks.handling import Handling, Part
-from dgl_tasks.sensing import Sensed
+from dgl_tasks.handling import Handling
+from dgl_tasks.messages import BeginsAgain, Believes, Message, Part, StageBegins, StageEnds
+from dgl_tasks.sensing import GARMENT_CAMERA, SENSOR_CAMERAS, Sensed
 from dgl_tasks.success import SuccessRule, Verdict
 
 TRIES = 3
@@ -25,7 +25,7 @@ TRIES = 3
 back."""
 
 T = TypeVar("T")
-PartOf = Generator[Command | Mark, Sensed, T]
+PartOf = Generator[Message, Sensed, T]
 """A part of a course that gives something at its end."""
 
 
@@ -78,7 +78,7 @@ class _Course:
         self._is_held = True
 
     def perform(self) -> Part:
-        self._look()
+        yield from self._look()
         rounds = self.runner.rounds or self.runner.demonstration.rounds
         for self._round in range(1, rounds + 1):
             stages = self.stages
@@ -88,7 +88,7 @@ class _Course:
                 if (
                     stages == self.stages
                 ):  # else how the garment lay at first says where it has to go
-                    self._look()
+                    yield from self._look()
             is_last = self._round == rounds
             if not (yield from self._go_through(stages, is_last=is_last)):
                 return
@@ -144,10 +144,10 @@ class _Course:
         value = (yield from self._believe()).value if "value" in named else np.nan
         if "garment" in named:
             yield from self.hands.settle()
-        sensed = self.hands.sensed
+        sensed = yield from self.hands.look(*SENSOR_CAMERAS[: "garment" in named])
         cloud = sensed.see_garment() if "garment" in named else np.zeros((1, 3))
         names: dict[str, Value] = {
-            **name_scene(cloud, sensed.get_frames(), self.finder.points),
+            **name_scene(cloud, sensed.frames, self.finder.points),
             "round": self._round,
             "held": float(self._is_held),
             "skipped": float(stage.name in self._skipped),
@@ -158,13 +158,15 @@ class _Course:
     def _believe(self) -> PartOf[Verdict]:
         """Apply the task's rule to what is believed of the scene, once it is at rest."""
         yield from self.hands.settle()
-        view = BelievedView(self.hands.sensed, landmarks=self.finder.points)
+        sensed = yield from self.hands.look(*SENSOR_CAMERAS)
+        view = BelievedView(sensed, landmarks=self.finder.points)
         verdict = self.runner.rule(view)
         yield from self.hands.mark(Believes(values={"value": verdict.value}))
         return verdict
 
-    def _look(self) -> None:
-        self.finder.look(self.hands.sensed.see_garment(), self.runner.get_matcher())
+    def _look(self) -> Part:
+        sensed = yield from self.hands.look(GARMENT_CAMERA)
+        self.finder.look(sensed.see_garment(), self.runner.get_matcher())
 
     # One stage -------------------------------------------------------------------------------
 
@@ -186,7 +188,7 @@ class _Course:
                 yield from self._give_up(stage)
                 yield from self.hands.mark(BeginsAgain(what="try", stages=(stage.name,)))
                 if stage is self.stages[0]:
-                    self._look()  # what has been let go lies in another way
+                    yield from self._look()  # what has been let go lies in another way
             except (UnreachableError, PerceptionError):
                 if number == 1:
                     raise
@@ -205,7 +207,7 @@ class _Course:
             yield from self.hands.retreat(stage.hands, stage.retreat)
 
     def _try(self, stage: Stage, number: int, reaction: Reaction) -> PartOf[Hold]:
-        work = self._begin(stage, number, reaction)
+        work = yield from self._begin(stage, number, reaction)
         actor = self.runner.actor
         if actor.is_sent or not stage.is_learned:
             if not actor.follows_steps:
@@ -224,13 +226,15 @@ class _Course:
             yield from self.hands.settle()
         return work.hold
 
-    def _begin(self, stage: Stage, number: int, reaction: Reaction) -> StageWork:
+    def _begin(self, stage: Stage, number: int, reaction: Reaction) -> PartOf[StageWork]:
         """Look at what a stage begins with, and find its points."""
-        sensed, matcher = self.hands.sensed, self.runner.get_matcher()
+        matcher = self.runner.get_matcher()
         # seen again: the stages before may have dragged the garment along
+        has_objects = bool(self.hands.sensed.frames)
+        sensed = yield from self.hands.look(*SENSOR_CAMERAS[: 1 + has_objects])
         cloud = sensed.see_garment()
         points = self.finder.find_stage_points(stage, cloud, matcher)
-        names = name_scene(cloud, sensed.get_frames(), points)
+        names = name_scene(cloud, sensed.frames, points)
         places, affordance = {}, np.zeros((len(cloud), 2), np.float32)
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)
@@ -245,7 +249,7 @@ class _Course:
                 name=stage.name,
                 garment_point_cloud=cloud,
                 points_affordance_feature=affordance,
-                object_point_cloud=sensed.see_objects() if sensed.has_objects else None,
+                object_point_cloud=sensed.see_objects() if has_objects else None,
                 points=points,
                 seen_at=sensed.step,
             ),

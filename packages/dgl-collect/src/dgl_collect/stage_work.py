@@ -22,11 +22,12 @@ from dgl_collect.steps import (
     Stretch,
     Wait,
 )
-from dgl_tasks.course import Carrying, StageBegins
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GraspName, orient, point_along_fingers
-from dgl_tasks.handling import Handling, Part, plan_approach, plan_leave
+from dgl_tasks.handling import Handling, plan_approach, plan_leave
 from dgl_tasks.holding import find_empty
+from dgl_tasks.messages import Carrying, Part, StageBegins
+from dgl_tasks.sensing import ENVIRONMENT_CAMERA, GARMENT_CAMERA
 
 LEAST_RISE = 0.004
 """By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
@@ -221,6 +222,7 @@ class StageWork:
                     yield from self._stretch(step)
                     yield from self._check(step, "stretch")
             case Look():
+                yield from self.hands.look(GARMENT_CAMERA)
                 self.seen["now"] = self._look()
                 self._turn_further(after=step)
             case Wait(frames=frames):
@@ -231,6 +233,7 @@ class StageWork:
     def _check(self, step: Move | Stretch, where: str) -> Part:
         """Look whether the hands hold the garment, where that is wanted."""
         if step.checked and self.reaction != "ignore":
+            yield from self.hands.look(ENVIRONMENT_CAMERA)
             self.react(self.find_empty())
         stage, is_first = self.stage, self._lifts == 0
         yield from self.hands.mark(
@@ -282,7 +285,7 @@ class StageWork:
         outwards = targets["right"] - targets["left"]
         outwards /= np.linalg.norm(outwards)
         yield from hands.send(motion.hold(SWING_FRAMES), recorded=recorded)
-        hanging = hands.sensed.see_hanging()
+        hanging = (yield from hands.look(ENVIRONMENT_CAMERA)).see_hanging()
         for _ in range(round(step.at_most / step.by)):
             # an edge as low as the garment is long is none: it hangs from one hand
             if not step.sag < hanging.sag < hanging.length:
@@ -291,7 +294,8 @@ class StageWork:
             targets["right"] = targets["right"] + step.by * outwards
             rows = motion.move(targets, self.orientations, spacing=step.spacing)
             yield from hands.send(rows, recorded=recorded)
-            before, hanging = hanging, hands.sensed.see_hanging()
+            before = hanging
+            hanging = (yield from hands.look(ENVIRONMENT_CAMERA)).see_hanging()
             if hanging.sag > before.sag - LEAST_RISE:
                 break  # it slides out of a hand instead
         span = float(np.linalg.norm(targets["right"] - targets["left"]))

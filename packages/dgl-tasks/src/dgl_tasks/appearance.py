@@ -14,8 +14,8 @@ from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
 from dgl_physics.sapien_bridge import GarmentVisual
 from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
-from dgl_tasks.scene import LIGHT, STUDIO, FloorLook, FloorPicture
 from dgl_tasks.shadows import FloorShadow, ShadowCaster
+from dgl_tasks.studio import LIGHT, STUDIO, FloorLook, FloorPicture
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene

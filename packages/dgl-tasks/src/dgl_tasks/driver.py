@@ -5,10 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
-from dgl_tasks import perception as see
-from dgl_tasks.course import BeginsAgain, Believes, Carrying, Command, Course, Mark
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.holding import find_empty
+from dgl_tasks.messages import BeginsAgain, Believes, Carrying, Command, Mark, Part, TakePictures
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.sensing import Sensed
 from dgl_tasks.success import Verdict
@@ -21,8 +20,13 @@ there, since a picture costs as much as two steps of the simulation."""
 class Listener(Protocol):
     """Is told what a course yields; `EpisodeRecorder` of `dgl_collect` is one."""
 
-    def before_step(self, command: Command, sensed: Sensed) -> None:
-        """Take note of a command before its control step."""
+    def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
+        """Take note of a command before its control step.
+
+        Args:
+            command: The command.
+            look: Gives what is sensed now, with pictures of the cameras that it is called with.
+        """
         ...
 
     def note(self, mark: Mark, sensed: Sensed) -> None:
@@ -76,27 +80,41 @@ class Driver:
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
         return self.sense()
 
-    def sense(self) -> Sensed:
-        """Give what is sensed now."""
-        return Sensed(self.env, seed=self.seed, step=len(self.commands))
+    def sense(self, *cameras: str) -> Sensed:
+        """Give what is sensed now, with pictures of these cameras."""
+        env = self.env
+        return Sensed(
+            seed=self.seed,
+            step=len(self.commands),
+            robot=env.agent.model,
+            joint_state=env.agent.read_joints(),
+            ee_pose=env.agent.read_hands(),
+            frames=env.get_frames(),
+            workspace=env.task.workspace,
+            pictures={camera: env.take_picture(camera) for camera in cameras},
+            segments=env.segments if cameras else None,
+        )
 
-    def follow(self, course: Course) -> Iterator[Command]:
-        """Step along a course: gives each command once its control step is made."""
+    def follow(self, part: Part) -> Iterator[Command]:
+        """Step along a part of an episode: gives each command once its control step is made."""
         try:
-            item = next(course)
+            item = next(part)
             while True:
+                cameras: tuple[str, ...] = ()
                 if isinstance(item, Command):
                     self.step(item)
                     yield item
+                elif isinstance(item, TakePictures):
+                    cameras = item.cameras
                 else:
                     self._note(item)
-                item = course.send(self.sense())
+                item = part.send(self.sense(*cameras))
         except StopIteration:
             return
 
-    def drive(self, course: Course) -> None:
-        """Step along a course to its end."""
-        for _ in self.follow(course):
+    def drive(self, part: Part) -> None:
+        """Step along a part of an episode to its end."""
+        for _ in self.follow(part):
             pass
 
     def step(self, command: Command) -> None:
@@ -104,10 +122,10 @@ class Driver:
         number = len(self.commands)
         target = command.target.astype(np.float32)
         if self._listener is not None:
-            self._listener.before_step(command, self.sense())
+            self._listener.before_step(command, self.sense)
         every = PASSAGE_FILM_STEPS if command.is_passage else STEPS_PER_ACTION
         if self._film is not None and number % every == 0:
-            self._film(see.film(self.env))
+            self._film(self.env.film())
         if number % STEPS_PER_ACTION == 0:
             self._measure()
         self.env.advance(target)

@@ -19,6 +19,7 @@ from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_physics import SolverConfig
+from dgl_physics.drawing.rasteriser import Picture
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
 from dgl_tasks.control import interpolate_action
@@ -32,19 +33,19 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.inputs import check_choice, check_reset_options, read_action, read_seed
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
-from dgl_tasks.perception import get_environment_cloud, get_garment_cloud, take_picture
+from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
-from dgl_tasks.scene import (
+from dgl_tasks.scene_check import check_scene, get_frame
+from dgl_tasks.soft_body import SoftBody
+from dgl_tasks.studio import (
     FloorLook,
     build_floor,
     light_scene,
     sample_floor_look,
     sample_studio_fabric,
 )
-from dgl_tasks.scene_check import check_scene, get_frame
-from dgl_tasks.soft_body import SoftBody
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area
 from dgl_tasks.task_garment import find_task_garment, name_garment
 from dgl_tasks.tasks import get_task, task_ids
@@ -536,11 +537,11 @@ class GarmentEnv(BaseEnv):
             # One seed a step: equal states of one episode give equal clouds.
             keys = [int(self._episode_seed[0]), int(self.elapsed_steps[0])]
             seed = int(np.random.SeedSequence(keys).generate_state(1)[0])
-            above = take_picture(self, "garment_camera")
-            ahead = take_picture(self, "environment_camera")
+            ids, workspace = self.segments, self.task.workspace
+            above, ahead = map(self.take_picture, ("garment_camera", "environment_camera"))
             clouds = {
-                "garment_cloud": get_garment_cloud(self, above, seed=seed),
-                "workspace_cloud": get_environment_cloud(self, ahead, seed=seed),
+                "garment_cloud": get_garment_cloud(above, ids, seed=seed),
+                "workspace_cloud": get_environment_cloud(ahead, ids, workspace, seed=seed),
             }
             for name, cloud in clouds.items():
                 observation[name] = torch.from_numpy(cloud)[None].to(self.device)
@@ -591,15 +592,29 @@ class GarmentEnv(BaseEnv):
         self._check_open("drawing")
         return self._appearance.get_painter(self.get_particles())
 
-    @property
-    def garment_segment(self) -> int:
-        """Segmentation id of the garment in pictures."""
-        return self._appearance.garment_segment
+    def take_picture(self, camera: str) -> Picture:
+        """Draw a picture of one of the task's cameras.
+
+        Raises:
+            ValueError: If the task has no such camera.
+        """
+        cameras = self.task.cameras
+        if camera not in cameras:
+            raise ValueError(f"camera must be one of {sorted(cameras)}; got {camera!r}")
+        return self.get_painter().draw_picture(cameras[camera])
+
+    def film(self) -> np.ndarray:
+        """Draw a picture of the camera for people, shape (H, W, 3), uint8."""
+        return self.get_painter().draw(self.task.cameras["video_camera"])
 
     @property
-    def robot_segments(self) -> list[int]:
-        """Segmentation ids of the robot's links in pictures."""
-        return [int(link.per_scene_id[0]) for link in self.agent.robot.get_links()]
+    def segments(self) -> Segments:
+        """Segmentation ids in pictures."""
+        return Segments(
+            garment=self._appearance.garment_segment,
+            robot=tuple(int(link.per_scene_id[0]) for link in self.agent.robot.get_links()),
+            objects={name: item.segment for name, item in self.objects.items()},
+        )
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:  # noqa: FBT001, FBT002 - ManiSkill's signature
         self.draw_garment()

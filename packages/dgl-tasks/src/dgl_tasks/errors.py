@@ -1,12 +1,25 @@
 """Errors that a caller of the tasks may want to catch."""
 
+import difflib
+from collections.abc import Sequence
+
+from dgl_files.fields import show
+
 
 class TaskError(Exception):
     """Base of the errors of this package."""
 
 
 class UnknownTaskError(TaskError, ValueError):
-    """There is no task of that id."""
+    """No task has this id; the message names the closest and all known ones."""
+
+    def __init__(self, task: object, known: Sequence[str]) -> None:
+        """Keep the id beside the message."""
+        by_lower = {name.lower(): name for name in known}
+        close = difflib.get_close_matches(str(task).lower(), by_lower, n=1, cutoff=0.5)
+        hint = f"did you mean {by_lower[close[0]]!r}? Known" if close else "known"
+        super().__init__(f"unknown task {show(task)}; {hint} tasks: {', '.join(known)}")
+        self.task = task
 
 
 class DeclarationError(TaskError, ValueError):

@@ -7,9 +7,9 @@ import numpy as np
 
 from dgl_tasks.driver import Driver, Listener
 from dgl_tasks.env import GarmentEnv
-from dgl_tasks.handling import Handling, Part
+from dgl_tasks.handling import Handling
+from dgl_tasks.messages import Part
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.perception import take_picture
 from dgl_tasks.policy import Method
 from dgl_tasks.sensing import Sensed
 from dgl_tasks.success import Verdict
@@ -112,7 +112,7 @@ def run_episode(
         garment=str(env.draws["garment"]),
         verdict=verdict,
         first_try=driver.first_try or verdict,
-        picture=take_picture(env, env.task.picture_camera).rgb,
+        picture=env.take_picture(env.task.picture_camera).rgb,
         commands=np.stack(driver.commands),
         measurements=dict(driver.measurements),
         beliefs=dict(driver.beliefs),

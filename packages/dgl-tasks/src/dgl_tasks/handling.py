@@ -9,17 +9,14 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_tasks.control import interpolate_action
-from dgl_tasks.course import Command, Mark
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
+from dgl_tasks.messages import Command, Mark, Message, Part, TakePictures
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.observation import STEPS_PER_ACTION
-from dgl_tasks.sensing import Sensed
+from dgl_tasks.observation import STEPS_PER_ACTION, Observation
+from dgl_tasks.sensing import ENVIRONMENT_CAMERA, SENSOR_CAMERAS, Sensed
 
 logger = logging.getLogger(__name__)
-
-Part = Generator[Command | Mark, Sensed, None]
-"""A part of a course."""
 
 APPROACH_FROM = (0.0, 0.0, 0.15)
 """From where a hand comes to a grasp point, as an offset [m]: straight down."""
@@ -197,6 +194,15 @@ class Handling:
         """Give a mark."""
         self.sensed = yield mark
 
+    def look(self, *cameras: str) -> Generator[Message, Sensed, Sensed]:
+        """Ask for pictures of cameras; gives what is sensed, with these pictures."""
+        self.sensed = yield TakePictures(cameras)
+        return self.sensed
+
+    def observe(self) -> Generator[Message, Sensed, Observation]:
+        """Give the present observation of a policy."""
+        return (yield from self.look(ENVIRONMENT_CAMERA)).observe()
+
     def send(
         self,
         rows: np.ndarray,
@@ -272,9 +278,9 @@ class Handling:
             return
         for _ in range(SETTLE_WAITS):
             yield from self._pass(self.motion.hold(SETTLE_FRAMES - STILL_LOOK_FRAMES))
-            before = self.sensed.see_mask()
+            before = (yield from self.look(*SENSOR_CAMERAS)).see_mask()
             yield from self._pass(self.motion.hold(STILL_LOOK_FRAMES))
-            after = self.sensed.see_mask()
+            after = (yield from self.look(*SENSOR_CAMERAS)).see_mask()
             if (before != after).sum() <= STILL_SHARE * max((before | after).sum(), 1):
                 break
         self._settled_at = self.sensed.step
@@ -282,6 +288,7 @@ class Handling:
     def _free_hands(self, sides: tuple[Side, ...]) -> Part:
         """Put cloth that is seen to hang on risen hands down again: down, a wait, back along the fingers, up."""
         for roll in FREE_ROLLS:
+            yield from self.look(ENVIRONMENT_CAMERA)
             caught = self._see_caught(sides)
             if not caught:
                 return

@@ -1,14 +1,11 @@
-"""Whether hands hold a garment, from what is known of where it is."""
+"""Tests of whether hands hold a garment, from known points of it."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dgl_assets.robots import Side
-
-if TYPE_CHECKING:
-    from dgl_tasks.sensing import Sensed
+from dgl_tasks.sensing import Sensed
 
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised point is this near its grasp point [m]."""
@@ -16,21 +13,21 @@ HELD_HEIGHT = 0.05
 """What lies higher than this over the ground counts as raised [m]."""
 
 
-def is_low(sensed: "Sensed", side: Side) -> bool:
-    """Say whether a hand is so low that what it holds need not be raised."""
+def is_low(sensed: Sensed, side: Side) -> bool:
+    """Tell whether a hand is so low that what it holds need not be raised."""
     return bool(sensed.get_grasp_point(side)[2] < HELD_HEIGHT + HELD_DISTANCE / 2)
 
 
-def find_empty(sensed: "Sensed", sides: Iterable[Side], points: np.ndarray) -> dict[Side, float]:
+def find_empty(sensed: Sensed, sides: Iterable[Side], points: np.ndarray) -> dict[Side, float]:
     """Find the hands that are up and hold nothing of a garment.
 
     Args:
-        sensed: Says where the hands are.
+        sensed: Present grasp points.
         sides: The hands that may hold it.
-        points: What is known of the garment [m], shape (N, 3), world frame.
+        points: Known points of the garment [m], shape (N, 3), world frame.
 
     Returns:
-        How far the nearest raised point is from each of them [m].
+        Distance of the nearest raised point from each of them [m].
     """
     raised = points[points[:, 2] > HELD_HEIGHT]
     empty: dict[Side, float] = {}

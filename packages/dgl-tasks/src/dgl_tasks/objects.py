@@ -27,6 +27,7 @@ class PlacedObject:
         """Add a kinematic body with the object's shapes and, where pictures are taken, its looks."""
         self.declared = declared
         self.prop: Prop = make_prop(declared.prop)
+        self._frames: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
         builder = scene.create_actor_builder()
         builder.initial_pose = _make_pose(declared.position, declared.yaw)  # pyright: ignore[reportAttributeAccessIssue]
         self.actor: Actor = builder.build_kinematic(name=declared.name)
@@ -64,8 +65,11 @@ class PlacedObject:
         return np.concatenate([pose.p, pose.q]).astype(np.float64)
 
     def get_frames(self) -> dict[str, np.ndarray]:
-        """Named places of the object now [m], shape (3,), world frame."""
-        return self.prop.compute_landmarks(self.pose)
+        """Named frames of the object now [m], shape (3,), world frame."""
+        pose = self.pose
+        if self._frames is None or not np.array_equal(self._frames[0], pose):
+            self._frames = pose, self.prop.compute_landmarks(pose)
+        return dict(self._frames[1])
 
     def place(self, position: Vector3, yaw: float = 0.0) -> None:
         """Put the object somewhere at once.

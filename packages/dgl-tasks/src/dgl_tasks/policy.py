@@ -6,7 +6,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from dgl_tasks.handling import Handling, Part
+from dgl_tasks.handling import Handling
+from dgl_tasks.messages import Part
+from dgl_tasks.sensing import SENSOR_CAMERAS
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -76,8 +78,9 @@ class FromStart:
 
     def run(self, hands: Handling) -> Part:
         """Observe, act, and execute until the policy ends the episode or has had its actions."""
-        seen = hands.sensed.observe().as_arrays()
-        self.policy.reset({**seen, "garment_point_cloud": hands.sensed.see_garment()})
+        sensed = yield from hands.look(*SENSOR_CAMERAS)
+        seen = sensed.observe().as_arrays()
+        self.policy.reset({**seen, "garment_point_cloud": sensed.see_garment()})
         left = self.actions
         while left > 0:
             targets = np.asarray(self.policy.act(seen))[:left]
@@ -86,6 +89,6 @@ class FromStart:
             left -= len(targets)
             for number, target in enumerate(targets, start=1):
                 yield from hands.execute(target[None])
-                seen = hands.sensed.observe().as_arrays()
+                seen = (yield from hands.observe()).as_arrays()
                 if number < len(targets) and isinstance(self.policy, ObservingPolicy):
                     self.policy.observe(seen)

@@ -162,6 +162,16 @@ class BimanualUR10eShadow(BaseAgent):
         """Read the joint positions [rad], shape (B, D), in the order of the model."""
         return self.robot.get_qpos()[:, self._from_articulation]
 
+    def read_joints(self) -> np.ndarray:
+        """Read the joint positions [rad], shape (D,), float32, in the order of the model."""
+        return self.get_joint_state()[0].cpu().numpy().astype(np.float32)
+
+    def read_hands(self) -> np.ndarray:
+        """Read the poses of both `ee` frames, left first: xyz [m] and wxyz, shape (2, 7), world."""
+        # past ManiSkill's tensors, which cost ten times as much
+        poses = [link._objs[0].entity_pose for link in self._ee_links]  # noqa: SLF001
+        return np.stack([np.concatenate([pose.p, pose.q]) for pose in poses])
+
     def get_joint_velocity(self) -> torch.Tensor:
         """Read the joint velocities [rad/s], shape (B, D), in the order of the model."""
         return self.robot.get_qvel()[:, self._from_articulation]

@@ -1,123 +1,116 @@
-"""What a robot senses between two control steps: its joints, and what cameras see."""
+"""Data that a robot senses between two control steps: joints, hands, objects and pictures."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from dgl_assets.robots import SIDES, Side
+from dgl_assets.robots import SIDES, Robot, Side
 from dgl_physics.drawing.rasteriser import Picture
-from dgl_tasks import perception as see
+from dgl_tasks.cameras import Workspace
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.observation import Observation
+from dgl_tasks.perception import (
+    Segments,
+    get_environment_cloud,
+    get_garment_cloud,
+    get_garment_points,
+    get_object_cloud,
+)
 
-if TYPE_CHECKING:
-    from dgl_tasks.env import GarmentEnv
+GARMENT_CAMERA, ENVIRONMENT_CAMERA = SENSOR_CAMERAS = ("garment_camera", "environment_camera")
+"""The camera that looks down on the garment, and the one that policies see by."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
-    """What is sensed before the next control step; pictures are taken when they are asked for.
+    """A snapshot before one control step; `TakePictures` asks for one with pictures.
 
-    What is seen depends on the seed and the control step alone, not on what was looked at before.
+    Clouds are sampled from the pictures with the seed of episode and control step alone.
     """
 
-    def __init__(self, env: "GarmentEnv", *, seed: int, step: int) -> None:
-        """Look at an environment as it is until its next control step.
-
-        Args:
-            env: The environment.
-            seed: Of the episode.
-            step: Control steps since the reset.
-        """
-        self._env = env
-        self.seed = seed
-        """Of the episode, for whoever draws something."""
-        self.step = step
-        """Control steps since the reset."""
-
-    @property
-    def has_objects(self) -> bool:
-        """Whether there is something in the scene besides robots and garment."""
-        return bool(self._env.objects)
-
-    @property
-    def joint_state(self) -> np.ndarray:
-        """Measured joint positions [rad], shape (D,), float32."""
-        state = self._env.agent.get_joint_state()[0]  # pyright: ignore[reportAttributeAccessIssue]
-        return state.cpu().numpy().astype(np.float32)
-
-    @property
-    def ee_pose(self) -> np.ndarray:
-        """Left and right end effector: xyz [m] and wxyz, shape (2, 7), world frame."""
-        poses = self._env.agent.get_ee_poses()[0]  # pyright: ignore[reportAttributeAccessIssue]
-        return poses.cpu().numpy()
+    seed: int
+    """Seed of the episode."""
+    step: int
+    """Control steps since the reset."""
+    robot: Robot
+    """Description of arms and hands."""
+    joint_state: np.ndarray
+    """Measured joint positions [rad], shape (D,), float32."""
+    ee_pose: np.ndarray
+    """Left and right end effector: xyz [m] and quaternion wxyz, shape (2, 7), world frame."""
+    frames: Mapping[str, Mapping[str, np.ndarray]]
+    """Known frames of the objects, by object and name [m], shape (3,), world frame."""
+    workspace: Workspace
+    """Box that environment clouds are cropped to."""
+    pictures: Mapping[str, Picture] = field(default_factory=dict)
+    """Pictures by camera, of the cameras that were asked for."""
+    segments: Segments | None = None
+    """Segmentation ids in the pictures; None without pictures."""
 
     def get_grasp_point(self, side: Side) -> np.ndarray:
-        """Tell where the grasp point of a hand is [m], shape (3,), world frame."""
+        """Compute the grasp point of a hand [m], shape (3,), world frame."""
         pose = self.ee_pose[SIDES.index(side)]
-        robot = self._env.agent.model  # pyright: ignore[reportAttributeAccessIssue]
-        return wrist_to_grasp(pose[:3], pose[3:], side, robot=robot)
-
-    def get_frames(self) -> dict[str, dict[str, np.ndarray]]:
-        """Tell where the named places of the objects are, which the robot is told [m], shape (3,), world frame."""
-        return self._env.get_frames()
+        return wrist_to_grasp(pose[:3], pose[3:], side, robot=self.robot)
 
     def observe(self) -> Observation:
-        """Look with the environment camera and feel the joints."""
-        picture = self.take_picture("environment_camera")
+        """Give the observation of a policy; needs a picture of the environment camera."""
+        picture, segments = self._get_picture(ENVIRONMENT_CAMERA)
         return Observation(
             joint_state=self.joint_state,
             ee_pose=self.ee_pose.astype(np.float32),
             image=picture.rgb,
-            env_point_cloud=see.get_environment_cloud(self._env, picture, seed=self._cloud_seed),
+            env_point_cloud=get_environment_cloud(
+                picture, segments, self.workspace, seed=self._cloud_seed
+            ),
         )
 
     def see_garment(self) -> np.ndarray:
-        """Look at the garment from above: its cloud [m], shape (2048, 3), float32.
+        """Sample the garment's cloud [m], shape (2048, 3), float32, from the garment camera.
 
         Raises:
-            PerceptionError: If the camera sees nothing of it.
+            PerceptionError: If the garment is out of sight.
         """
-        picture = self.take_picture("garment_camera")
-        return see.get_garment_cloud(self._env, picture, seed=self._cloud_seed)
+        return get_garment_cloud(*self._get_picture(GARMENT_CAMERA), seed=self._cloud_seed)
 
-    def see_points(self, camera: str = "environment_camera") -> np.ndarray:
-        """Look at the garment: all points that a camera sees of it [m], shape (N, 3).
+    def see_points(self, camera: str = ENVIRONMENT_CAMERA) -> np.ndarray:
+        """Give all points of the garment in a picture [m], shape (N, 3).
 
         Raises:
-            PerceptionError: If the camera sees nothing of it.
+            PerceptionError: If the garment is out of sight.
         """
-        return see.get_garment_points(self._env, self.take_picture(camera))
+        return get_garment_points(*self._get_picture(camera))
 
     def see_mask(self) -> np.ndarray:
-        """Tell which pixels of the garment and the environment camera show the garment, shape (2, H, W), bool."""
-        segments = [
-            self.take_picture(camera).segments
-            for camera in ("garment_camera", "environment_camera")
-        ]
-        return np.stack(segments) == self._env.garment_segment
+        """Mark the garment's pixels, of garment and environment camera, shape (2, H, W), bool."""
+        found = [self._get_picture(camera) for camera in SENSOR_CAMERAS]
+        return np.stack([picture.segments == ids.garment for picture, ids in found])
 
     def see_objects(self) -> np.ndarray:
-        """Look at the objects of the scene: their cloud [m], shape (2048, 3), float32.
+        """Sample the objects' cloud [m], shape (2048, 3), float32, from the environment camera.
 
         Raises:
-            PerceptionError: If the camera sees nothing of them.
+            PerceptionError: If all objects are out of sight.
         """
-        picture = self.take_picture("environment_camera")
-        return see.get_object_cloud(self._env, picture, seed=self._cloud_seed)
+        return get_object_cloud(*self._get_picture(ENVIRONMENT_CAMERA), seed=self._cloud_seed)
 
     def see_hanging(self) -> Hanging:
-        """Look at the garment that hangs between both hands, from the front.
+        """Measure how the garment hangs between both hands, from the environment camera.
 
         Raises:
-            PerceptionError: If the camera sees nothing of it.
+            PerceptionError: If the garment is out of sight.
         """
         left, right = self.get_grasp_point("left"), self.get_grasp_point("right")
         return measure_hanging(self.see_points(), left, right)
 
-    def take_picture(self, camera: str) -> Picture:
-        """Take a picture with one of the task's cameras."""
-        return see.take_picture(self._env, camera)
+    def _get_picture(self, camera: str) -> tuple[Picture, Segments]:
+        if camera not in self.pictures or self.segments is None:
+            raise ValueError(
+                f"the {camera} was not asked for a picture: yield from hands.look({camera!r}); "
+                f"there are {sorted(self.pictures)}"
+            )
+        return self.pictures[camera], self.segments
 
     @property
     def _cloud_seed(self) -> int:

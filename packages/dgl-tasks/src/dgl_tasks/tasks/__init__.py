@@ -1,9 +1,9 @@
 """The tasks by id; to add one, write its declaration in a file here."""
 
-import difflib
 import importlib
 import pkgutil
 
+from dgl_files.fields import show
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import DeclarationError, UnknownTaskError
 
@@ -38,12 +38,10 @@ def get_task(task_id: str) -> Task:
         UnknownTaskError: Naming the closest id and all valid ones.
     """
     if not isinstance(task_id, str):
-        raise UnknownTaskError(
-            f"a task must be an id, such as {next(iter(_TASKS))!r}, or a declaration (`Task`); got {task_id!r}"
+        raise ValueError(
+            f"a task must be an id, such as {next(iter(_TASKS))!r}, or a declaration (`Task`); "
+            f"got {show(task_id)}"
         )
     if task_id not in _TASKS:
-        close = difflib.get_close_matches(task_id, _TASKS, n=1, cutoff=0.0)
-        raise UnknownTaskError(
-            f"unknown task {task_id!r}; did you mean {close[0]!r}? Tasks: {', '.join(_TASKS)}"
-        )
+        raise UnknownTaskError(task_id, task_ids())
     return _TASKS[task_id]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_tasks.scene import (
+from dgl_tasks.shadows import outline, project
+from dgl_tasks.studio import (
     DOME_PATH,
     FLOOR,
     MAT,
@@ -16,7 +17,6 @@ from dgl_tasks.scene import (
     paint_floor,
     sample_studio_fabric,
 )
-from dgl_tasks.shadows import outline, project
 from dgl_tasks.tasks._common import FOLD_CAMERAS
 
 CENTRE = (0.0, 0.8)
