@@ -11,8 +11,8 @@ from dgl_tasks.cameras import (
     is_in_workspace,
     look_at,
 )
+from dgl_tasks.layouts import FLING_CAMERAS, FOLD_CAMERAS
 from dgl_tasks.rotations import to_rotation
-from dgl_tasks.tasks._common import FLING_CAMERAS, FOLD_CAMERAS
 
 
 def _ground_point(camera, u, v):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dgl_tasks
+from dgl_tasks.layouts import FOLD_CAMERAS
 from dgl_tasks.shadows import outline, project
 from dgl_tasks.studio import (
     DOME_PATH,
@@ -17,7 +18,6 @@ from dgl_tasks.studio import (
     paint_floor,
     sample_studio_fabric,
 )
-from dgl_tasks.tasks._common import FOLD_CAMERAS
 
 CENTRE = (0.0, 0.8)
 

@@ -2,6 +2,9 @@
 
 import dataclasses
 import importlib
+import pickle
+import re
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import gymnasium
@@ -15,7 +18,7 @@ from dgl_tasks import tasks
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Start
 from dgl_tasks.errors import DeclarationError, UnknownTaskError
-from dgl_tasks.success import Verdict, compute_covered_area
+from dgl_tasks.success import ShareInBox, Verdict, compute_covered_area
 from dgl_tasks.views import TrueView
 
 TASKS = [dgl_tasks.get_task(task_id) for task_id in dgl_tasks.task_ids()]
@@ -48,7 +51,7 @@ def test_what_is_no_id_is_refused(wrong):
 
 
 def test_every_file_of_tasks_is_found_by_itself():
-    files = [path for path in Path(tasks.__file__).parent.glob("*.py") if path.name[0] != "_"]
+    files = list(Path(tasks.__file__).parent.glob("[!_]*.py"))
     assert len(dgl_tasks.task_ids()) == len(files)
     for path in files:
         declared = importlib.import_module(f"dgl_tasks.tasks.{path.stem}").TASK
@@ -74,15 +77,95 @@ def test_a_file_that_declares_no_new_task_is_named(tmp_path, monkeypatch, name, 
     (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.setattr(tasks, "__path__", [*tasks.__path__, str(tmp_path)])
     with pytest.raises(DeclarationError, match=message):
-        tasks._find_tasks()
+        tasks._find_built_in()
 
 
-@pytest.mark.parametrize(
-    "change", [{"cameras": {}}, {"picture_camera": "phone"}], ids=["no cameras", "another camera"]
-)
-def test_a_task_has_its_three_cameras(change):
-    with pytest.raises(ValueError, match=r"cameras must be garment_camera, .*; got"):
-        dataclasses.replace(TASKS[0], **change)
+def test_a_declaration_is_refused_in_one_line():
+    table = [
+        ({"cameras": {}}, "cameras must be garment_camera, "),
+        ({"picture_camera": "phone"}, "cameras must be garment_camera, "),
+        ({"success": ShareInBox}, "success must be a rule, such as ShareInBox(...); got the class"),
+        ({"category": "Tops_LongSleve"}, "did you mean 'Tops_LongSleeve'"),
+    ]
+    wrong = []
+    for change, message in table:
+        try:
+            dataclasses.replace(TASKS[0], **change)
+            wrong.append((change, "taken"))
+        except ValueError as err:
+            if message not in str(err) or "\n" in str(err):
+                wrong.append((change, str(err)))
+    assert wrong == []
+
+
+# From outside --------------------------------------------------------------------------------------
+
+SCARF = """
+import dataclasses
+from dgl_tasks import get_task
+
+TASK = dataclasses.replace(get_task("FoldTops-v1"), id="FoldScarf-v1", title="Fold Scarf")
+"""
+
+
+@pytest.fixture
+def forget(monkeypatch):
+    """Let what a test registers be forgotten at its end."""
+    for name in ("_TASKS", "_DEMONSTRATIONS"):
+        monkeypatch.setattr(tasks, name, dict(getattr(tasks, name)))
+    monkeypatch.setattr(gymnasium.envs.registration, "registry", dict(gymnasium.registry))
+    monkeypatch.setattr(gymnasium, "registry", gymnasium.envs.registration.registry)
+
+
+def test_a_task_comes_from_a_file_a_module_or_an_installed_package(tmp_path, monkeypatch, forget):
+    file = tmp_path / "fold_scarf_outside.py"
+    file.write_text(SCARF)
+    monkeypatch.syspath_prepend(tmp_path)
+    installed = EntryPoint("FoldScarf-v1", file.stem, tasks.GROUP)
+    sources = (str(file), file.stem, "FoldScarf-v1")
+    for source in sources:
+        tasks._TASKS.pop("FoldScarf-v1", None)
+        if source == "FoldScarf-v1":
+            found = EntryPoints([installed])
+            monkeypatch.setattr(tasks, "entry_points", lambda group, found=found: found)
+            assert source in tasks.task_ids()
+        task = tasks.load_task(source)
+        assert (task.id, task.title) == ("FoldScarf-v1", "Fold Scarf")
+        assert tasks.get_task("FoldScarf-v1") is tasks.load_task("FoldScarf-v1") is task
+        assert gymnasium.spec("FoldScarf-v1").kwargs["task"] == "FoldScarf-v1"
+        assert tasks.find_demonstration("FoldScarf-v1") == file.with_suffix(".json")
+        assert pickle.loads(pickle.dumps(task)) == task
+    assert tasks.find_demonstration("FoldTops-v1") is None
+    file.write_text(SCARF.replace("Fold Scarf", "Another"))
+    assert tasks.load_task(str(file)).title == "Another"
+
+
+def test_a_task_from_outside_is_refused_in_one_line(tmp_path, forget):
+    table = {
+        "TASK = (": "SyntaxError",
+        "1 / 0": "ZeroDivisionError: division by zero",
+        "import sys; sys.exit(3)": "SystemExit: 3",
+        "NAME = 1": "AttributeError: .*'TASK'",
+        "TASK = 3": "TASK must be a `Task`; got 3",
+        SCARF.replace("FoldScarf-v1", "FoldDress-v1"): "'FoldDress-v1' is that of a task of",
+        SCARF.replace("FoldScarf-v1", "Fold Scarf"): "'Fold Scarf' must be a name and a version",
+    }
+    wrong = []
+    for number, (text, message) in enumerate(table.items()):
+        file = tmp_path / f"own_{number}.py"
+        file.write_text(text)
+        try:
+            tasks.load_task(str(file))
+            wrong.append((text, "taken"))
+        except DeclarationError as err:
+            if not re.match(f"{file.name}: .*{message}", str(err)) or "\n" in str(err):
+                wrong.append((text, str(err)))
+    assert wrong == []
+    with pytest.raises(DeclarationError, match=r"there is no .*nowhere\.py"):
+        tasks.load_task(str(tmp_path / "nowhere.py"))
+    for source in ("no.such.module", "FoldTop-v1", ""):
+        with pytest.raises(UnknownTaskError, match="unknown task"):
+            tasks.load_task(source)
 
 
 @each_task

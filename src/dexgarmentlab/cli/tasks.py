@@ -1,7 +1,7 @@
 """Verb `dgl tasks`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from dexgarmentlab.cli import EXIT_OK, console
@@ -68,7 +68,7 @@ def describe_task(task: "Task") -> dict[str, Any]:
             {
                 "name": stage.name,
                 "grasp": {side: list(grasp.points) for side, grasp in stage.grasp.items()},
-                "orientation": stage.approach.orientation,
+                "orientation": _tell(stage.approach.orientation),
                 "learned": stage.is_learned,
             }
             for stage in stages
@@ -82,6 +82,10 @@ def describe_task(task: "Task") -> dict[str, Any]:
         },
         "robot_bases": {"left": list(task.left_base), "right": list(task.right_base)},
     }
+
+
+def _tell(orientation: object) -> object:
+    return orientation if isinstance(orientation, str) else asdict(orientation)  # pyright: ignore[reportArgumentType]
 
 
 def _lines(task: dict[str, Any]) -> list[str]:

@@ -23,7 +23,7 @@ from dgl_collect.steps import (
     Wait,
 )
 from dgl_tasks.errors import PerceptionError, UnreachableError
-from dgl_tasks.grasps import GraspName, orient, point_along_fingers
+from dgl_tasks.grasps import Orientation, orient, point_along_fingers
 from dgl_tasks.handling import Handling, plan_approach, plan_leave
 from dgl_tasks.holding import find_empty
 from dgl_tasks.messages import Carrying, Part, StageBegins
@@ -72,7 +72,7 @@ class StageWork:
     grasp: dict[Side, np.ndarray] = field(default_factory=dict)
     """Where each working hand takes hold [m], shape (3,), world frame."""
     _turns: dict[Side, float] = field(default_factory=dict)
-    _orientation: GraspName = "standard"
+    _orientation: Orientation = "standard"
     _targets: dict[Side, np.ndarray] = field(default_factory=dict)
     _lifts: int = 0
     _has_closed: bool = False

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainValidator
 from dgl_assets.robots import HAND_POSES, SIDES, Side
 from dgl_collect.formula import FUNCTIONS
 from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
-from dgl_tasks.grasps import GRASP_ORIENTATIONS, GraspName
+from dgl_tasks.grasps import Orientation, find_sides
 from dgl_tasks.handling import APPROACH_FROM, WayOut
 
 GARMENT_NAMES = ("min", "max", "centre")
@@ -101,7 +101,7 @@ class Approach(Step):
     """Bring the open hands beside the grasp points, and straight to them."""
 
     recorded: bool = False
-    orientation: GraspName = "standard"
+    orientation: Orientation = "standard"
     """Of the hands; they turn about the vertical only where the steps after it need that."""
     height: Annotated[float, Ge(-0.5), Le(3.0)] | None = 0.03
     """Height of the grasp points above the ground [m]; None keeps the height that was found."""
@@ -133,7 +133,7 @@ class Move(Step):
 
     targets: Mapping[Side, Formulas]
     """Target of each moving hand."""
-    orientation: GraspName | None = None
+    orientation: Orientation | None = None
     """Of the hands at the end; None keeps it."""
     spacing: Spacing = 0.01
     """On the longer line."""
@@ -315,7 +315,7 @@ class Stage:
                     f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"
                 )
             named = step.orientation if isinstance(step, Approach | Move) else None
-            lacking = [s for s in self.grasp if named and s not in GRASP_ORIENTATIONS[named]]
+            lacking = [s for s in self.grasp if named and s not in find_sides(named)]
             if lacking:
                 raise ValueError(f"orientation {named!r} is not for the {lacking[0]} hand")
 

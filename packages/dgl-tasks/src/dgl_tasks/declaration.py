@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from dgl_assets.garments.catalogue import choose_categories
 from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
 from dgl_physics import ClothMaterial, SolidMaterial
@@ -137,7 +138,11 @@ class Task:
     """Friction of the ground (original code), a factor on the material's."""
 
     def __post_init__(self) -> None:
+        if isinstance(self.success, type):
+            name = self.success.__name__
+            raise ValueError(f"success must be a rule, such as {name}(...); got the class {name}")
         check_fields(self)
+        choose_categories([self.category])
         if set(self.cameras) != set(CAMERAS) or self.picture_camera not in CAMERAS:
             raise ValueError(
                 f"cameras must be {', '.join(CAMERAS)}, and picture_camera one of them; "

@@ -48,7 +48,7 @@ from dgl_tasks.studio import (
 )
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area
 from dgl_tasks.task_garment import find_task_garment, name_garment
-from dgl_tasks.tasks import get_task, task_ids
+from dgl_tasks.tasks import load_task, task_ids
 from dgl_tasks.views import TrueView
 
 LookName = Literal["studio", "random"]
@@ -102,7 +102,7 @@ class GarmentEnv(BaseEnv):
 
         Args:
             args: ManiSkill's.
-            task: Environment id, or a declaration of your own.
+            task: Environment id, a declaration, or a file or module of one; see `load_task`.
             robot: Arms and hands, or their name, such as "ur10e+allegro".
             robots: Folder of imported robots, for names that are not built in.
             robot_uids: An agent class instead, such as one of `make_agent_class` with other bases.
@@ -120,7 +120,7 @@ class GarmentEnv(BaseEnv):
             )
         check_choice("look", look, get_args(LookName))
         self._check_settings(kwargs)
-        self._task: Task = task if isinstance(task, Task) else get_task(task)
+        self._task: Task = task if isinstance(task, Task) else load_task(task)
         check_scene(self._task)
         self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)

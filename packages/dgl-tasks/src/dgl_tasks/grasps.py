@@ -1,51 +1,77 @@
-"""How the hands take hold: orientations, and the wrist pose for a grasp point.
+"""Orientations of the hands, and wrist poses for grasp points.
 
 The frame `ee` has x along the fingers, y out of the palm and z = x cross y, the thumb side of the
 right hand and the little-finger side of the left.
 """
 
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from annotated_types import Interval
 from scipy.spatial.transform import Rotation
 
-from dgl_assets.robots import DEFAULT_ROBOT, Robot, Side
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
+from dgl_files.fields import STRICT, check_fields
 from dgl_tasks.rotations import to_quaternion, to_rotation
 
-GraspName = Literal[
-    "standard",
-    "heap",
-    "sides",
-    "heap_sides",
-    "trousers_2",
-    "hems",
-    "scoop",
-    "cap",
-    "tray",
-    "scarf",
-    "glove",
-    "glove_retreat",
-]
+GraspName = Literal["standard", "heap", "sides", "heap_sides", "hems", "scoop", "tray"]
+
+ORIENTATION_TEXTS: Mapping[GraspName, str] = MappingProxyType(
+    {
+        "standard": "palm down, fingers level, 20 degrees inward",
+        "heap": "as standard, fingers 30 degrees down: takes hold of all layers",
+        "sides": "as standard, 65 degrees inward: takes the garment from its sides",
+        "heap_sides": "as sides, fingers 30 degrees down",
+        "hems": "right hand alone, 90 degrees inward, fingers 30 degrees down",
+        "scoop": "palm up, 45 degrees inward, fingers 30 degrees down",
+        "tray": "palm up, 45 degrees inward, fingers level",
+    }
+)
+"""Meaning of each named orientation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandAngles:
+    """An orientation by angles; all zero, the palm looks down and the fingers point straight ahead.
+
+    The hand is rolled first, then pitched, then yawed. Left and right hand mirror each other.
+    """
+
+    __pydantic_config__ = STRICT
+
+    yaw: Annotated[float, Interval(ge=-180, le=180)] = 0.0
+    """Turn about the vertical, towards the other hand [degrees]."""
+    pitch: Annotated[float, Interval(ge=-80, le=80)] = 0.0
+    """Slope of the fingers, positive downwards [degrees]."""
+    roll: Annotated[float, Interval(ge=-180, le=180)] = 0.0
+    """Turn about the fingers, the thumb downwards [degrees]; at 180 the palm looks up."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+Orientation = GraspName | HandAngles
+"""An orientation of a hand: a name, or angles."""
 
 HEAP_PITCH = np.radians(30)
-"""How far the fingers of "heap" and "hems" grasps point down: they take hold of all layers, and the forearm
-stays above the cloth, so that nothing hangs over it when the hand leaves [rad]."""
+"""Downward slope of the fingers of "heap" and "hems" [rad]: the forearm stays above the cloth, so
+that nothing hangs over it when the hand retreats."""
 SIDE_TURN = np.radians(45)
-"""How far the hands of "sides" and "heap_sides" are turned inwards: they take the cloth from its sides, and
-pull apart as they draw back along their fingers [rad]."""
+"""Inward turn of "sides" and "heap_sides", beyond that of "standard" and "heap" [rad]."""
 
-_GRASP_ROWS: dict[GraspName, dict[Side, tuple[float, float, float, float]]] = {
+_AHEAD = Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+# rounded as in the original code: from angles, recorded motions would differ in the last bits
+_ROWS: dict[str, dict[Side, tuple[float, float, float, float]]] = {
     "standard": {"left": (0.579, -0.579, -0.406, 0.406), "right": (0.406, -0.406, -0.579, 0.579)},
-    "trousers_2": {"right": (0.0, 0.0, 0.707, -0.707)},
+    "sideways": {"right": (0.0, 0.0, 0.707, -0.707)},
     "scoop": {
         "left": (0.7010574, 0.5609855, 0.4304593, 0.092296),
         "right": (0.4304593, 0.092296, 0.7010574, 0.5609855),
     },
-    "cap": {"right": (0.5, 0.5, 0.5, 0.5)},
     "tray": {"left": (0.653, 0.653, 0.271, 0.271), "right": (0.271, 0.271, 0.653, 0.653)},
-    "scarf": {"left": (0.707, -0.707, 0.0, 0.0), "right": (0.0, 0.0, -0.707, 0.707)},
-    "glove": {"left": (-0.129, 0.837, 0.483, -0.224), "right": (0.483, -0.224, -0.129, 0.837)},
-    "glove_retreat": {"left": (0.0, 0.866, 0.5, 0.0), "right": (0.5, 0.0, 0.0, 0.866)},
 }
 
 
@@ -78,29 +104,44 @@ def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
 
 
 def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
-    found: dict[GraspName, dict[Side, np.ndarray]] = {
+    rows = {
         name: {side: to_quaternion(to_rotation(q)) for side, q in row.items()}
-        for name, row in _GRASP_ROWS.items()
+        for name, row in _ROWS.items()
     }
-    pitched: dict[GraspName, GraspName] = {"heap": "standard", "hems": "trousers_2"}
-    for name, level in pitched.items():
-        found[name] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in found[level].items()}
-    turned: dict[GraspName, GraspName] = {
-        "sides": "standard",
-        "heap_sides": "heap",
-    }
-    for name, ahead in turned.items():
-        found[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in found[ahead].items()}
-    return found
+    for name, level in (("heap", "standard"), ("hems", "sideways")):
+        rows[name] = {side: pitch_fingers(q, HEAP_PITCH) for side, q in rows[level].items()}
+    for name, ahead in (("sides", "standard"), ("heap_sides", "heap")):
+        rows[name] = {side: turn_inward(q, SIDE_TURN, side) for side, q in rows[ahead].items()}
+    return {name: rows[name] for name in get_args(GraspName)}
 
 
 GRASP_ORIENTATIONS: dict[GraspName, dict[Side, np.ndarray]] = _make_orientations()
-"""Orientation of `ee` for each kind of grasp, by side: unit quaternions wxyz, shape (4,)."""
+"""Orientation of `ee` by name and side: unit quaternions wxyz, shape (4,)."""
 
 
-def orient(name: GraspName, side: Side, turn: float = 0.0) -> np.ndarray:
-    """Give the orientation of `ee` for a kind of grasp, turned inward [rad]: wxyz, shape (4,)."""
-    return turn_inward(GRASP_ORIENTATIONS[name][side], turn, side)
+def find_sides(orientation: Orientation) -> tuple[Side, ...]:
+    """Give the hands that an orientation is for.
+
+    Raises:
+        ValueError: If it is neither a known name nor angles.
+    """
+    if isinstance(orientation, HandAngles):
+        return SIDES
+    if not isinstance(orientation, str) or orientation not in GRASP_ORIENTATIONS:
+        raise ValueError(
+            f"orientation must be one of {list(GRASP_ORIENTATIONS)}, or yaw, pitch and roll; "
+            f"got {orientation!r}"
+        )
+    return tuple(GRASP_ORIENTATIONS[orientation])
+
+
+def orient(orientation: Orientation, side: Side, turn: float = 0.0) -> np.ndarray:
+    """Compute an orientation of `ee`, turned further inward [rad]: wxyz, shape (4,)."""
+    if not isinstance(orientation, HandAngles):
+        return turn_inward(GRASP_ORIENTATIONS[orientation][side], turn, side)
+    yaw, pitch, roll = np.radians([orientation.yaw, orientation.pitch, orientation.roll])
+    pitched = pitch_fingers(to_quaternion(_AHEAD), float(pitch))
+    return turn_inward(roll_thumb_down(pitched, float(roll), side), float(yaw) + turn, side)
 
 
 def grasp_to_wrist(

@@ -1,8 +1,8 @@
 """Fling Dress: fling a crumpled dress flat, then pull its sleeves apart."""
 
 from dgl_tasks.declaration import HandFriction, Start, Task
+from dgl_tasks.layouts import FLING_CAMERAS, STEEP
 from dgl_tasks.success import CoversFlatArea
-from dgl_tasks.tasks._common import FLING_CAMERAS, STEEP
 
 TASK = Task(
     id="FlingDress-v1",

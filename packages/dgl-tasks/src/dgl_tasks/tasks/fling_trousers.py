@@ -1,8 +1,8 @@
 """Fling Trousers: fling crumpled trousers flat by their waistband, pull their legs straight, and spread the waistband."""
 
 from dgl_tasks.declaration import Start, Task
+from dgl_tasks.layouts import FLING_CAMERAS, STEEP
 from dgl_tasks.success import CoversFlatArea
-from dgl_tasks.tasks._common import FLING_CAMERAS, STEEP
 
 TASK = Task(
     id="FlingTrousers-v1",

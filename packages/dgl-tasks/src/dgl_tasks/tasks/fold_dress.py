@@ -1,8 +1,8 @@
 """Fold Dress: left sleeve to the right, right sleeve to the left, skirt up."""
 
 from dgl_tasks.declaration import Start, Task
+from dgl_tasks.layouts import FOLD_CAMERAS
 from dgl_tasks.success import ShareInBox
-from dgl_tasks.tasks._common import FOLD_CAMERAS
 
 TASK = Task(
     id="FoldDress-v1",

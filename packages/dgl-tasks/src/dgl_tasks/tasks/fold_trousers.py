@@ -4,8 +4,8 @@ import numpy as np
 
 from dgl_physics import ClothMaterial
 from dgl_tasks.declaration import Start, Task
+from dgl_tasks.layouts import FOLD_CAMERAS
 from dgl_tasks.success import ShareInBox
-from dgl_tasks.tasks._common import FOLD_CAMERAS
 
 TASK = Task(
     id="FoldTrousers-v1",

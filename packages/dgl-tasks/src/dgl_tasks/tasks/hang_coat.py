@@ -3,8 +3,8 @@
 import numpy as np
 
 from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.layouts import HANG_LEFT_BASE, HANG_RIGHT_BASE, HOOK_CAMERAS
 from dgl_tasks.success import HangsOver
-from dgl_tasks.tasks._common import HANG_LEFT_BASE, HANG_RIGHT_BASE, HOOK_CAMERAS
 
 TASK = Task(
     id="HangCoat-v1",

@@ -1,8 +1,8 @@
 """Hang Trousers: over the bar of a hanger, by the waistband."""
 
 from dgl_tasks.declaration import HandFriction, Start, Task
+from dgl_tasks.layouts import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
 from dgl_tasks.success import HangsOver
-from dgl_tasks.tasks._common import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
 
 TASK = Task(
     id="HangTrousers-v1",

@@ -2,8 +2,8 @@
 
 from dgl_physics import ClothMaterial
 from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.layouts import STORE_CAMERAS, STORE_LEFT_BASE, STORE_RIGHT_BASE
 from dgl_tasks.success import RestsOn
-from dgl_tasks.tasks._common import STORE_CAMERAS, STORE_LEFT_BASE, STORE_RIGHT_BASE
 
 TASK = Task(
     id="StoreTops-v1",

@@ -5,8 +5,8 @@ import numpy as np
 from dgl_assets.props import HatStandParameters, PersonParameters
 from dgl_physics import SolidMaterial
 from dgl_tasks.declaration import SceneObject, Start, Task
+from dgl_tasks.layouts import WEAR_CAMERAS, WEAR_LEFT_BASE, WEAR_RIGHT_BASE
 from dgl_tasks.success import SitsOn
-from dgl_tasks.tasks._common import WEAR_CAMERAS, WEAR_LEFT_BASE, WEAR_RIGHT_BASE
 
 TASK = Task(
     id="WearBowlHat-v1",
