@@ -163,13 +163,13 @@ def test_a_point_that_is_not_marked_is_refused(content):
 
 
 def test_a_rule_at_a_place_that_is_not_there_is_refused_as_the_environment_is_made():
-    rule = dataclasses.replace(TASK.success, place="bar.middle")
+    rule = dataclasses.replace(TASK.success, frame="bar.middle")
     with pytest.raises(
         ValueError,
         match=r"task HangVest-v1: 'bar\.middle': bar has no place 'middle'; it has .*'target'",
     ):
         make(dataclasses.replace(TASK, success=rule))
-    rule = dataclasses.replace(TASK.success, place="rail.target")
+    rule = dataclasses.replace(TASK.success, frame="rail.target")
     with pytest.raises(ValueError, match=r"there is no object 'rail'; there are \['bar'\]"):
         make(dataclasses.replace(TASK, success=rule))
 

@@ -1,4 +1,4 @@
-"""Let both hands take each of the six hand poses in SAPIEN, say how still they stand, and draw them.
+"""Let both hands take each of the six hand poses in SAPIEN, measure their rest, and draw them.
 
 python packages/dgl-tasks/examples/draw_hand_poses.py docs/images/hand_poses.png
 """

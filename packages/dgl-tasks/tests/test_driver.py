@@ -1,7 +1,7 @@
-"""One episode: a course is stepped, filmed and told, and what is true is kept beside what it believes."""
+"""One episode is stepped, filmed and told, and truth is kept beside beliefs."""
 
 import dataclasses
-from functools import partial, partialmethod
+from functools import partialmethod
 from itertools import zip_longest
 
 import gymnasium
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_assets import load_garment
 from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_tasks.driver import PASSAGE_FILM_STEPS, Driver
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
@@ -26,7 +25,7 @@ POINT = {"left": np.array([-0.4, 0.7, 0.1])}
 STANDARD = {"left": GRASP_ORIENTATIONS["standard"]["left"]}
 
 
-# Courses ------------------------------------------------------------------------------------------
+# Courses ---------------------------------------------------------------------------------------
 
 
 def wander(sensed, number, steps, *, marks=True):
@@ -114,7 +113,7 @@ def test_an_error_of_a_course_is_nobody_elses(make_env):
     assert len(driver.commands) == 1
 
 
-# Marks --------------------------------------------------------------------------------------------
+# Marks -----------------------------------------------------------------------------------------
 
 
 class Notes:
@@ -237,7 +236,7 @@ def test_the_last_belief_of_each_name_is_kept(make_env):
     assert driver.commands == []
 
 
-# Films and measurements ---------------------------------------------------------------------------
+# Films and measurements ------------------------------------------------------------------------
 
 
 def test_films_run_three_times_as_fast_while_the_arms_come_and_go(make_env):
@@ -263,24 +262,22 @@ def test_the_largest_strain_of_each_fifth_step_is_kept(make_env):
     )
 
 
-# The simulation -----------------------------------------------------------------------------------
+# The simulation --------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def made():
-    """Of a coarse garment that is still falling after a reset: what is compared depends on every step."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dgl_tasks.task_garment.find_garment", partial(load_garment, spacing=0.025))
-        made = gymnasium.make(
-            "FoldTops-v1",
-            task=dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2)),
-            obs_mode="none",
-            reward_mode="none",
-            sim_backend="physx_cpu",
-            render_backend="none",
-        )
-        yield made
-        made.close()
+def made(coarse_garments):
+    """A coarse garment that still falls after a reset, so that every step counts."""
+    made = gymnasium.make(
+        "FoldTops-v1",
+        task=dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2)),
+        obs_mode="none",
+        reward_mode="none",
+        sim_backend="physx_cpu",
+        render_backend="none",
+    )
+    yield made
+    made.close()
 
 
 class Replay:

@@ -29,7 +29,7 @@ GARMENT = "Tops_LongSleeve/001294"
 
 
 @pytest.fixture(scope="module")
-def env():
+def env(coarse_garments):
     """One environment for the whole module: each test resets it."""
     made = gymnasium.make(
         "FoldTops-v1", obs_mode="state", sim_backend="physx_cpu", render_backend="none"
@@ -46,7 +46,7 @@ def memory():
 
 @pytest.fixture
 def settled(env, memory):
-    """The environment just after a reset with one seed and garment, restored where that is quicker."""
+    """The environment after a reset with one seed and garment, restored if that is quicker."""
     if memory and env.draws == memory["draws"]:
         env.set_state_dict(memory["state"])
     else:
@@ -121,7 +121,7 @@ def test_the_garment_lies_where_it_was_drawn(settled):
     middle = (particles.min(axis=0) + particles.max(axis=0)) / 2
     np.testing.assert_allclose(middle[:2], (settled.draws["x"], settled.draws["y"]), atol=0.02)
     assert particles[:, 2].min() > 0
-    assert particles[:, 2].max() < 0.06
+    assert particles[:, 2].max() < 0.08
 
 
 def test_an_action_is_five_control_steps_on_a_straight_line(settled, monkeypatch):
@@ -179,11 +179,35 @@ def test_without_an_action_the_targets_stay(settled):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("shape", [(59,), (2, 60), (1, 59)])
-def test_an_action_of_another_shape_is_refused(settled, shape):
-    with pytest.raises(ValueError, match=r"action must have shape \(60,\) or \(1, \*\); got"):
-        settled.step(np.zeros(shape, np.float32))
-    settled.step(get_action(settled)[None])
+def test_actions_are_clipped_to_the_action_space_and_that_is_logged_once(settled, caplog):
+    space, state = settled.single_action_space, settled.get_state_dict()
+    states = []
+    settled._bounds.clear()
+    for scale in (1.0, 100.0):
+        settled.set_state_dict(state)
+        for _ in range(2):
+            settled.step(scale * space.high)
+        states.append(settled.get_state())
+    torch.testing.assert_close(*states, rtol=0, atol=0)
+    told = [record.getMessage() for record in caplog.records if "clipped" in record.message]
+    assert len(told) == 1
+    assert "clipped to the action space: number" in told[0]
+
+
+def test_a_broken_state_is_refused_and_named(settled, refuse):
+    state = settled.get_state_dict()
+    garment = {k: v for k, v in state["garment"].items() if k != "forces"}
+    nan = torch.full_like(state["targets"]["joints"], torch.nan)
+    assert not refuse(
+        (lambda change=change: settled.set_state_dict(state | change), message)
+        for change, message in (
+            ({"garment": garment}, r"must have 'garment\.forces'; it has \['is_stuck', 'memory'"),
+            ({"garment": 3}, "'garment' must be a dict; got"),
+            ({"targets": {"joints": nan}}, r"state 'targets\.joints' must be finite numbers"),
+        )
+    )
+    lacking = {name: value for name, value in state.items() if name != "targets"}
+    assert not refuse([(lambda: settled.set_state_dict(lacking), "must have 'targets'")])
 
 
 def test_another_task_needs_another_environment(settled):
@@ -341,19 +365,10 @@ def test_the_dense_reward_grows_with_what_is_done(settled):
     assert settled.compute_reward_terms().reach < before.reach == 1.0
 
 
-def test_rewards_of_each_mode_are_given_by_step():
+def test_rewards_of_each_mode_are_given_by_step(settled, monkeypatch):
     for mode, largest in (("normalized_dense", 1.0), ("dense", 4.0), ("sparse", 1.0)):
-        made = gymnasium.make(
-            "FoldTops-v1",
-            task=HARDLY_SETTLED,
-            reconfiguration_freq=0,
-            obs_mode="state",
-            reward_mode=mode,
-            render_backend="none",
-        )
-        made.reset(seed=7, options={"garment": GARMENT})
-        reward = made.step(made.unwrapped.agent.get_joint_state()[0].numpy())[1]
-        made.close()
+        monkeypatch.setattr(settled, "_reward_mode", mode)
+        reward = settled.step(settled.agent.get_joint_state()[0].numpy())[1]
         assert reward.shape == (1,)
         assert (0 < float(reward) < largest) is (mode != "sparse")
 
@@ -365,8 +380,8 @@ of_pinocchio = pytest.mark.filterwarnings(
 )
 
 
-@pytest.fixture
-def by_pose():
+@pytest.fixture(scope="module")
+def pose_env(coarse_garments):
     made = gymnasium.make(
         "FoldTops-v1",
         task=HARDLY_SETTLED,
@@ -375,9 +390,15 @@ def by_pose():
         control_mode="pd_ee_pose",
         render_backend="none",
     )
-    made.reset(seed=7, options={"garment": GARMENT})
     yield made
     made.close()
+
+
+@pytest.fixture
+def by_pose(pose_env):
+    pose_env.unwrapped.agent.set_control_mode("pd_ee_pose")
+    pose_env.reset(seed=7, options={"garment": GARMENT})
+    return pose_env
 
 
 def make_pose_action(positions, angles):
@@ -457,18 +478,23 @@ def test_a_garment_that_a_hand_touches_is_not_released(settled):
     assert settled.count_touching() == 0
 
 
-def test_equal_seeds_give_equal_particles_to_the_last_bit(env):
-    runs = []
-    for _ in range(2):
-        env.reset(seed=8)  # what was there before leaves no trace
-        env.reset(seed=7, options={"garment": GARMENT})
-        runs.append(run(env, 4))
-    for a, b in zip(*runs, strict=True):
+def test_equal_seeds_give_equal_draws_and_particles_to_the_last_bit(env):
+    runs, draws = [], []
+    for seed in (7, 8, 7):
+        env.reset(seed=seed)
+        draws.append(dict(env.draws))
+        runs.append(run(env, 2))
+    assert draws[0] == draws[2] != draws[1]
+    for a, b in zip(runs[0], runs[2], strict=True):
         np.testing.assert_array_equal(a, b)
+    for draw in draws:
+        assert TASK.start.x_range[0] <= draw["x"] <= TASK.start.x_range[1]
+        assert TASK.start.y_range[0] <= draw["y"] <= TASK.start.y_range[1]
+        assert draw["garment"].startswith("Tops_LongSleeve/")
 
 
 def swing_arms(env, seed, frames, *, inwards):
-    """Swing both arms, all joints of which tremble on the way; returns the joint positions in every frame.
+    """Swing both arms with trembling joints; returns the joint positions in every frame.
 
     Inwards their hands meet, and fingers get between each other.
     """
@@ -487,22 +513,9 @@ def swing_arms(env, seed, frames, *, inwards):
 
 
 def test_arms_that_collide_do_so_alike_after_any_episode(env):
-    first = swing_arms(env, 7, 150, inwards=True)
-    swing_arms(env, 8, 60, inwards=False)  # in which nothing touches
-
-    np.testing.assert_array_equal(swing_arms(env, 7, 150, inwards=True), first)
-
-
-def test_draws_follow_from_the_seed_alone_and_lie_in_their_ranges(env):
-    draws = []
-    for seed in (5, 4, 5):
-        env.reset(seed=seed)
-        draws.append(dict(env.draws))
-    assert draws[0] == draws[2] != draws[1]
-    for draw in draws:
-        assert TASK.start.x_range[0] <= draw["x"] <= TASK.start.x_range[1]
-        assert TASK.start.y_range[0] <= draw["y"] <= TASK.start.y_range[1]
-        assert draw["garment"].startswith("Tops_LongSleeve/")
+    first = swing_arms(env, 7, 100, inwards=True)
+    swing_arms(env, 8, 30, inwards=False)  # in which nothing touches
+    np.testing.assert_array_equal(swing_arms(env, 7, 100, inwards=True), first)
 
 
 def test_the_garment_can_be_chosen_and_nothing_else_changes(settled):

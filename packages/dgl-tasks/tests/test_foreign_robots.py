@@ -1,4 +1,4 @@
-"""Imported robots in SAPIEN: they stand still, take the hand poses, and reach by the tasks' kinematics."""
+"""Imported robots in SAPIEN stand still, take the hand poses, and reach grasp points."""
 
 import dataclasses
 import importlib.util
@@ -26,7 +26,13 @@ _SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)
 samples = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(samples)
 
-ROBOTS = ("six+shadow", "ur10e+sixteen", "seven+lefty", "both")
+ROBOTS = (
+    "seven+lefty",
+    *(
+        pytest.param(name, marks=pytest.mark.slow)
+        for name in ("six+shadow", "ur10e+sixteen", "both")
+    ),
+)
 REST_SPEED = 1e-3
 """Speed of every joint below which a robot counts as at rest [rad/s or m/s]."""
 
@@ -195,7 +201,7 @@ def test_masses_of_the_simulator_are_those_of_the_file(bench):
                 )
 
 
-def test_an_environment_takes_a_robot_by_name(library):
+def test_an_environment_takes_a_robot_by_name(library, coarse_garments):
     env = gym.make(
         "FoldTops-v1",
         robot="ur10e+sixteen",

@@ -1,4 +1,4 @@
-"""What hands do alike whoever acts, as parts of courses: no simulator, arms that are where they are told to be."""
+"""Approach, retreat, park and wait, without a simulator: arms are at their targets."""
 
 from contextlib import contextmanager
 
@@ -49,7 +49,7 @@ def targets(commands):
     return np.array([command.target for command in commands])
 
 
-# Ways ---------------------------------------------------------------------------------------------
+# Ways ------------------------------------------------------------------------------------------
 
 
 def test_a_hand_comes_down_from_above_and_waits_at_the_grasp_point(motion):
@@ -139,7 +139,7 @@ def test_each_hand_draws_back_as_far_as_its_arm_can(motion):
         plan_way_out(ShortArm({"left": 0.65, "right": 0.71}), BOTH, orientations, out)
 
 
-# Parts of courses ---------------------------------------------------------------------------------
+# Parts of courses ------------------------------------------------------------------------------
 
 
 def test_hands_are_taken_over_as_a_reset_has_left_them(world):
@@ -203,7 +203,7 @@ def test_a_mark_takes_no_time(jumping_world):
 
 
 def leave_and_count(world, distances, out=WayOut()):  # noqa: B008 - cannot be changed
-    """Let the left hand leave where cloth is seen so far below it, look after look [m]; the commands."""
+    """Retreat the left hand, cloth so far below it look after look [m]; gives the commands."""
     looks = iter(distances)
 
     def see(camera=None):
@@ -346,7 +346,7 @@ def test_where_there_is_no_way_straight_up_the_arms_park_at_once(world, monkeypa
     np.testing.assert_array_equal(rows[:RELEASE_FRAMES], np.tile(rows[0], (RELEASE_FRAMES, 1)))
 
 
-# Rest ---------------------------------------------------------------------------------------------
+# Rest ------------------------------------------------------------------------------------------
 
 
 def make_masks(changes, pixels=1000):

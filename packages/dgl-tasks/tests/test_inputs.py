@@ -24,19 +24,19 @@ def make(**changes):
 
 
 @pytest.fixture(scope="module")
-def env():
+def env(coarse_garments):
     made = make(reconfiguration_freq=0)
     made.reset(seed=0)
     yield made
     made.close()
 
 
-# Settings ---------------------------------------------------------------------------------------------------
+# Settings --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+@pytest.mark.filterwarnings("ignore:.*is not in the possible render_modes")
+def test_an_unknown_setting_is_refused_with_the_known_ones(refuse):
+    table = [
         ({"num_envs": 2}, r"num_envs must be 1 .*; got 2"),
         ({"sim_backend": "physx_cuda"}, "sim_backend must be .*run on the CPU.*; got 'physx_cuda'"),
         ({"sim_backend": None}, "sim_backend must be one of .*; got None"),
@@ -49,13 +49,8 @@ def env():
         ({"robot_uids": "panda"}, "robot_uids must be .*; got 'panda'"),
         ({"robot_uids": ("panda", "panda")}, "robot_uids must be .*; got"),
         ({"task": 5}, "a task must be an id.*; got 5"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore:.*is not in the possible render_modes")
-def test_a_setting_that_there_is_not_is_refused_with_those_that_there_are(change, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        make(**change)
-    assert "\n" not in str(caught.value)
+    ]
+    assert not refuse((lambda c=change: make(**c), message) for change, message in table)
 
 
 def test_the_robot_may_be_named_as_maniskill_names_agents():
@@ -94,7 +89,7 @@ def test_a_device_that_is_not_there_is_named():
         make(render_backend="abacus")
 
 
-# Actions ----------------------------------------------------------------------------------------------------
+# Actions ---------------------------------------------------------------------------------------
 
 
 def set_at(index, value):
@@ -103,9 +98,8 @@ def set_at(index, value):
     return action
 
 
-@pytest.mark.parametrize(
-    ("action", "message"),
-    [
+def test_a_wrong_action_is_refused_and_nothing_moves(env, refuse):
+    table = [
         ("wave", "action must be 60 numbers; got 'wave'"),
         ([None] * 60, "action must be 60 numbers; got"),
         (np.array(["a"] * 60), "action must be 60 numbers; got"),
@@ -119,16 +113,14 @@ def set_at(index, value):
         (set_at(3, 1e300), r"action must be finite; got 1e\+300 at index 3"),
         ({"arm": 1}, 'a dict of "control_mode" and "action"; got'),
         ({"control_mode": "pd", "action": np.zeros(60)}, r"control_mode must be one of .*'pd'"),
-    ],
-)
-def test_a_wrong_action_is_refused_and_nothing_moves(env, action, message):
+    ]
     before = env.unwrapped.get_state()
-    with pytest.raises(ValueError, match=message) as caught:
-        env.step(action)
-    assert "\n" not in str(caught.value)
-    if not isinstance(action, dict):
-        with pytest.raises(ValueError, match=message):
-            env.unwrapped.advance(action)
+    assert not refuse((lambda a=action: env.step(a), message) for action, message in table)
+    assert not refuse(
+        (lambda a=action: env.unwrapped.advance(a), message)
+        for action, message in table
+        if not isinstance(action, dict)
+    )
     torch.testing.assert_close(env.unwrapped.get_state(), before, rtol=0, atol=0)
 
 
@@ -163,13 +155,13 @@ def test_any_action_is_read_or_refused(action):
         assert torch.isfinite(read.float()).all()
 
 
-# Resets -----------------------------------------------------------------------------------------------------
+# Resets ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", ["x", "", 1.5, -1, 2**32, [], [1, 2], [None], ["3"], {}, np.nan])
-def test_a_wrong_seed_is_refused(env, seed):
-    with pytest.raises(ValueError, match=r"seed must be None, an integer in \[0, .* of one; got"):
-        env.reset(seed=seed)
+def test_a_wrong_seed_is_refused(env, refuse):
+    seeds = ["x", "", 1.5, -1, 2**32, [], [1, 2], [None], ["3"], {}, np.nan]
+    message = r"seed must be None, an integer in \[0, .* of one; got"
+    assert not refuse((lambda s=seed: env.reset(seed=s), message) for seed in seeds)
 
 
 @pytest.mark.parametrize(
@@ -190,9 +182,8 @@ def test_seeds_of_any_integer_type_are_read(seed, read):
     assert read_seed(seed) == read
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_wrong_options_are_refused(env, refuse):
+    table = [
         ([], r"options must be a dict; got \[\]"),
         ("fast", "options must be a dict; got 'fast'"),
         ({"garmet": 1, 5: 2}, r"options must be among \['garment', .*; got \['garmet', 5\]"),
@@ -202,11 +193,8 @@ def test_seeds_of_any_integer_type_are_read(seed, read):
         ({"env_idx": [1]}, r'"env_idx" must be \[0\], .*; got \[1\]'),
         ({"env_idx": []}, r'"env_idx" must be \[0\], .*; got \[\]'),
         ({"reset_to_env_states": {}}, 'must be a dict with "env_states"; got {}'),
-    ],
-)
-def test_wrong_options_are_refused(env, options, message):
-    with pytest.raises(ValueError, match=message):
-        env.reset(seed=0, options=options)
+    ]
+    assert not refuse((lambda o=o: env.reset(seed=0, options=o), message) for o, message in table)
 
 
 @few
@@ -217,10 +205,10 @@ def test_any_seed_and_any_options_are_read_or_refused(value):
         assert told == "" or (told.startswith(name) and "\n" not in told)
 
 
-# After closing ----------------------------------------------------------------------------------------------
+# After closing ---------------------------------------------------------------------------------
 
 
-def test_a_closed_environment_says_so():
+def test_a_closed_environment_says_so(coarse_garments):
     made = make().unwrapped
     made.reset(seed=0)
     made.close()

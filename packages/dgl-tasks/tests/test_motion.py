@@ -7,7 +7,15 @@ from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
 from dgl_tasks import get_task
 from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, turn_inward, wrist_to_grasp
+from dgl_tasks.grasps import (
+    GRASP_ORIENTATIONS,
+    ORIENTATION_TEXTS,
+    HandAngles,
+    find_sides,
+    orient,
+    turn_inward,
+    wrist_to_grasp,
+)
 from dgl_tasks.motion import HAND_FRAMES, PARKED, RAMP_FRAMES, TURNS, BimanualMotion
 from dgl_tasks.rotations import to_rotation
 
@@ -242,6 +250,46 @@ def test_where_no_turn_can_do_what_is_wanted_what_has_to_do_decides(motion):
 
     with pytest.raises(UnreachableError, match="least"):
         motion.choose_turns(("right",), wanted, nothing)
+
+
+ANGLES = {
+    "standard": HandAngles(yaw=20),
+    "heap": HandAngles(yaw=20, pitch=30),
+    "sides": HandAngles(yaw=65),
+    "heap_sides": HandAngles(yaw=65, pitch=30),
+    "hems": HandAngles(yaw=90, pitch=30),
+    "scoop": HandAngles(yaw=45, pitch=30, roll=180),
+    "tray": HandAngles(yaw=45, roll=180),
+}
+
+
+def test_named_orientations_are_angles_that_anyone_can_give():
+    assert set(ANGLES) == set(GRASP_ORIENTATIONS) == set(ORIENTATION_TEXTS)
+    for name, angles in ANGLES.items():
+        for side in find_sides(name):
+            given = orient(angles, side)
+            assert np.degrees(measure_angle(given, orient(name, side))) < 0.1
+            np.testing.assert_allclose(
+                orient(angles, side, 0.4), turn_inward(given, 0.4, side), atol=1e-12
+            )
+    # the thumb of a hand that points straight ahead sinks on both sides, and the palms see each other
+    for side, sign in (("left", -1), ("right", 1)):
+        x, y, z = to_rotation(orient(HandAngles(roll=90), side)).as_matrix().T
+        np.testing.assert_allclose((x, sign * z), ((0, 1, 0), (0, 0, -1)), atol=1e-12)
+        assert find_sides(HandAngles()) == SIDES
+        assert y[0] * sign == pytest.approx(1.0)
+
+
+def test_an_orientation_that_is_none_is_refused(refuse):
+    assert not refuse(
+        [
+            (lambda: find_sides("cap"), r"orientation must be one of \['standard', .*; got 'cap'"),
+            (lambda: find_sides({"yaw": 3}), "orientation must be one of .*; got {'yaw': 3}"),
+            (lambda: HandAngles(yaw=200), "yaw should be less than or equal to 180; got 200"),
+            (lambda: HandAngles(pitch=90), "pitch should be less than or equal to 80; got 90"),
+            (lambda: HandAngles(roll="up"), "roll should be a valid number; got 'up'"),
+        ]
+    )
 
 
 @pytest.mark.parametrize("side", SIDES)

@@ -1,4 +1,4 @@
-"""Objects in scenes: where they are drawn, what cloth feels of them, what the cameras see of them."""
+"""Objects in scenes: random poses, contact with cloth, and clouds."""
 
 import dataclasses
 
@@ -104,20 +104,6 @@ def test_each_part_of_the_hands_has_its_friction(env):
     assert {factors[name] for name in set(factors) - thumbs} == {2.0}
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"fingers": -1.0}, "fingers must be >= 0; got -1.0"),
-        ({"thumb": -0.1}, "thumb must be >= 0; got -0.1"),
-        ({"thumb": np.nan}, "thumb must be a finite number or None; got nan"),
-    ],
-)
-def test_hands_of_negative_friction_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        HandFriction(**change)
-    assert HandFriction().thumb is None
-
-
 def test_states_hold_where_objects_are(env):
     before = env.objects["bar"].pose
     state = env.get_state_dict()
@@ -145,34 +131,6 @@ def test_placing_an_object_moves_no_draw_of_the_garment(env):
     plain.close()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"x_range": (0.1, -0.1)}, r"x_range must be \(low, high\)"),
-        ({"y_range": (np.nan, 0.0)}, r"y_range must be \(low, high\)"),
-        ({"friction": -1.0}, "friction must be >= 0; got -1.0"),
-        ({"friction": np.nan}, "friction must be a finite number; got nan"),
-        (
-            {"name": "clothes rack"},
-            r"name of an object must be an identifier .*; got 'clothes rack'",
-        ),
-        ({"name": "rack.left"}, r"must be an identifier .*; got 'rack.left'"),
-        ({"name": ""}, r"must be an identifier .*; got ''"),
-        ({"name": "now"}, "an identifier other than garment, now, ground; got 'now'"),
-        ({"position": (0.0, np.nan, 0.0)}, "three finite numbers; got .*nan"),
-        ({"position": (0.0, 0.0)}, r"three finite numbers; got \(0.0, 0.0\)"),
-        ({"yaw": np.inf}, "yaw must be a finite number; got inf"),
-        (
-            {"solid_to": "arms"},
-            r"solid_to must be one of \('robot', 'hands', 'garment'\); got 'arms'",
-        ),
-    ],
-)
-def test_objects_that_make_no_sense_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        SceneObject(**{"name": "a", "prop": "hanger", "position": (0, 0, 0)} | change)
-
-
 def test_two_objects_of_one_name_are_refused():
     one, other = (SceneObject(name=n, prop="hanger", position=(0, 0, 0)) for n in "ab")
     assert dataclasses.replace(FOLD, objects=(one, other)).objects == (one, other)
@@ -194,6 +152,8 @@ def place_bars(*places, start=FOLD.start, **changes):
         (place_bars((0, 0.9), (0.3, 0.9)), "objects 'bar0' and 'bar1' overlap, or may"),
         (place_bars((0, 0.9), (0, 0.99), y_range=(0.0, 0.1)), "'bar0' and 'bar1' overlap"),
         (place_bars((0, 0.9), (0.03, 1.2), yaw=1.5), "'bar0' and 'bar1' overlap"),
+        (place_bars((0.8, 0.0)), r"object 'bar0' stands in the base of the right .*\(0.8, 0\)"),
+        (place_bars((-0.6, -0.4), y_range=(0, 0.4)), "base of the left robot .* or may where"),
         (place_bars((0, 1.6)), r"the target of object 'bar0' must be within 1.6 m .*1.81 m away"),
         (place_bars((0, 1.3), y_range=(0.0, 0.3)), "'bar0' must be within 1.6 m"),
         (

@@ -93,7 +93,7 @@ def test_the_environment_cloud_has_colours_and_lies_in_the_workspace(env, from_a
 
 
 def test_the_environment_cloud_is_what_the_robot_works_on(env, from_afar):
-    """Neither robot nor ground are in it; a garment that lies on the ground is, to its lowest layer."""
+    """It has no robot and no ground, but all layers of a garment on the ground."""
     points = from_afar.points.reshape(-1, 3)
     is_robot = np.isin(from_afar.segments.reshape(-1), env.segments.robot)
     assert (is_robot & (points[:, 2] > 0.5)).sum() > 1000  # the camera sees it
@@ -252,7 +252,7 @@ def test_what_is_sensed_depends_on_seed_and_step_alone(env):
 
 
 def test_observations_have_pictures_and_clouds():
-    """Of ManiSkill's modes; the clouds are those of `get_garment_cloud` and `get_environment_cloud`."""
+    """Of ManiSkill's modes, with the clouds of `dgl_tasks.perception`."""
     task = dgl_tasks.get_task("FoldTops-v1")
     task = replace(task, start=replace(task.start, settle_frames=2))
     options = {"task": task, "reconfiguration_freq": 0, "render_backend": "cpu"}
@@ -281,7 +281,7 @@ def test_observations_have_pictures_and_clouds():
 
 
 def _assert_like_sapiens(env, placement, picture, seen):
-    """Our picture is SAPIEN's but for rounding: a few pixels at edges, a millimetre of its depth."""
+    """The picture is SAPIEN's but for a few pixels at edges and a millimetre of depth."""
     is_garment = picture.segments == env.segments.garment
     assert is_garment.sum() > 1000
     named = [

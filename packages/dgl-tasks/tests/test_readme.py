@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("coarse_garments")
+
 TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = {
     title: re.findall(r"```python\n(.*?)```", body, re.DOTALL)
@@ -20,7 +22,6 @@ BLOCKS = {
         "Environment",
         "Objects",
         pytest.param("Pictures and clouds", marks=pytest.mark.render),
-        "Motion",
         pytest.param("Policies", marks=pytest.mark.render),
     ],
 )
@@ -32,12 +33,10 @@ def test_the_code_runs(title, capsys):
         assert names["observation"].shape == (1, 134)
         assert "False" in capsys.readouterr().out
     elif title == "Objects":
-        assert names["objects"]["platform"].pose[:2] == pytest.approx([0.1, 1.6])
+        assert names["env"].objects["platform"].pose[:2] == pytest.approx([0.1, 1.6])
     elif title == "Policies":
         assert names["result"].reason == "below the threshold"
         assert "joint_state" in capsys.readouterr().out
-    elif title == "Motion":
-        assert names["rows"].shape[1] == 60
     else:
         assert names["garment"].shape == (2048, 3)
         assert names["workspace"].shape == (2048, 6)
@@ -48,6 +47,5 @@ def test_no_block_is_left_out():
         "Environment",
         "Objects",
         "Pictures and clouds",
-        "Motion",
         "Policies",
     }

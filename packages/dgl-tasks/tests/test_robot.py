@@ -122,8 +122,6 @@ def test_agent_is_registered_and_classes_are_cached(folder):
     first = make_agent_class(left_base=(-0.9, 0.0, 0.5, 0.0))
     assert first is make_agent_class(left_base=(-0.9, 0.0, 0.5, 0.0))
     assert first is not make_agent_class()
-    with pytest.raises(ValueError, match="got 'feet'"):
-        make_agent_class(ground_contact="feet")
 
 
 def test_action_is_sixty_absolute_positions_in_task_order(env):
@@ -264,16 +262,6 @@ def test_only_the_hands_meet_the_ground(env, arms):
     touched = _press(env, arms)
     assert "left_th_distal" in touched
     assert not touched & {"left_hand_forearm", "left_wrist_2_link", "left_wrist_3_link"}
-
-
-@pytest.mark.parametrize(("mode", "is_met"), [("all", True), ("none", False)])
-def test_ground_contact_is_a_choice(folder, arms, mode, is_met):
-    env = _make(folder, ground_contact=mode)
-    env.reset(seed=0)
-    touched = _press(env, arms)
-    env.close()
-    assert bool(touched) == is_met
-    assert ("left_wrist_2_link" in touched) == is_met
 
 
 def test_pressing_fingers_on_the_ground_stays_calm(env, arms):

@@ -1,4 +1,4 @@
-"""The robot in SAPIEN holds home, reaches targets and closes each hand pose, and is then at rest."""
+"""The robot in SAPIEN holds home, reaches targets, takes each hand pose, and rests."""
 
 import importlib.util
 from pathlib import Path

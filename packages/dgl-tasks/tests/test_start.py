@@ -17,7 +17,7 @@ SEED = 1003
 
 
 @pytest.fixture(scope="module")
-def env():
+def env(coarse_garments):
     made = gymnasium.make(
         "FlingTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
     )
@@ -25,7 +25,7 @@ def env():
     made.close()
 
 
-def test_building_an_environment_waits_for_no_garment_to_settle():
+def test_building_an_environment_waits_for_no_garment_to_settle(coarse_garments):
     made = gymnasium.make("FoldTops-v1", obs_mode="none", render_backend="none")
     env = made.unwrapped
     assert env.get_particles()[:, 2].min() == pytest.approx(env.task.start.height)
@@ -34,7 +34,7 @@ def test_building_an_environment_waits_for_no_garment_to_settle():
     made.close()
 
 
-def test_a_garment_is_dropped_onto_the_place_of_an_object():
+def test_a_garment_is_dropped_onto_a_frame_of_an_object(coarse_garments):
     """Its underside over the place, wherever the object has been drawn."""
     platform = SceneObject(
         name="block",

@@ -128,7 +128,7 @@ def test_film_shows_the_whole_work(point):
     assert 0 < v / w < camera.height
 
 
-def test_scene_without_pictures_has_ground_and_records_its_fabric():
+def test_scene_without_pictures_has_ground_and_records_its_fabric(coarse_garments):
     task = dgl_tasks.get_task("FoldTops-v1")
     hardly_settled = dataclasses.replace(task.start, settle_frames=2)
     env = gymnasium.make(

@@ -1,4 +1,4 @@
-"""Success rules on hand-made scenes, on both sides of each threshold, and verdicts of several criteria."""
+"""Success rules on hand-made scenes, on both sides of each threshold; verdicts."""
 
 from dataclasses import dataclass, field
 
@@ -175,7 +175,7 @@ def hang(down, x=0.1, top=(1.0, 0.82)):
     ],
 )
 def test_what_hangs_over_a_bar_is_off_the_ground_and_in_the_middle(down, x, reason):
-    rule = HangsOver(place="bar.target", sideways=0.05)
+    rule = HangsOver(frame="bar.target", sideways=0.05)
     assert rule.frames == ("bar.target",)
     verdict = rule(hang(down, x))
     assert verdict.reason == reason
@@ -193,16 +193,16 @@ def test_what_hangs_over_a_bar_is_off_the_ground_and_in_the_middle(down, x, reas
     ],
 )
 def test_the_top_of_what_hangs_over_a_bar_is_at_the_bar(top, reason):
-    assert HangsOver(place="bar.target", sideways=0.05)(hang(0, top=top)).reason == reason
+    assert HangsOver(frame="bar.target", sideways=0.05)(hang(0, top=top)).reason == reason
 
 
 @pytest.mark.parametrize(("z", "reason"), [(0.301, None), (0.299, "too low")])
 def test_the_middle_of_what_hangs_may_not_be_too_low(z, reason):
-    rule = HangsOver(place="bar.target", sideways=0.05, below=0.5)
+    rule = HangsOver(frame="bar.target", sideways=0.05, below=0.5)
     points = np.tile([0.1, 1.0, z], (2048, 1))
     points[:2] = [[0.1, 1.0, 0.8], [0.1, 1.0, 2 * z - 0.8]]
     assert rule(Scene(points, frames=PLACES)).reason == reason
-    assert HangsOver(place="bar.target", sideways=0.05)(Scene(points, frames=PLACES)).success
+    assert HangsOver(frame="bar.target", sideways=0.05)(Scene(points, frames=PLACES)).success
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_the_middle_of_what_hangs_may_not_be_too_low(z, reason):
 )
 def test_what_rests_on_a_top_is_near_its_middle_and_hardly_hangs_over(x, lower, reason):
     """Of 100 points, so many are lower by more than a centimetre."""
-    rule = RestsOn(place="bar.target", within=0.1)
+    rule = RestsOn(frame="bar.target", within=0.1)
     assert rule.frames == ("bar.target",)
     points = np.tile([x, 1.0, 0.791], (100, 1))
     points[:lower, 2] = 0.789
@@ -238,7 +238,7 @@ def test_what_rests_on_a_top_is_near_its_middle_and_hardly_hangs_over(x, lower, 
     ],
 )
 def test_what_is_worn_is_near_its_place_and_no_higher(middle, reason):
-    rule = SitsOn(place="head.top", within=0.1, leaning=0.6)
+    rule = SitsOn(frame="head.top", within=0.1, leaning=0.6)
     assert rule.frames == ("head.top",)
     points = np.array(middle) + np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 0, 0.05], [0, 0, -0.05]])
     assert rule(Scene(points, frames=PLACES)).reason == reason
@@ -247,9 +247,9 @@ def test_what_is_worn_is_near_its_place_and_no_higher(middle, reason):
 @pytest.mark.parametrize(
     "rule",
     [
-        HangsOver(place="bar.target", sideways=0.05, below=0.5),
-        RestsOn(place="bar.target", within=0.1),
-        SitsOn(place="head.top", within=0.1, leaning=0.6),
+        HangsOver(frame="bar.target", sideways=0.05, below=0.5),
+        RestsOn(frame="bar.target", within=0.1),
+        SitsOn(frame="head.top", within=0.1, leaning=0.6),
     ],
 )
 def test_of_what_is_not_there_nothing_hangs_or_sits(rule):
@@ -259,7 +259,7 @@ def test_of_what_is_not_there_nothing_hangs_or_sits(rule):
 
 
 def test_the_truth_is_seen_from_straight_above():
-    """The lower of two sheets is hidden where the upper one lies, and its vertices are the surface."""
+    """The upper of two sheets hides the lower one, whose vertices belong to the surface."""
     lower, upper = (
         np.array([[x0, 0, z], [x0 + 0.4, 0, z], [x0, 0.4, z], [x0 + 0.4, 0.4, z]])
         for x0, z in ((0.0, 0.01), (0.2, 0.02))
@@ -282,13 +282,13 @@ def test_the_truth_is_seen_from_straight_above():
 
 @pytest.mark.parametrize(("tilt", "reason"), [(0.59, None), (0.61, "leaning"), (np.pi, "leaning")])
 def test_what_is_worn_is_upright(tilt, reason):
-    rule = SitsOn(place="head.top", within=0.1, leaning=0.6)
+    rule = SitsOn(frame="head.top", within=0.1, leaning=0.6)
     points = np.array([[0.0, 1.0, 1.15]])
     assert rule(Scene(points, frames=PLACES, tilt=tilt)).reason == reason
 
 
 def test_the_tilt_is_that_of_the_garment_as_a_whole():
-    """Turned about the vertical it is none, and what bends a part of it by a little hardly changes it."""
+    """Turned about the vertical it is 0, and bending a part a little hardly changes it."""
     rng = np.random.default_rng(0)
     upright = rng.normal(size=(200, 3)) * [0.1, 0.12, 0.05]
     for lean in (0.0, 0.4, 2.5):
@@ -305,7 +305,7 @@ def test_the_tilt_is_that_of_the_garment_as_a_whole():
         assert view.tilt == pytest.approx(lean, abs=0.02)
 
 
-# Verdicts ---------------------------------------------------------------------------------------
+# Verdicts --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -371,30 +371,6 @@ def test_shortfalls_name_all_that_is_not_met_and_nothing_else():
     assert judge(0.7512, 0.2, 0.07).describe_shortfalls() == (
         "share: 0.751, needed >= 0.8; speed: 0.070 m/s, needed < 0.05 m/s"
     )
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: HangsOver(place="bar.target", sideways=-0.05), "sideways must be a finite number"),
-        (lambda: HangsOver(place="bar.target", sideways=np.nan), "sideways .*; got nan"),
-        (lambda: HangsOver(place="bar.target", sideways="5cm"), "sideways .*; got '5cm'"),
-        (
-            lambda: HangsOver(place="bar.target", sideways=0.1, on_ground=2),
-            r"on_ground .* \[0, 1\]",
-        ),
-        (lambda: HangsOver(place="bar.target", sideways=0.1, below=-1), "below must be a finite"),
-        (
-            lambda: RestsOn(place="stand.top", within=0.1, lower=3),
-            r"lower must be in \[0, 1\]; got 3",
-        ),
-        (lambda: SitsOn(place="head.top", within=np.inf, leaning=1), "within .*; got inf"),
-        (lambda: CoversFlatArea(tolerance=-0.1), r"tolerance must be in \[0, 1\]"),
-    ],
-)
-def test_rules_that_nothing_can_meet_are_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
 
 
 def test_a_verdict_of_nothing_is_refused():

@@ -32,6 +32,38 @@ def check_fields(config: Any) -> None:
         check_value(name, getattr(config, name), hint)
 
 
+def adopt_fields(config: Any) -> None:
+    """Check fields as `check_fields` does, where a value may be NumPy's, or a list for a tuple.
+
+    Such values are replaced by plain ones, so that frozen dataclasses can be hashed. The message
+    begins with the name of the class. Fields that the constructor does not take are left out.
+
+    Raises:
+        ValueError: As `check_fields`.
+    """
+    kind = type(config)
+    hints = _get_hints(kind)
+    for field in dataclasses.fields(config):
+        if not field.init:
+            continue
+        value = getattr(config, field.name)
+        plain = _make_plain(value)
+        check_value(f"{kind.__name__}: {field.name}", plain, hints[field.name])
+        if plain is not value:
+            object.__setattr__(config, field.name, plain)
+
+
+def _make_plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list):
+        return tuple(map(_make_plain, value))
+    if type(value) is tuple:
+        plain = tuple(map(_make_plain, value))
+        return value if all(a is b for a, b in zip(plain, value, strict=True)) else plain
+    return value
+
+
 def check_value(name: str, value: Any, hint: Any) -> None:
     """Check a value against a type, which may be annotated with limits of `annotated_types`.
 
@@ -108,11 +140,22 @@ def tell(name: str) -> str:
     return name if name.isprintable() and len(name) <= 80 else show(name)
 
 
+_EXPECTED = "Input should be "
+
+
 def _describe(err: ValidationError, name: str = "") -> str:
     """Write the first error: the field, the type or range, and the value."""
-    first = err.errors(include_url=False)[0]
-    where = name
-    for part in first["loc"]:
+    errors = err.errors(include_url=False)
+    first, where = errors[0], name
+    if first["loc"] and str(first["loc"][-1]).startswith("literal["):  # else an object is meant
+        first = max(errors, key=lambda error: len(error["loc"]))
+    place = first["loc"]
+    options = [e["msg"] for e in errors if show(e["input"]) == show(first["input"])]
+    if len(options) > 1 and all(msg.startswith(_EXPECTED) for msg in options):  # of a union's types
+        wanted = dict.fromkeys(msg.removeprefix(_EXPECTED) for msg in options)
+        first = {**first, "msg": _EXPECTED + " or ".join(wanted)}
+        place = place[:-1]
+    for part in place:
         where += f"[{part}]" if isinstance(part, int) else f".{tell(part)}" if where else tell(part)
     where = _clip(where, 160)
     text = _clip(first["msg"].removeprefix("Value error, "), 300)

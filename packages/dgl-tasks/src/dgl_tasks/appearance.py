@@ -1,4 +1,4 @@
-"""What pictures show of the garment and of the floor below it."""
+"""Looks of the garment and of the floor below it, in pictures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ __all__ = ["Appearance"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Garment:
-    """A garment that can be shown, made when the first picture of it is taken."""
+    """A garment to draw, made when the first picture of it is taken."""
 
     surface: SurfaceLook
     caster: ShadowCaster
@@ -36,9 +36,8 @@ class _Garment:
 class Appearance:
     """The garment, the floor and the shadows on it, drawn when a picture is taken and no earlier.
 
-    There are two ways: a `Painter` draws the pictures of `dgl_tasks.perception`, SAPIEN those of ManiSkill's observations
-    and viewer. Where nothing can be rendered the scene has no materials; then taking a picture is an error
-    and all else does nothing.
+    A `Painter` draws the environment's pictures, SAPIEN those of ManiSkill's observations and
+    viewer. Without a renderer, taking a picture is an error and all else does nothing.
     """
 
     def __init__(
@@ -66,13 +65,13 @@ class Appearance:
         self._painter: Painter | None = None
         self._is_drawn = False
         self.floor_look = STUDIO
-        """What the floor looks like."""
+        """The floor's present look."""
         if scene.can_render():
             self._floor = FloorPicture(scene, ground, mat_centre=mat_centre, pedestals=pedestals)
             self._floor.draw(STUDIO)
 
     def lay_floor(self, look: FloorLook) -> None:
-        """Make the floor look otherwise."""
+        """Change the floor's look."""
         self.floor_look = look
         if self._floor is not None:
             self._floor.draw(look)
@@ -88,11 +87,11 @@ class Appearance:
         fabric: FabricMaterial,
         bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
     ) -> None:
-        """Show another garment from now on.
+        """Show this garment from now on.
 
         Args:
-            garment: One that has a picture of its own wears that instead of the fabric's pattern.
-            fabric: What it is made of.
+            garment: One with a texture wears that instead of the fabric's pattern.
+            fabric: Its material.
             bodies: Rigid bodies that throw shadows.
         """
         if self._garment is not None:
@@ -104,11 +103,11 @@ class Appearance:
         self.mark_moved()
 
     def mark_moved(self) -> None:
-        """Say that the garment or a body has moved."""
+        """Note that the garment or a body has moved."""
         self._is_drawn = False
 
     def draw_garment(self, positions: np.ndarray) -> None:
-        """Show the garment and the shadows in SAPIEN's pictures as they are now, unless nothing has moved since.
+        """Update garment and shadows in SAPIEN's pictures, if something has moved.
 
         Args:
             positions: Of the garment's vertices [m], shape (V, 3), world frame.
@@ -123,7 +122,7 @@ class Appearance:
         self._is_drawn = True
 
     def get_painter(self, positions: np.ndarray) -> Painter:
-        """Give the painter with everything as it is now.
+        """Give the painter of the present scene.
 
         Args:
             positions: Of the garment's vertices [m], shape (V, 3), world frame.
@@ -164,7 +163,8 @@ class Appearance:
     def _get_floor(self) -> FloorPicture:
         if self._floor is None:
             raise RenderingUnavailableError(
-                'pictures need a renderer: make the environment with render_backend="cpu" or "gpu"; got "none"'
+                "pictures need a renderer: make the environment with render_backend "
+                'of "cpu" or "gpu"; got "none"'
             )
         return self._floor
 
@@ -201,9 +201,9 @@ class Appearance:
 
 
 def _lay_out(garment: AnyGarment) -> np.ndarray:
-    """Give a garment's vertices as it lies flat [m], shape (V, 2), where a fabric's pattern is laid on.
+    """Give the flat garment's vertices [m], shape (V, 2), on which the pattern is laid.
 
-    Of shells, as seen from above; what lies flat by a simulation has a rest shape that does not.
+    Of shells, as seen from above. The rest shape of an imported garment may not be flat.
     """
     is_imported = isinstance(garment, ImportedGarment)
     return (garment.vertices if is_imported else garment.rest_vertices)[:, :2]

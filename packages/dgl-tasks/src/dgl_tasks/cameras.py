@@ -1,4 +1,4 @@
-"""Where the cameras stand, and point clouds from their depth pictures.
+"""Placement of cameras, workspace, and sampling of point clouds.
 
 A camera pose looks along its +X with +Z up, as SAPIEN's do. Importing this module does not import a
 simulator; only `CameraPlacement.build` does.
@@ -9,22 +9,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import fpsample
 import numpy as np
+from pydantic import AllowInfNan
 from scipy.spatial.transform import Rotation
 
+from dgl_files.fields import adopt_fields
 from dgl_physics.drawing.camera import Axes, PinholeCamera
-from dgl_tasks.fields import Bound, Vector3, check_fields
 from dgl_tasks.rotations import to_quaternion
 
 if TYPE_CHECKING:
     from mani_skill.sensors.camera import CameraConfig
 
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
-"""Horizontal field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
+"""Field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
 
-Corner = Annotated[tuple[Bound, Bound, Bound], "(x, y, z), three numbers, perhaps infinite"]
+Vector3 = tuple[float, float, float]
+"""x, y, z."""
+Bound = Annotated[float, AllowInfNan(True)]
+"""Side of a box that may be open."""
 
 _TREE_HEIGHT = 5
-"""Most levels of the tree of buckets that farthest points are looked up in: the fastest for clouds of pictures."""
+"""Levels of the bucket tree for farthest points; the fastest for clouds of pictures."""
 _OPENCV_TO_SAPIEN = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -39,7 +43,7 @@ class CameraPlacement(PinholeCamera):
     horizontal_fov: float = float(HORIZONTAL_FOV)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        adopt_fields(self)
         super().__post_init__()
         columns = (self._rotation.as_matrix() @ _OPENCV_TO_SAPIEN).T.tolist()
         object.__setattr__(self, "axes", tuple(tuple(column) for column in columns))
@@ -88,15 +92,15 @@ def look_at(eye: Vector3, target: Vector3) -> Vector3:
 
 @dataclass(frozen=True, kw_only=True)
 class Workspace:
-    """The box that environment clouds are cropped to."""
+    """Box that environment clouds are cropped to."""
 
-    low: Corner = (-1.3, -0.4, 0.005)
-    """Lower corner [m], world frame; the height removes the ground, but no garment that lies on it."""
-    high: Corner = (1.3, 1.9, 1.8)
+    low: tuple[Bound, Bound, Bound] = (-1.3, -0.4, 0.005)
+    """Lower corner [m], world frame; its height removes the ground, but no garment on it."""
+    high: tuple[Bound, Bound, Bound] = (1.3, 1.9, 1.8)
     """Upper corner [m], world frame."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        adopt_fields(self)
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError(f"low must be below high on every axis; got {self.low}, {self.high}")
 
@@ -130,7 +134,7 @@ def depth_to_points(
 
 
 def is_in_workspace(points: np.ndarray, workspace: Workspace) -> np.ndarray:
-    """Tell which points lie inside a box.
+    """Find the points inside a box.
 
     Args:
         points: [m], shape (N, 3), world frame.

@@ -24,13 +24,13 @@ from dgl_tasks.rotations import to_quaternion, to_rotation
 CONTROL_DT = 1.0 / CONTROL_FREQUENCY
 """Control step [s]."""
 ARM_SPEED_LIMITS: np.ndarray = np.array([j.speed for j in DEFAULT_ROBOT.arm_joints])
-"""Largest joint speeds of the UR10e [rad/s], shape (6,): 120 degrees/s, then 180 from the elbow on."""
+"""Largest joint speeds of the UR10e [rad/s], shape (6,): 120, from the elbow on 180 degrees/s."""
 
 
 def interpolate_action(start: np.ndarray, action: np.ndarray) -> np.ndarray:
     """Reach joint targets in a straight line within the control steps of one action.
 
-    That is how demonstrations move: their targets are given at every control step, and recorded at every fifth.
+    Demonstrations move like this: they have targets at every control step and record every fifth.
 
     Args:
         start: Targets so far [rad], shape (D,).
@@ -41,6 +41,12 @@ def interpolate_action(start: np.ndarray, action: np.ndarray) -> np.ndarray:
     """
     share = np.arange(1, STEPS_PER_ACTION + 1)[:, None] / STEPS_PER_ACTION
     return (1 - share) * np.asarray(start)[None] + share * np.asarray(action)[None]
+
+
+def get_joint_limits(robot: Robot) -> np.ndarray:
+    """Give the lower and the upper limit of each joint [rad or m], shape (2, D)."""
+    joints = (*robot.arm_joints, *robot.hand_joints) * 2
+    return np.array([[j.lower for j in joints], [j.upper for j in joints]], dtype=np.float32)
 
 
 def plan_line(
@@ -119,8 +125,7 @@ class ArmKinematics:
     """Forward and inverse kinematics of one arm.
 
     Solutions are found by descent from the given start, so they stay on its branch: shoulder,
-    elbow and wrist keep their side. From the home configuration that is the branch with the
-    elbow above the line from shoulder to wrist.
+    elbow and wrist keep their side. From home, the elbow is above the line from shoulder to wrist.
 
     Limitations: no collision checks. A pose that only another branch reaches is unreachable.
     """

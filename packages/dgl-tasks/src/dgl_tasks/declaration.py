@@ -1,109 +1,108 @@
-"""What a task is: data. The machinery that runs it is shared by all tasks.
+"""Declaration of a task: scene, random draws and success rule, as data.
 
-A declaration says what is in the scene, what is drawn at random, and what counts as success. How the work is done is a
-demonstration's to say (`dgl_collect.demonstration`); the same declaration serves collection and evaluation.
+A demonstration says how the work is done (`dgl_collect.demonstration`); the same declaration serves
+collection and evaluation.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge
 
 from dgl_assets.garments.catalogue import choose_categories
 from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
+from dgl_files.fields import adopt_fields
 from dgl_physics import ClothMaterial, SolidMaterial
-from dgl_tasks.cameras import CameraPlacement, Workspace
-from dgl_tasks.fields import Range, Vector3, check_fields
+from dgl_tasks.cameras import CameraPlacement, Vector3, Workspace
 from dgl_tasks.success import SuccessRule
 
+Range = tuple[float, float]
+"""(low, high)."""
+Factor = Annotated[float, Ge(0.0)]
+
 SolidTo = Literal["robot", "hands", "garment"]
-"""What collides with an object: the whole robot, its palms and fingers, or the garment alone; the garment always does."""
+"""Bodies that collide with an object: the whole robot, its palms and fingers, or the garment alone.
+
+The garment always does.
+"""
 
 CAMERAS = ("garment_camera", "environment_camera", "video_camera")
-"""What every task has: a camera that looks down on the garment, one that policies see by, and one for people."""
+"""Cameras of every task: above the garment, for policies, and for people."""
 RESERVED_NAMES = ("garment", "now", "ground")
-"""Names that formulas and the scene have for other things than objects."""
+"""Names that no object may have: formulas and the scene use them for other things."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneObject:
-    """A thing in the scene besides robots and garment: what it is, where it stands, and what is drawn at random."""
+    """An object in the scene: its kind, its pose, and the random part of the pose."""
 
     name: str
-    """Its name in the scene, in `GarmentEnv.objects`, in formulas and in the episode's draws."""
+    """Name in the scene, in `GarmentEnv.objects`, in formulas and in the episode's draws."""
     prop: str | PropParameters
     """Kind of `dgl_assets.props`, or parameters of one."""
     position: Vector3
-    """Nominal place of the object's frame [m], world frame; most stand on z = 0."""
+    """Nominal position of the object's origin [m], world frame; most stand on z = 0."""
     yaw: float = 0.0
     """Rotation about z [rad]."""
     x_range: Range = (0.0, 0.0)
-    """Range of what is added to x [m]."""
+    """Random offset in x [m]."""
     y_range: Range = (0.0, 0.0)
-    """Range of what is added to y [m]."""
-    friction: float = 0.5
-    """A factor on the garment's friction."""
+    """Random offset in y [m]."""
+    friction: Factor = 0.5
+    """Factor on the garment's friction."""
     solid_to: SolidTo = "robot"
-    """What collides with it besides the garment: the whole robot, its palms and fingers alone, or nothing else."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        adopt_fields(self)
         if not self.name.isidentifier() or self.name in RESERVED_NAMES:
             raise ValueError(
-                f"name of an object must be an identifier other than {', '.join(RESERVED_NAMES)}; got {self.name!r}"
+                f"name of an object must be an identifier other than {', '.join(RESERVED_NAMES)}; "
+                f"got {self.name!r}"
             )
         _check_ranges(self, "x_range", "y_range")
-        if self.friction < 0.0:
-            raise ValueError(f"friction must be >= 0; got {self.friction}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandFriction:
-    """Friction of the hands' rubber pads, by part: factors on the material's (25 in the original code)."""
+    """Friction of the hands' pads: factors on the material's friction (25 in the original code)."""
 
-    fingers: float = 3.0
-    """Of palm and fingers. Of 1, hems and the corners of heaps slip out; what is flung by its shoulders needs more than
-    what is folded."""
-    thumb: float | None = None
-    """Of the thumb, which lies inside of what hangs over a bar as the hand leaves; as the fingers' when None."""
+    fingers: Factor = 3.0
+    """Palm and fingers. At 1, hems and the corners of crumpled garments slip out; a fling by the
+    shoulders needs more than a fold."""
+    thumb: Factor | None = None
+    """Thumb, inside a garment over a bar as the hand retreats; as `fingers` when None."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("fingers", "thumb"):
-            value = getattr(self, name)
-            if value is not None and value < 0.0:
-                raise ValueError(f"{name} must be >= 0; got {value}")
+        adopt_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """How the garment is placed: it falls from a height and settles."""
+    """Initial placement of the garment: it falls from a height and settles."""
 
     on: str | None = None
-    """A place of an object that it is put on, such as "stand.top": what follows is relative to it. The ground when None."""
+    """Frame of an object that the garment is put on, such as "stand.top"; the ground when None."""
     x_range: Range = (0.0, 0.0)
-    """Range of the garment's centre in x [m]."""
+    """Garment's centre in x [m], from `on`."""
     y_range: Range = (0.0, 0.0)
-    """Range of the garment's centre in y [m]."""
+    """Garment's centre in y [m], from `on`."""
     yaw: float = 0.0
     """Rotation of the garment about z [rad]."""
     roll_range: Range = (0.0, 0.0)
-    """Range of the garment's rotation about x [rad], before the yaw: how steeply it stands when dropped."""
-    height: float = 0.2
-    """Height of its lowest point when it is dropped [m]."""
-    settle_frames: int = 60
+    """Rotation about x before the yaw [rad]: the slope of the garment when it is dropped."""
+    height: Factor = 0.2
+    """Height of the garment's lowest point when it is dropped [m], from `on`."""
+    settle_frames: Annotated[int, Ge(0)] = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
     value_below: float | None = None
-    """What the task's rule has to measure less than: a garment that has fallen flatter than this is dropped again, 5 degrees
-    steeper each time, since what only lifts it and lets it fall must not succeed. None takes it as it falls."""
+    """Upper limit of the rule's value at the start. A garment that has fallen flatter is dropped
+    again, 5 degrees steeper each time: lifting and dropping it must not succeed. None for any."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        adopt_fields(self)
         _check_ranges(self, "x_range", "y_range", "roll_range")
-        if self.height < 0:
-            raise ValueError(f"height must be at least 0; got {self.height}")
-        if self.settle_frames < 0:
-            raise ValueError(f"settle_frames must be at least 0; got {self.settle_frames}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,18 +120,18 @@ class Task:
     start: Start
     success: SuccessRule
     objects: tuple[SceneObject, ...] = ()
-    """What is in the scene besides robots and garment."""
+    """Objects in the scene besides robots and garment."""
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     cameras: Mapping[str, CameraPlacement]
-    """Of the names `CAMERAS`."""
+    """By the names `CAMERAS`; `dgl_tasks.layouts` has some."""
     picture_camera: str = "garment_camera"
-    """Which of them takes the picture of an episode's end."""
+    """Camera of the picture at the end of an episode."""
     workspace: Workspace = field(default_factory=Workspace)
     material: ClothMaterial | SolidMaterial = field(default_factory=ClothMaterial)
-    """Of the garment: of cloth, or of the wall of an elastic shell."""
+    """Of the garment: cloth, or the wall of an elastic shell."""
     stiffness: Mapping[str, float] = field(default_factory=dict)
-    """Of a shell: factor on the material's Young's modulus by panel of the garment, where it is not 1."""
+    """Of a shell: factor on Young's modulus by panel of the garment, where it is not 1."""
     hand_friction: HandFriction = field(default_factory=HandFriction)
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
@@ -141,7 +140,7 @@ class Task:
         if isinstance(self.success, type):
             name = self.success.__name__
             raise ValueError(f"success must be a rule, such as {name}(...); got the class {name}")
-        check_fields(self)
+        adopt_fields(self)
         choose_categories([self.category])
         if set(self.cameras) != set(CAMERAS) or self.picture_camera not in CAMERAS:
             raise ValueError(

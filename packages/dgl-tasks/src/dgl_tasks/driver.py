@@ -1,4 +1,4 @@
-"""One episode in an environment: its course is stepped, filmed, listened to, and judged."""
+"""The loop of one episode: steps the environment, films it, and measures the truth."""
 
 from collections.abc import Callable, Iterator
 from typing import Protocol
@@ -13,19 +13,18 @@ from dgl_tasks.sensing import Sensed
 from dgl_tasks.success import Verdict
 
 PASSAGE_FILM_STEPS = 3 * STEPS_PER_ACTION
-"""Control steps between pictures for people while the arms come and go: the film runs three times as fast
-there, since a picture costs as much as two steps of the simulation."""
+"""Control steps between pictures of the film while the arms come and go: three times as fast."""
 
 
 class Listener(Protocol):
-    """Is told what a course yields; `EpisodeRecorder` of `dgl_collect` is one."""
+    """Receives commands and marks; `EpisodeRecorder` of `dgl_collect` is one."""
 
     def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
         """Take note of a command before its control step.
 
         Args:
             command: The command.
-            look: Gives what is sensed now, with pictures of the cameras that it is called with.
+            look: Gives the present snapshot, with pictures of the cameras it is called with.
         """
         ...
 
@@ -35,7 +34,7 @@ class Listener(Protocol):
 
 
 class Driver:
-    """Steps an environment along a course, and keeps what is true of it beside what the course believes."""
+    """Steps an environment as a part of an episode says; keeps truth and beliefs apart."""
 
     def __init__(
         self,
@@ -50,21 +49,21 @@ class Driver:
         Args:
             env: The environment.
             seed: Of the episode, at least 0.
-            film: Receives pictures for people, shape (H, W, 3), uint8: one at every fifth control step,
+            film: Receives pictures for people, shape (H, W, 3), uint8: at every fifth control step,
                 and at every fifteenth while the arms come and go.
-            listener: Is told what the course yields.
+            listener: Receives commands and marks.
         """
         self.env, self.seed = env, seed
         self.commands: list[np.ndarray] = []
         """Joint targets of every control step so far [rad], each of shape (D,), float32."""
         self.measurements: dict[str, float] = {}
-        """Largest strain and penetration so far, and how often something was done again."""
+        """Largest strain and penetration so far, and numbers of retries."""
         self.mishaps: list[tuple[str, str]] = []
-        """What has gone wrong on the way, in order: a reason that can be counted, and where. What is done again no longer counts."""
+        """Mishaps in order, reason and place; a stage that is done again drops its own."""
         self.first_try: Verdict | None = None
-        """The verdict when something was about to be done again for the first time; None so far."""
+        """Verdict before any retry; None without a retry."""
         self.beliefs: dict[str, float] = {}
-        """What whoever acts has made of what it has seen, the last of each name."""
+        """The method's estimates, the last of each name."""
         self._mishap_stages: list[str] = []
         self._film, self._listener = film, listener
 
@@ -75,13 +74,13 @@ class Driver:
             garment: Catalogue id; drawn from the seed when None.
 
         Returns:
-            What is sensed at the beginning.
+            The first snapshot.
         """
         self.env.reset(seed=self.seed, options={} if garment is None else {"garment": garment})
         return self.sense()
 
     def sense(self, *cameras: str) -> Sensed:
-        """Give what is sensed now, with pictures of these cameras."""
+        """Give the present snapshot, with pictures of these cameras."""
         env = self.env
         return Sensed(
             seed=self.seed,
@@ -96,7 +95,7 @@ class Driver:
         )
 
     def follow(self, part: Part) -> Iterator[Command]:
-        """Step along a part of an episode: gives each command once its control step is made."""
+        """Carry out a part of an episode; gives each command once its control step is made."""
         try:
             item = next(part)
             while True:
@@ -113,7 +112,7 @@ class Driver:
             return
 
     def drive(self, part: Part) -> None:
-        """Step along a part of an episode to its end."""
+        """Carry out a part of an episode to its end."""
         for _ in self.follow(part):
             pass
 

@@ -1,4 +1,4 @@
-"""The garment environment: a task's declaration as a ManiSkill environment."""
+"""The garment environment: a declaration as a ManiSkill environment."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 import sapien
 import torch
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.spaces import Box
 from mani_skill.agents.registration import REGISTERED_AGENTS
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
@@ -18,6 +19,7 @@ from dgl_assets.importing import AnyGarment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
+from dgl_files.fields import show
 from dgl_physics import SolverConfig
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
@@ -26,11 +28,10 @@ from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.drawing.painter import Painter
-from dgl_tasks.env_state import batch_state, read_cloth, split_state, write_cloth
+from dgl_tasks.env_state import batch_state, check_state, read_cloth, split_state, write_cloth
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
-from dgl_tasks.fields import shorten
 from dgl_tasks.grasps import wrist_to_grasp
-from dgl_tasks.inputs import check_choice, check_reset_options, read_action, read_seed
+from dgl_tasks.inputs import ActionBounds, check_choice, check_reset_options, read_action, read_seed
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cloud
@@ -52,14 +53,14 @@ from dgl_tasks.tasks import load_task, task_ids
 from dgl_tasks.views import TrueView
 
 LookName = Literal["studio", "random"]
-"""Looks of environments: a plain floor and fabrics that stand out, or any floor and fabric."""
+"""Looks: a plain floor with fabrics that stand out, or any floor and fabric."""
 
 CPU_BACKENDS = ("auto", "cpu", "physx_cpu")
-"""What may be asked for as `sim_backend`: cloth and robots are simulated on the CPU."""
+"""Values of `sim_backend`: cloth and robots are simulated on the CPU."""
 CONTROL_MODES = ("pd_joint_pos", "pd_ee_pose")
 """Joint targets, and poses of the end effectors."""
 STEEPER = float(np.radians(5))
-"""How much steeper a garment is dropped that has fallen too flat [rad]."""
+"""Increase of the slope of a garment that has fallen too flat [rad]."""
 STILL_SPEED = 0.05
 """RMS speed of the particles below which a garment counts as at rest [m/s]."""
 
@@ -67,16 +68,16 @@ STILL_SPEED = 0.05
 class GarmentEnv(BaseEnv):
     """One garment, two arms with dexterous hands, and the task's cameras and success rule.
 
-    Make it with `gymnasium.make("FoldTops-v1", ...)` after `import dgl_tasks`. Options of `reset`:
-    "garment" (a catalogue id, the folder of an imported garment, or a garment of `dgl_assets`; drawn from the training split
-    otherwise).
+    Make it with `gymnasium.make("FoldTops-v1", ...)` after `import dgl_tasks`. The option "garment"
+    of `reset` is a catalogue id, the folder of an imported garment, or a garment of `dgl_assets`;
+    by default a garment is drawn from the training split. All draws depend on the seed alone.
 
     With `obs_mode="pointcloud"` an observation also has "garment_cloud", shape (1, 2048, 3), and
     "workspace_cloud", shape (1, 2048, 6). Rewards are those of `dgl_tasks.reward`.
 
-    An action of `step` takes five control steps of 1/60 s: joint targets (`pd_joint_pos`) are reached in a straight line
-    within them, those of `pd_ee_pose` hold from the first on. The episode's draws depend on the seed alone. `judge` and
-    `evaluate` tell the truth, from the particles; `dgl_tasks.perception` gives what the cameras see.
+    An action of `step` is clipped to the action space, which is logged once. It takes five control
+    steps of 1/60 s: joint targets (`pd_joint_pos`) are reached in a straight line within them,
+    those of `pd_ee_pose` hold from the first on. `judge` and `evaluate` use the particles.
 
     Limitations: one environment, PhysX on the CPU; run several processes for more. Reset it before
     anything else: until then the garment hangs in the air.
@@ -109,10 +110,9 @@ class GarmentEnv(BaseEnv):
             num_envs: One.
             garment_split: Garments to draw from, "train" or "test".
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
-                draws floor, mat and fabric among all there are. Both follow from the seed, and
-                nothing else does from the look.
-            kwargs: ManiSkill's. `reconfiguration_freq` is 1 by default: every episode begins in a new scene, without which
-                it would not be repeated exactly.
+                draws floor, mat and fabric among all. Only pictures depend on the look.
+            kwargs: ManiSkill's. `reconfiguration_freq` is 1 by default: every episode begins in a
+                new scene, so that it can be repeated exactly.
         """
         if num_envs != 1:
             raise ValueError(
@@ -134,6 +134,7 @@ class GarmentEnv(BaseEnv):
         self.fabric: FabricMaterial
         self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
+        self._bounds: dict[str, ActionBounds] = {}
         self._is_built = False
         if robot_uids is not None:
             robot_uids = _find_agent_class(robot_uids)
@@ -142,14 +143,14 @@ class GarmentEnv(BaseEnv):
                 robot = load_robot(robot, robots)
             if not isinstance(robot, Robot):
                 raise ValueError(
-                    f'robot must be a name, such as "ur10e+shadow", or a `Robot`; got {shorten(robot)}'
+                    f'robot must be a name, such as "ur10e+shadow", or a `Robot`; got {show(robot)}'
                 )
             robot_uids = make_agent_class(
                 robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
             )
         kwargs.setdefault("reward_mode", "sparse")
-        # PhysX solves contacts in an order that depends on what there was in the scene before: in one that has had an
-        # episode already, arms that touch would go on differently from the same seed and commands.
+        # PhysX's order of contacts depends on the scene's past: in a used scene, arms that touch
+        # would move differently from the same seed and commands.
         kwargs.setdefault("reconfiguration_freq", 1)
         with explain_rendering():
             super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
@@ -157,12 +158,12 @@ class GarmentEnv(BaseEnv):
 
     @classmethod
     def _check_settings(cls, settings: dict[str, Any]) -> None:
-        """Check those of ManiSkill's settings that it takes without a word or refuses with a riddle."""
+        """Validate settings that ManiSkill does not, or not clearly."""
         backend = settings.get("sim_backend", "auto")
         if backend not in CPU_BACKENDS:
             raise ValueError(
-                f"sim_backend must be one of {list(CPU_BACKENDS)}: tasks run on the CPU, more of them in "
-                f"several processes; got {shorten(backend)}"
+                f"sim_backend must be one of {list(CPU_BACKENDS)}: tasks run on the CPU, more of "
+                f"them in several processes; got {show(backend)}"
             )
         for name, choices in (
             ("reward_mode", cls.SUPPORTED_REWARD_MODES),
@@ -174,15 +175,16 @@ class GarmentEnv(BaseEnv):
         has_renderer = settings.get("render_backend", "gpu") not in (None, "none")
         if settings.get("render_mode") == "human" and not has_renderer:
             raise RenderingUnavailableError(
-                'render_mode "human" needs a renderer: give render_backend="cpu" or "gpu"; got "none"'
+                'render_mode "human" needs a renderer: give render_backend="cpu" or "gpu"; '
+                'got "none"'
             )
 
-    # Gymnasium sets it as a plain attribute, which pyright takes for something else than a property.
+    # Gymnasium sets a plain attribute, which pyright does not take for a property.
     @property
     def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How it was made; the id names this package, so that another process finds the task.
+        """Gymnasium's specification, with an id that names this package.
 
-        ManiSkill writes the id into recordings, and `gymnasium.make` imports what stands before its colon.
+        ManiSkill writes it into recordings; `gymnasium.make` imports the part before the colon.
         """
         return self._spec
 
@@ -195,11 +197,11 @@ class GarmentEnv(BaseEnv):
 
     @property
     def task(self) -> Task:
-        """What it is the environment of."""
+        """The declaration."""
         return self._task
 
     def reset(self, seed: Any = None, options: dict | None = None) -> Any:
-        """Begin an episode; see the class for the options, and ManiSkill for its own.
+        """Begin an episode; the class lists the options, ManiSkill its own.
 
         Args:
             seed: Integer in [0, 2^32), or a list of one; drawn when None.
@@ -215,7 +217,7 @@ class GarmentEnv(BaseEnv):
             return super().reset(seed=read_seed(seed), options=options)
 
     def close(self) -> None:
-        """Give up the scene; a closed environment cannot be used again."""
+        """Release the scene; a closed environment cannot be used again."""
         self._is_closed = True
         super().close()
 
@@ -257,7 +259,7 @@ class GarmentEnv(BaseEnv):
 
     @property
     def floor_look(self) -> FloorLook:
-        """What the floor looks like."""
+        """Look of the floor."""
         return self._appearance.floor_look
 
     def _load_lighting(self, options: dict) -> None:
@@ -305,9 +307,9 @@ class GarmentEnv(BaseEnv):
             roll = min(roll + STEEPER, steepest)
 
     def _drop(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
-        """Let the garment fall and settle, and see what there is before it is touched.
+        """Let the garment fall and settle, and keep the state before it is touched.
 
-        It stays in the air while ManiSkill builds the environment, whose reset only shows the shapes of observations.
+        It stays in the air in ManiSkill's first reset, which only shows the observations' shapes.
         """
         self._load_garment(garment, x, y, roll)
         for _ in range(self.task.start.settle_frames if self._is_built else 0):
@@ -366,7 +368,8 @@ class GarmentEnv(BaseEnv):
         if isinstance(action, dict):
             if set(action) != {"control_mode", "action"}:
                 raise ValueError(
-                    f'action must be numbers, or a dict of "control_mode" and "action"; got {shorten(action)}'
+                    'action must be numbers, or a dict of "control_mode" and "action"; '
+                    f"got {show(action)}"
                 )
             check_choice("control_mode", action["control_mode"], CONTROL_MODES)
             if action["control_mode"] != self.agent.control_mode:
@@ -374,7 +377,7 @@ class GarmentEnv(BaseEnv):
                 self.agent.controller.reset()
                 self._target = self.agent.get_joint_state()[0].cpu().numpy().astype(np.float64)
             action = action["action"]
-        action = self._read_action(action)
+        action = self._clip(self._read_action(action))
         if self.agent.control_mode == "pd_joint_pos":
             goal = action[0].cpu().numpy().astype(np.float32)
             for row in interpolate_action(self._target, goal):
@@ -384,6 +387,14 @@ class GarmentEnv(BaseEnv):
                 self.advance(action)
         return action
 
+    def _clip(self, action: torch.Tensor) -> torch.Tensor:
+        mode, space = self.agent.control_mode, self.agent.single_action_space
+        if mode not in self._bounds:
+            assert isinstance(space, Box)
+            self._bounds[mode] = ActionBounds(space.low, space.high)
+        clipped = self._bounds[mode].clip(action.cpu().numpy())
+        return torch.from_numpy(clipped).to(self.device)
+
     def _read_action(self, action: Any) -> torch.Tensor:
         shape = self.agent.single_action_space.shape
         assert shape is not None
@@ -392,11 +403,9 @@ class GarmentEnv(BaseEnv):
     def advance(self, action: np.ndarray | torch.Tensor | None) -> None:
         """Make one control step of 1/60 s without observation, reward and evaluation.
 
-        For whoever asks for these at some steps only, such as a recorder at every fifth.
-
         Args:
-            action: Of the control mode, such as joint targets [rad], shape (D,) or (1, D), which hold from now on; None
-                leaves them as they are.
+            action: Of the control mode, such as joint targets [rad], shape (D,) or (1, D), which
+                hold from now on; None keeps the present ones. It is not clipped.
 
         Raises:
             ValueError: If the action is of another shape, or not finite.
@@ -421,7 +430,7 @@ class GarmentEnv(BaseEnv):
 
     @property
     def view(self) -> TrueView:
-        """What is there now, as it is."""
+        """Ground-truth view of the scene."""
         return TrueView(
             particles=self.get_particles(),
             faces=self.garment.faces,
@@ -432,11 +441,11 @@ class GarmentEnv(BaseEnv):
         )
 
     def get_frames(self) -> dict[str, dict[str, np.ndarray]]:
-        """Named places of the objects now, by object and name [m], shape (3,), world frame."""
+        """Present frames of the objects, by object and name [m], shape (3,), world frame."""
         return {name: item.get_frames() for name, item in self.objects.items()}
 
     def apply_rule(self) -> Verdict:
-        """Apply the task's rule to what is there."""
+        """Apply the task's rule to the ground truth."""
         return self.task.success(self.view)
 
     def judge(self) -> Verdict:
@@ -460,7 +469,7 @@ class GarmentEnv(BaseEnv):
         return Verdict(criteria=(*rule.criteria, released, still), box=rule.box)
 
     def evaluate(self) -> dict:
-        """Judge the garment; what was measured for each criterion is under "criteria"."""
+        """Judge the garment; "criteria" has the measured value of each criterion."""
         verdict = self.judge()
         *_, released, still = verdict.criteria
         told = {
@@ -481,7 +490,7 @@ class GarmentEnv(BaseEnv):
         return float(np.sqrt((velocities**2).sum(axis=1).mean()))
 
     def compute_reward_terms(self) -> RewardTerms:
-        """Compute the terms of the dense reward; see `dgl_tasks.reward`."""
+        """Compute the terms of the dense reward, `dgl_tasks.reward`."""
         particles = self.get_particles()
         distances = []
         for side, pose in zip(SIDES, self.agent.get_ee_poses()[0].cpu().numpy(), strict=True):
@@ -550,7 +559,7 @@ class GarmentEnv(BaseEnv):
     # State ---------------------------------------------------------------------------------
 
     def get_state_dict(self) -> dict:
-        """Return ManiSkill's state with the garment's particles, contact forces, and the joint targets that hold."""
+        """Return ManiSkill's state with particles, contact forces and present joint targets."""
         self._check_open("get_state_dict")
         state = super().get_state_dict()
         state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
@@ -561,15 +570,16 @@ class GarmentEnv(BaseEnv):
         """Restore a state that was taken with the same garment.
 
         Args:
-            state: As of `get_state_dict`; tensors or arrays, shape (1, D) or, as recordings have them, (D,).
+            state: As of `get_state_dict`; tensors or arrays, shape (1, D) or, in recordings, (D,).
             env_idx: ManiSkill's.
 
         Raises:
-            ValueError: If it is of another garment.
+            ValueError: If a part is missing, not finite, or of another garment.
             EnvironmentClosedError: After `close`.
         """
         self._check_open("set_state_dict")
         state = batch_state(state)
+        check_state(state, self.get_state_dict())
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
         write_cloth(self.cloth, state["garment"])
@@ -583,12 +593,12 @@ class GarmentEnv(BaseEnv):
     # Pictures ------------------------------------------------------------------------------
 
     def draw_garment(self) -> None:
-        """Bring the garment in SAPIEN's pictures to its present shape."""
+        """Update the garment in SAPIEN's pictures to its present shape."""
         self._check_open("drawing")
         self._appearance.draw_garment(self.get_particles())
 
     def get_painter(self) -> Painter:
-        """Give what draws pictures, with everything as it is now."""
+        """Give the painter of the present scene."""
         self._check_open("drawing")
         return self._appearance.get_painter(self.get_particles())
 
@@ -616,7 +626,10 @@ class GarmentEnv(BaseEnv):
             objects={name: item.segment for name, item in self.objects.items()},
         )
 
-    def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> dict:  # noqa: FBT001, FBT002 - ManiSkill's signature
+    def _get_obs_sensor_data(
+        self,
+        apply_texture_transforms: bool = True,  # noqa: FBT001, FBT002 - ManiSkill's signature
+    ) -> dict:
         self.draw_garment()
         return super()._get_obs_sensor_data(apply_texture_transforms)
 
@@ -638,10 +651,10 @@ class GarmentEnv(BaseEnv):
 
 
 def _find_agent_class(robot_uids: Any) -> type[BimanualUR10eShadow]:
-    """Find the agent class of `robot_uids`: a class, the name of one, or a tuple of one, as ManiSkill takes them.
+    """Find the agent class of `robot_uids`: a class, its name, or a tuple of one, as for ManiSkill.
 
     Raises:
-        ValueError: If it is none of two arms with hands.
+        ValueError: If it is not of two arms with hands.
     """
     found = robot_uids
     if isinstance(found, tuple) and len(found) == 1:
@@ -651,6 +664,6 @@ def _find_agent_class(robot_uids: Any) -> type[BimanualUR10eShadow]:
     if not isinstance(found, type) or not issubclass(found, BimanualUR10eShadow):
         raise ValueError(
             f"robot_uids must be {BimanualUR10eShadow.uid!r} or a class of `make_agent_class`; "
-            f'`robot="ARM+HAND"` names other arms and hands; got {shorten(robot_uids)}'
+            f'`robot="ARM+HAND"` names other arms and hands; got {show(robot_uids)}'
         )
     return found

@@ -1,10 +1,11 @@
-"""States of an environment as dictionaries of tensors and as one flat vector, as ManiSkill has them."""
+"""States of an environment as ManiSkill's dictionaries of tensors and flat vectors."""
 
 import torch
 
+from dgl_files.fields import show
 from dgl_physics.sapien_bridge import SapienCloth
 
-__all__ = ["batch_state", "read_cloth", "split_state", "write_cloth"]
+__all__ = ["batch_state", "check_state", "read_cloth", "split_state", "write_cloth"]
 
 
 def read_cloth(cloth: SapienCloth) -> dict[str, torch.Tensor]:
@@ -19,7 +20,7 @@ def read_cloth(cloth: SapienCloth) -> dict[str, torch.Tensor]:
 
 
 def write_cloth(cloth: SapienCloth, state: dict[str, torch.Tensor]) -> None:
-    """Restore the state of a garment, as of `read_cloth`; the rigid bodies are where they were by now.
+    """Restore the state of a garment, as of `read_cloth`, after that of the rigid bodies.
 
     Raises:
         ValueError: If it is of another garment.
@@ -41,7 +42,7 @@ def write_cloth(cloth: SapienCloth, state: dict[str, torch.Tensor]) -> None:
 
 
 def batch_state(state: dict) -> dict:
-    """Give a state with tensors of shape (1, D), where it may have arrays or vectors."""
+    """Make tensors of shape (1, D) of a state's arrays or vectors."""
     batched = {}
     for name, value in state.items():
         if isinstance(value, dict):
@@ -50,6 +51,24 @@ def batch_state(state: dict) -> dict:
             value = torch.as_tensor(value)
             batched[name] = value[None] if value.ndim == 1 else value
     return batched
+
+
+def check_state(state: dict, template: dict, where: str = "") -> None:
+    """Check that a batched state has all parts of a present one, with finite numbers.
+
+    Raises:
+        ValueError: Naming the first part that is missing or not finite.
+    """
+    for name, present in template.items():
+        path = f"{where}{name}"
+        if name not in state:
+            raise ValueError(f"the state must have {path!r}; it has {sorted(map(str, state))}")
+        if isinstance(present, dict):
+            if not isinstance(state[name], dict):
+                raise ValueError(f"state {path!r} must be a dict; got {show(state[name])}")
+            check_state(state[name], present, f"{path}.")
+        elif isinstance(state[name], dict) or not torch.isfinite(state[name]).all():
+            raise ValueError(f"state {path!r} must be finite numbers")
 
 
 def split_state(state: torch.Tensor, template: dict) -> dict:

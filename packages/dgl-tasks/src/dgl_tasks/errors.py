@@ -23,15 +23,15 @@ class UnknownTaskError(TaskError, ValueError):
 
 
 class DeclarationError(TaskError, ValueError):
-    """A file of the package's tasks does not declare one, or one that there is already."""
+    """A file or module does not declare a task, or declares one whose id is taken."""
 
 
 class PerceptionError(TaskError):
-    """A camera sees nothing of what it should see."""
+    """A camera does not see the garment or the objects."""
 
 
 class RenderingUnavailableError(TaskError):
-    """There is no renderer or no window for what was asked; state observations with `render_backend="none"` need none."""
+    """There is no renderer, or no window; `render_backend="none"` with states needs neither."""
 
 
 class EnvironmentClosedError(TaskError):
@@ -39,10 +39,10 @@ class EnvironmentClosedError(TaskError):
 
 
 class RobotFilesError(OSError):
-    """The folder of generated robot files cannot be written. It is no `TaskError`: the machine is at fault, not the task."""
+    """The folder of generated robot files cannot be written: a fault of the machine."""
 
     def __str__(self) -> str:
-        """Give the message alone, without the number that `OSError` puts before it."""
+        """Give the message without the number of `OSError`."""
         return str(self.args[0])
 
 

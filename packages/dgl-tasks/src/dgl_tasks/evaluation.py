@@ -1,4 +1,4 @@
-"""One episode of a method, judged by the task's own rule."""
+"""One episode of a method, judged by the task's rule."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,42 +17,42 @@ from dgl_tasks.success import Verdict
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeResult:
-    """How an episode ended."""
+    """Outcome of an episode."""
 
     garment: str
     """Catalogue id, or the folder of an imported garment."""
     verdict: Verdict
-    """What is true at the end."""
+    """The rule's result on ground truth at the end."""
     first_try: Verdict
-    """What was true when the method was about to do something again for the first time; at the end where it never was."""
+    """Verdict before any retry; that of the end without a retry."""
     picture: np.ndarray
-    """What the garment camera sees at the end, shape (H, W, 3), uint8."""
+    """Picture at the end, shape (H, W, 3), uint8."""
     commands: np.ndarray
-    """Joint targets of every control step of 1/60 s, those that are scripted included [rad], shape (S, D), float32."""
+    """Joint targets of every control step of 1/60 s [rad], shape (S, D), float32."""
     measurements: Mapping[str, float]
-    """Largest strain and penetration, and how often something was done again."""
+    """Largest strain and penetration, and numbers of retries."""
     beliefs: Mapping[str, float]
-    """What the method made of what it had seen, the last of each name."""
+    """The method's estimates, the last of each name."""
     draws: Mapping[str, object]
     """Every draw of the episode."""
     mishaps: tuple[tuple[str, str], ...] = ()
-    """What has gone wrong on the way: a reason that can be counted, and where."""
+    """Mishaps on the way: reason and place."""
 
     @property
     def success(self) -> bool:
-        """Whether the task was done."""
+        """The task was done."""
         return self.verdict.success
 
     @property
     def reason(self) -> str | None:
-        """Why it was not, in words that can be counted: the first mishap says more than the result."""
+        """Reason of a failure, in words that can be counted; a mishap precedes the verdict's."""
         if self.success or not self.mishaps:
             return self.verdict.reason
         return self.mishaps[0][0]
 
     @property
     def detail(self) -> str:
-        """The same with numbers; empty for a success."""
+        """The reason with numbers; empty for a success."""
         if self.success:
             return ""
         parts = [where for _, where in self.mishaps[:1]]
@@ -60,12 +60,12 @@ class EpisodeResult:
 
 
 def plan_episode(motion: BimanualMotion, method: Method, sensed: Sensed) -> Part:
-    """Give the course of a whole episode: the arms park, the method acts, the hands leave, the garment comes to rest.
+    """Plan a whole episode: arms park, the method acts, hands retreat, the garment comes to rest.
 
     Args:
         motion: Plans the arms.
         method: Acts in between.
-        sensed: What is sensed after the reset.
+        sensed: Snapshot after the reset.
     """
     hands = Handling(motion, sensed)
     yield from hands.park()
@@ -88,22 +88,21 @@ def run_episode(
     """Run a method for one episode.
 
     The start depends on seed and garment alone, so that methods are compared on the same episodes.
-    What is judged is true, whatever the method believes; the arms are parked then, and what a hand still holds is no
-    success.
+    The verdict uses ground truth once the arms are parked; a garment in a hand is no success.
 
     Args:
         env: An environment that can render.
         motion: Plans its arms.
-        method: Acts; see `dgl_tasks.policy`.
+        method: One of `dgl_tasks.policy`, or your own.
         seed: Of the episode.
         garment: Catalogue id, or the folder of an imported garment; drawn from the seed when None.
         film: Receives pictures for people, shape (H, W, 3), uint8.
-        listener: Is told what the course yields, such as a recorder.
+        listener: Receives commands and marks, such as a recorder.
 
     Raises:
-        TaskError: If a hand cannot go where the method sends it, or a camera sees no garment to be handled.
+        TaskError: If a goal is out of reach, or a camera sees no garment to be handled.
         PhysicsError: If the simulation fails.
-        ValueError: If a policy gives something that is no action.
+        ValueError: If a policy gives no valid action.
     """
     driver = Driver(env, seed=seed, film=film, listener=listener)
     driver.drive(plan_episode(motion, method, driver.reset(garment)))

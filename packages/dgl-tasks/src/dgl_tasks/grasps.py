@@ -76,7 +76,7 @@ _ROWS: dict[str, dict[Side, tuple[float, float, float, float]]] = {
 
 
 def pitch_fingers(quaternion: np.ndarray, angle: float) -> np.ndarray:
-    """Turn an orientation about the knuckles so that the fingers point more to where the palm looks.
+    """Turn an orientation about the knuckles, the fingers towards the palm's side.
 
     Args:
         quaternion: Orientation of `ee`, wxyz, shape (4,).
@@ -171,7 +171,7 @@ def wrist_to_grasp(
 
 
 def roll_thumb_down(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
-    """Turn an orientation about the fingers so that the thumb of a hand whose palm looks down sinks.
+    """Turn an orientation about the fingers, the thumb downwards where the palm looks down.
 
     Args:
         quaternion: Orientation of `ee`, wxyz, shape (4,).

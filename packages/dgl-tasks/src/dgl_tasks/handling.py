@@ -1,4 +1,4 @@
-"""What arms and hands do alike whoever acts: they come to the garment, leave it, park and wait. Parts of courses."""
+"""Parts of an episode that all methods share: approach, release and retreat, park, and wait."""
 
 import logging
 from collections.abc import Generator, Iterable, Mapping, Sequence
@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 
 from dgl_assets.robots import SIDES, Side
-from dgl_tasks.control import interpolate_action
+from dgl_tasks.control import get_joint_limits, interpolate_action
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
+from dgl_tasks.inputs import ActionBounds
 from dgl_tasks.messages import Command, Mark, Message, Part, TakePictures
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import STEPS_PER_ACTION, Observation
@@ -19,54 +20,55 @@ from dgl_tasks.sensing import ENVIRONMENT_CAMERA, SENSOR_CAMERAS, Sensed
 logger = logging.getLogger(__name__)
 
 APPROACH_FROM = (0.0, 0.0, 0.15)
-"""From where a hand comes to a grasp point, as an offset [m]: straight down."""
+"""Offset from which a hand comes to a grasp point [m]: straight down."""
 ARRIVAL_FRAMES = 10
-"""Frames for the arm to arrive at the grasp points before the hand closes."""
+"""Control steps for the arm to arrive at the grasp points before the hand closes."""
 RELEASE_FRAMES = 15
-"""Frames for the cloth to fall from an opened hand before it leaves."""
-LEAVE_SPACING = 0.005
+"""Control steps for the cloth to fall from an opened hand before it retreats."""
+RETREAT_SPACING = 0.005
 """Distance between samples of the way out of the cloth [m]; 0.005 is 0.3 m/s."""
 CAUGHT_DISTANCE = 0.12
-"""A risen hand is taken to carry cloth that is seen so near to its grasp point [m]; what lies is 0.15 m below."""
+"""Distance of visible cloth from a raised hand's grasp point that counts as stuck [m]."""
 FREE_ROLLS = (0.0, 0.0, 0.5, 0.5, 0.5)
-"""How far a hand rolls on for its thumb to point down, in each of the tries to get rid of cloth that has come along [rad];
-then it goes away with it."""
+"""Turns of the thumb downwards, one for each attempt to shake off cloth stuck to the hand [rad]."""
 FREE_BACKS = (0.12, 0.08, 0.04, 0.0)
-"""How far a hand draws back from cloth that came along [m]: the first of these that the arm can reach."""
+"""Distances that a hand draws back from stuck cloth [m]: the first that is within reach."""
 PARKED_FRAMES = 30
-"""Control steps in which the fingers come to rest after the arms have swung to their parking place: they lag behind by
-0.08 rad. A policy that begins there would be told by them how long ago that was, in every demonstration alike, and would
-take a hand that has been at rest for longer to be further on its way."""
+"""Control steps for the fingers to come to rest after the arms have parked.
+
+The fingers lag by up to 0.08 rad. Without this wait the lag would tell a policy the elapsed time,
+alike in all demonstrations.
+"""
 SETTLE_FRAMES = 50
-"""Control steps in which a garment comes to rest once the hands are out of the way."""
+"""Control steps for a garment to come to rest once the hands are away."""
 SETTLE_WAITS = 8
-"""How often these are waited for at most, while the garment is seen to move."""
+"""Largest number of these waits, while the garment is seen to move."""
 STILL_LOOK_FRAMES = 10
-"""Control steps between the two looks that tell whether the garment moves."""
+"""Control steps between the two pictures that are compared for motion."""
 STILL_SHARE = 0.01
-"""Share of the garment's pixels, from above and from the front, that may change between them."""
+"""Share of the garment's pixels, from above and in front, that may differ between the pictures."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayOut:
-    """How an opened hand leaves the cloth. Where its palm looks down, its thumb is under the cloth."""
+    """Way of an opened hand out of the cloth; of a palm that looks down, the thumb is under it."""
 
     pose: str = "flat"
-    """In which pose: laid flat, its thumb is beside the palm, and takes nothing along."""
+    """Hand pose: laid flat, the thumb is beside the palm and takes no cloth along."""
     roll: float = float(np.radians(30))
-    """How far the hand rolls for its thumb to point down [rad]."""
+    """Turn of the thumb downwards [rad]."""
     rise: float = 0.0
-    """How far it rises while it rolls [m]."""
+    """Rise during the turn [m]."""
     wait: int = 0
-    """Frames for the cloth to slide off the thumb then."""
+    """Control steps for the cloth to slide off the thumb then."""
     back: tuple[float, ...] = (0.12, 0.08, 0.04, 0.0)
-    """How far it draws back along its fingers, level [m]: the first of these that the arm can reach."""
+    """Distances to draw back along the fingers, level [m]: the first that is within reach."""
     up: float = 0.15
-    """How far it rises then [m]."""
-    spacing: float = LEAVE_SPACING
-    """Distance between samples of its way [m]."""
+    """Rise at the end [m]."""
+    spacing: float = RETREAT_SPACING
+    """Distance between samples of the way [m]."""
     frees: bool = True
-    """Whether cloth that is seen to have come along is put down again."""
+    """Cloth that is seen to stick to the hand is put down again."""
 
 
 def plan_approach(
@@ -77,20 +79,20 @@ def plan_approach(
     come_from: Sequence[float] = APPROACH_FROM,
     spacing: float = 0.01,
 ) -> np.ndarray:
-    """Plan how hands come to grasp points: to a place beside them, straight to them, and a wait.
+    """Plan the way to grasp points: to positions beside them, straight to them, and a wait.
 
     Args:
         motion: Plans the arms.
         points: Grasp point of each hand [m], shape (3,), world frame.
         orientations: Of `ee` of each of these hands, wxyz, shape (4,).
-        come_from: Offset of the place beside them [m]; its x is outward for both hands.
+        come_from: Offset of the positions beside them [m]; its x is outward for both hands.
         spacing: Distance between samples of the last line [m].
 
     Returns:
         Joint targets [rad], shape (N, D).
 
     Raises:
-        UnreachableError: If a hand cannot go there.
+        UnreachableError: If a grasp point is out of reach.
     """
     x, y, z = come_from
     beside: dict[Side, np.ndarray] = {
@@ -113,15 +115,15 @@ def plan_way_out(
 
     Args:
         motion: Plans the arms.
-        starts: Where the grasp point of each hand goes first [m], shape (3,), world frame.
+        starts: First goal of each hand's grasp point [m], shape (3,), world frame.
         orientations: Of `ee` of each of these hands, wxyz, shape (4,).
-        out: How far back and up, and how long the wait.
+        out: Distances and the wait.
 
     Returns:
         Joint targets of each part, shape (N, D) [rad].
 
     Raises:
-        UnreachableError: If a hand cannot even go straight up.
+        UnreachableError: If a hand has no way, not even straight up.
     """
     ways: dict[Side, tuple[np.ndarray, ...]] = {}
     for side, q in orientations.items():
@@ -152,9 +154,9 @@ def plan_leave(
     orientations: Mapping[Side, np.ndarray],
     out: WayOut,
 ) -> list[np.ndarray]:
-    """Plan how opened hands leave the cloth, from where `motion` is: they roll, draw back along their fingers, and rise.
+    """Plan the retreat of opened hands from present grasp points: roll, draw back, rise.
 
-    Args and errors as of `plan_way_out`; `points` are where the hands are.
+    Arguments and errors as of `plan_way_out`.
     """
     rolled: dict[Side, np.ndarray] = {
         side: roll_thumb_down(q, out.roll, side) for side, q in orientations.items()
@@ -164,24 +166,25 @@ def plan_leave(
 
 
 class Handling:
-    """Both arms and hands of one episode: plans what they do, yields it, and keeps what is sensed last."""
+    """Both arms and hands of one episode: plans motions, yields them, keeps the last snapshot."""
 
     def __init__(self, motion: BimanualMotion, sensed: Sensed) -> None:
-        """Take over the arms as a reset has left them.
+        """Take over the arms after a reset.
 
         Args:
             motion: Plans the arms.
-            sensed: What is sensed then.
+            sensed: Snapshot at that time.
         """
         self.motion = motion
         self.sensed = sensed
-        """What is sensed now."""
+        """The present snapshot."""
+        self._bounds = ActionBounds(*get_joint_limits(motion.robot))
         self._settled_at: int | None = None
         motion.reset(motion.robot.compute_start("open"))
 
     @property
     def is_parked(self) -> bool:
-        """Whether both arms have been sent to their parking place."""
+        """Both arms have been sent to their parking position."""
         robot = self.motion.robot
         return all(
             np.allclose(
@@ -191,11 +194,11 @@ class Handling:
         )
 
     def mark(self, mark: Mark) -> Part:
-        """Give a mark."""
+        """Yield a mark."""
         self.sensed = yield mark
 
     def look(self, *cameras: str) -> Generator[Message, Sensed, Sensed]:
-        """Ask for pictures of cameras; gives what is sensed, with these pictures."""
+        """Ask for pictures; gives the present snapshot with them."""
         self.sensed = yield TakePictures(cameras)
         return self.sensed
 
@@ -210,14 +213,16 @@ class Handling:
         recorded: Literal["approach", "stage"] | None = None,
         is_passage: bool = False,
     ) -> Part:
-        """Give joint targets that `motion` has planned [rad], shape (N, D), one a control step."""
+        """Yield joint targets that `motion` has planned [rad], shape (N, D), one a control step."""
         for row in rows:
             self.sensed = yield Command(row, recorded, is_passage)
 
     def execute(
         self, actions: np.ndarray, *, recorded: Literal["approach", "stage"] | None = None
     ) -> Part:
-        """Give a policy's actions [rad], shape (N, D), as `GarmentEnv.step` takes them.
+        """Yield a policy's actions [rad], shape (N, D), as `GarmentEnv.step` takes them.
+
+        They are clipped to the joint limits, which is logged once.
 
         Raises:
             ValueError: If the shape is another one, or a number is not finite.
@@ -228,24 +233,25 @@ class Handling:
             raise ValueError(f"actions must have shape (N, {wanted}); got {actions.shape}")
         if not np.isfinite(actions).all():
             raise ValueError("actions must be finite; got some that are not")
-        for action in actions.astype(np.float32).astype(float):  # as commands are
+        actions = self._bounds.clip(actions.astype(np.float32)).astype(float)  # as commands are
+        for action in actions:
             yield from self.send(interpolate_action(self.motion.target, action), recorded=recorded)
             self.motion.reset(action)
 
     def approach(self, rows: np.ndarray) -> Part:
-        """Give the way to the grasp points; whole frames of it, counted from the end, may be recorded."""
+        """Yield the way to the grasp points; its whole frames, from the end, may be recorded."""
         before = len(rows) % STEPS_PER_ACTION
         yield from self.send(rows[:before], is_passage=True)
         yield from self.send(rows[before:], recorded="approach", is_passage=True)
 
     def retreat(self, sides: tuple[Side, ...] = SIDES, out: WayOut | None = None) -> Part:
-        """Open hands, wherever they are, and let them leave the cloth and park.
+        """Release and retreat with hands, wherever they are, and park both arms.
 
-        From where there is no way straight up the arms swing to their parking place at once.
+        Without any way out within reach, the arms park at once.
 
         Args:
-            sides: Hands that leave the cloth; both arms park.
-            out: In which way they leave it.
+            sides: Hands that hold or touch the cloth.
+            out: Their way out.
         """
         out = out or WayOut()
         if not all(self._is_open(side) for side in sides):
@@ -266,14 +272,14 @@ class Handling:
         yield from self.park()
 
     def park(self) -> Part:
-        """Bring both arms out of the picture, open the hands, and wait until they are at rest."""
+        """Move both arms out of the pictures, open the hands, and wait until they are at rest."""
         yield from self._pass(self.motion.park())
         if not all(self._is_open(side) for side in SIDES):
             yield from self._pass(self.motion.set_hands(dict.fromkeys(SIDES, "open")))
         yield from self._pass(self.motion.hold(PARKED_FRAMES))
 
     def settle(self) -> Part:
-        """Wait for the garment to come to rest; nothing is left to wait for right after a wait."""
+        """Wait for the garment to come to rest; right after such a wait, do nothing."""
         if self._settled_at == self.sensed.step:
             return
         for _ in range(SETTLE_WAITS):
@@ -286,7 +292,7 @@ class Handling:
         self._settled_at = self.sensed.step
 
     def _free_hands(self, sides: tuple[Side, ...]) -> Part:
-        """Put cloth that is seen to hang on risen hands down again: down, a wait, back along the fingers, up."""
+        """Put down cloth that is seen to stick to raised hands: down, wait, back, up."""
         for roll in FREE_ROLLS:
             yield from self.look(ENVIRONMENT_CAMERA)
             caught = self._see_caught(sides)
@@ -299,7 +305,7 @@ class Handling:
             try:
                 parts = plan_way_out(self.motion, down, rolled, out)
             except UnreachableError as err:
-                logger.info("cloth hangs on a hand that cannot go down again: %s", err)
+                logger.info("cloth sticks to a hand that cannot go down again: %s", err)
                 return
             for rows in parts:
                 yield from self._pass(rows)
@@ -308,7 +314,7 @@ class Handling:
         try:
             points = self.sensed.see_points()
         except PerceptionError:
-            return []  # hangs out of sight, if at all
+            return []  # out of sight, if at all
         near = {
             side: np.linalg.norm(points - self.sensed.get_grasp_point(side), axis=1).min()
             for side in sides
@@ -318,7 +324,7 @@ class Handling:
     def _get_hands(
         self, sides: Iterable[Side]
     ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray]]:
-        """Give the grasp point and the orientation of each of these hands, where the last targets bring them."""
+        """Give grasp point and orientation of each of these hands at the last targets."""
         poses, robot = self.motion.compute_poses(), self.motion.robot
         orientations: dict[Side, np.ndarray] = {side: poses[side][3:] for side in sides}
         points: dict[Side, np.ndarray] = {

@@ -1,11 +1,11 @@
-"""How a garment hangs between two hands, as it is seen."""
+"""Sag and length of a garment that hangs between two hands, from its cloud."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 MIDDLE = 0.3
-"""Share of the span on either side of its middle in which the upper edge is looked at, in half spans."""
+"""Part of the span around its middle in which the upper edge is measured."""
 _LOWEST = 0.005
 # quantile of the heights that counts as the lower end: a few stray points do not
 
@@ -15,16 +15,16 @@ class Hanging:
     """A garment held by two hands."""
 
     sag: float
-    """How far its upper edge midway between the hands is below them [m]; infinite if nothing is seen there."""
+    """Depth of its upper edge midway between the hands [m]; infinite if nothing is seen there."""
     length: float
-    """How far it reaches below the hands [m]."""
+    """Length below the hands [m]."""
 
 
 def measure_hanging(points: np.ndarray, left: np.ndarray, right: np.ndarray) -> Hanging:
-    """Measure how a garment hangs.
+    """Measure sag and length of a hanging garment.
 
     Args:
-        points: What is seen of the garment [m], shape (N, 3), N at least 1, world frame.
+        points: Visible points of the garment [m], shape (N, 3), N at least 1, world frame.
         left: Grasp point of the left hand [m], shape (3,).
         right: The same of the right hand.
 

@@ -1,4 +1,4 @@
-"""Tests of whether hands hold a garment, from known points of it."""
+"""Hands that hold a garment, from known points of it."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ from dgl_tasks.sensing import Sensed
 HELD_DISTANCE = 0.12
 """A hand holds the garment while a raised point is this near its grasp point [m]."""
 HELD_HEIGHT = 0.05
-"""What lies higher than this over the ground counts as raised [m]."""
+"""Height over the ground from which cloth counts as raised [m]."""
 
 
 def is_low(sensed: Sensed, side: Side) -> bool:

@@ -1,5 +1,6 @@
-"""What callers hand to an environment, checked before it is used."""
+"""Checks of seeds, options and actions that callers pass to an environment."""
 
+import logging
 import operator
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -7,22 +8,26 @@ from typing import Any
 import numpy as np
 import torch
 
-from dgl_tasks.fields import shorten
+from dgl_files.fields import show
+
+logger = logging.getLogger(__name__)
 
 RESET_OPTIONS = ("garment", "reconfigure", "env_idx", "reset_to_env_states")
-"""What options of `reset` there are; all but the first are ManiSkill's."""
+"""Options of `reset`; all but the first are ManiSkill's."""
+TOLD_BEYOND = 1e-3
+"""Clipping by more than this is logged [rad]."""
 LARGEST_SEED = 2**32 - 1
 """NumPy's bound of seeds."""
 
 
 def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
-    """Check that a setting is one of those that there are.
+    """Check that a setting is one of the choices.
 
     Raises:
         ValueError: Otherwise.
     """
     if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name} must be one of {list(choices)}; got {shorten(value)}")
+        raise ValueError(f"{name} must be one of {list(choices)}; got {show(value)}")
 
 
 def read_seed(seed: Any) -> int | list[int] | None:
@@ -47,7 +52,8 @@ def read_seed(seed: Any) -> int | list[int] | None:
         is_list = False
     if len(numbers) != 1 or not 0 <= numbers[0] <= LARGEST_SEED:
         raise ValueError(
-            f"seed must be None, an integer in [0, {LARGEST_SEED}], or a list of one; got {shorten(seed)}"
+            f"seed must be None, an integer in [0, {LARGEST_SEED}], or a list of one; "
+            f"got {show(seed)}"
         )
     return numbers if is_list else numbers[0]
 
@@ -61,22 +67,20 @@ def check_reset_options(options: Any) -> None:
     if options is None:
         return
     if not isinstance(options, dict):
-        raise ValueError(f"options must be a dict; got {shorten(options)}")
+        raise ValueError(f"options must be a dict; got {show(options)}")
     unknown = [name for name in options if name not in RESET_OPTIONS]
     if unknown:
         raise ValueError(f"options must be among {list(RESET_OPTIONS)}; got {unknown}")
     if not isinstance(options.get("reconfigure", False), (bool, np.bool_)):
-        raise ValueError(
-            f'option "reconfigure" must be a bool; got {shorten(options["reconfigure"])}'
-        )
+        raise ValueError(f'option "reconfigure" must be a bool; got {show(options["reconfigure"])}')
     if "env_idx" in options and not _is_first_alone(options["env_idx"]):
         raise ValueError(
-            f'option "env_idx" must be [0], the only environment; got {shorten(options["env_idx"])}'
+            f'option "env_idx" must be [0], the only environment; got {show(options["env_idx"])}'
         )
     states = options.get("reset_to_env_states", {"env_states": None})
     if not isinstance(states, dict) or "env_states" not in states:
         raise ValueError(
-            f'option "reset_to_env_states" must be a dict with "env_states"; got {shorten(states)}'
+            f'option "reset_to_env_states" must be a dict with "env_states"; got {show(states)}'
         )
 
 
@@ -99,7 +103,7 @@ def read_action(
     try:
         read = torch.as_tensor(action, device=device)
     except (TypeError, ValueError, RuntimeError, OverflowError) as err:
-        raise ValueError(f"action must be {shape[0]} numbers; got {shorten(action)}") from err
+        raise ValueError(f"action must be {shape[0]} numbers; got {show(action)}") from err
     if read.dtype == torch.bool or read.is_complex():
         raise ValueError(f"action must be real numbers; got {read.dtype}")
     if read.shape not in (shape, (1, *shape)):
@@ -110,6 +114,28 @@ def read_action(
         first = int(wrong[0])
         raise ValueError(f"action must be finite; got {read[0, first].item()} at index {first}")
     return read
+
+
+class ActionBounds:
+    """Bounds of an action space, which actions are clipped to; the first clipped one is logged."""
+
+    def __init__(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Take the bounds [rad], shape (D,)."""
+        self._low, self._high, self._has_told = low, high, False
+
+    def clip(self, action: np.ndarray) -> np.ndarray:
+        """Clip actions [rad], shape (..., D); those within the bounds keep every bit."""
+        kind = action.dtype if np.issubdtype(action.dtype, np.floating) else np.float32
+        clipped = np.clip(action, self._low.astype(kind), self._high.astype(kind))
+        beyond = np.abs(clipped - action).reshape(-1, len(self._low))
+        if not self._has_told and beyond.max(initial=0.0) > TOLD_BEYOND:
+            self._has_told = True
+            row, k = np.unravel_index(beyond.argmax(), beyond.shape)
+            logger.warning(
+                "actions are clipped to the action space: number %d was %g, outside of [%g, %g]",
+                k, action.reshape(beyond.shape)[row, k], self._low[k], self._high[k],
+            )  # fmt: skip
+        return clipped
 
 
 def _is_first_alone(index: Any) -> bool:

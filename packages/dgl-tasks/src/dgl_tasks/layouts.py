@@ -1,14 +1,13 @@
-"""What several tasks share: cameras, where the robots stand, the hanger, and how steeply a garment falls that is to lie in a heap."""
+"""Layouts for declarations: cameras, bases of the robots, a hanger, and the slope of a drop."""
 
 import numpy as np
 
 from dgl_assets.robots import BasePlacement
-from dgl_tasks.cameras import CameraPlacement, look_at
-from dgl_tasks.declaration import SceneObject
-from dgl_tasks.fields import Range, Vector3
+from dgl_tasks.cameras import CameraPlacement, Vector3, look_at
+from dgl_tasks.declaration import Range, SceneObject
 
 STEEP: Range = (float(np.radians(65)), float(np.radians(80)))
-"""Range of the tilt of a garment that lands in a heap [rad] (paper)."""
+"""Slope of a garment that lands crumpled [rad] (paper)."""
 
 
 def _film_from(eye: Vector3, towards: Vector3) -> CameraPlacement:
@@ -33,21 +32,21 @@ FOLD_CAMERAS: dict[str, CameraPlacement] = {
     # just wide enough for both parked arms, whose hands point outwards
     "video_camera": _film_from((1.37, 2.36, 2.21), (-0.09, 0.04, 0.30)),
 }
-"""Cameras of the folding tasks; the first two as in the original, the third for people."""
+"""Cameras for folds; the first two as in the original, the third for people."""
 
 FLING_CAMERAS: dict[str, CameraPlacement] = FOLD_CAMERAS | {
     "environment_camera": CameraPlacement(
         name="environment_camera", position=(0.0, 5.0, 8.0), euler_deg=(0, 60, -90)
     )
 }
-"""Cameras of the flinging tasks, which reach higher and farther; as `FOLD_CAMERAS`."""
+"""Cameras for flings, which reach higher and farther."""
 
 HANG_LEFT_BASE: BasePlacement = (-0.8, 0.0, 0.6, 0.0)
 HANG_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.6, 0.0)
-"""Where the robots stand to hang something (original code)."""
+"""Bases for hanging (original code)."""
 
 HANG_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
-"""Cameras of the hanging tasks, which reach as high and as far as flings."""
+"""Cameras for hanging."""
 
 HANGER = SceneObject(
     name="hanger",
@@ -57,25 +56,25 @@ HANGER = SceneObject(
     y_range=(-0.05, 0.05),
     friction=1.0,
 )
-"""The bar that tops, dresses and trousers are hung over, and where it may be (original code, but for the friction)."""
+"""Bar for tops, dresses and trousers (original code, but for the friction)."""
 
 HOOK_CAMERAS: dict[str, CameraPlacement] = HANG_CAMERAS | {
     "video_camera": _film_from((2.1, 1.9, 1.9), (-0.1, 0.3, 0.4))
 }
-"""The same where something hangs before a post: people look past it."""
+"""Cameras for hanging before a post, which the video camera looks past."""
 
 WEAR_LEFT_BASE: BasePlacement = (-0.6, 0.0, 0.5, 0.0)
 WEAR_RIGHT_BASE: BasePlacement = (0.6, 0.0, 0.5, 0.0)
-"""Where the robots stand to put a hat on (original code)."""
+"""Bases for hats (original code)."""
 
 WEAR_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
-"""Cameras of the hats' tasks, which reach as high as flings."""
+"""Cameras for hats."""
 
 STORE_LEFT_BASE: BasePlacement = (-0.9, 0.0, 0.5, 0.0)
 STORE_RIGHT_BASE: BasePlacement = (0.9, 0.0, 0.5, 0.0)
-"""Where the robots stand to store something (original code)."""
+"""Bases for storing (original code)."""
 
 STORE_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS | {
     "video_camera": _film_from((1.55, 2.85, 2.3), (-0.05, 0.3, 0.2))
 }
-"""Cameras of storing, as far as flings go; people see the whole of the platform."""
+"""Cameras for storing; the video camera shows the whole platform."""

@@ -1,4 +1,4 @@
-"""Joint targets for both arms and hands: poses of the hands, lines and reaches of the arms."""
+"""Joint targets for both arms and hands: hand poses, straight lines and reaches."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,17 +16,16 @@ HAND_FRAMES = 20
 """Frames of a change of hand pose (original code)."""
 _HAND_RAMP = 14  # frames of which the targets move; the rest lets the fingers arrive
 RAMP_FRAMES = 8
-"""Frames in which a hand on a line comes up to its speed, and in which it slows down."""
+"""Frames in which a hand on a line speeds up, and in which it slows down."""
 JOINT_SPEED = 2.0
 """Speed of the fastest arm joint of a move in joint space [rad/s]; the limit is 2.09."""
 TURNS: tuple[float, ...] = tuple(
     float(np.radians(a)) for a in (0, 15, -15, 30, -30, 45, -45, 60, -60)
 )
-"""Inward turns about the vertical that are tried when a grasp is out of reach [rad]."""
+"""Inward turns about the vertical, in the order in which they are tried [rad]."""
 
 Rehearsal = Callable[[Side, float], object]
-"""Plans one hand's motion, turned inward about the vertical [rad], using the object that it is given to; raises
-`UnreachableError` if the hand cannot do it."""
+"""Plans one hand's motion, turned inward about the vertical [rad]; raises `UnreachableError`."""
 
 PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side in SIDES}
 """Joint positions of each UR10e [rad], shape (6,), out of the cameras' way."""
@@ -35,8 +34,8 @@ PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side 
 class BimanualMotion:
     """Turns goals of the hands into rows of D joint targets (60 by default), one per control step.
 
-    It keeps the last commanded targets, from which the next motion starts. It knows kinematics
-    only: the caller sends the rows to the environment.
+    It keeps the last targets, from which the next motion starts. It knows kinematics only: the
+    caller sends the rows to the environment.
     """
 
     def __init__(self, task: Task, directory: Path, *, robot: Robot = DEFAULT_ROBOT) -> None:
@@ -59,7 +58,7 @@ class BimanualMotion:
         self.target = np.array(joint_state, dtype=float)
 
     def compute_poses(self) -> dict[Side, np.ndarray]:
-        """Compute where the last targets bring each `ee`: xyz [m] and wxyz, shape (7,), world frame."""
+        """Compute the pose of each `ee` at the last targets: xyz [m] and wxyz, shape (7,)."""
         return {
             side: self._arms[side].compute_pose(self.target[self.robot.joint_slice(side, "arm")])
             for side in SIDES
@@ -145,19 +144,19 @@ class BimanualMotion:
         return self.move_joints(goals)
 
     def park(self, sides: tuple[Side, ...] = SIDES) -> np.ndarray:
-        """Bring arms to where no camera sees them over the garment, shape (N, D)."""
+        """Move arms out of the cameras' view of the garment, shape (N, D)."""
         return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
 
     def choose_turns(self, sides: tuple[Side, ...], *rehearsals: Rehearsal) -> dict[Side, float]:
-        """Choose how far each hand is turned inward about the vertical [rad], as little as what it has to do allows.
+        """Choose each hand's smallest inward turn about the vertical [rad] that makes it reach.
 
         Args:
             sides: Working hands.
-            rehearsals: What is wanted of each hand, and what has to do where no turn can do that, and so on. Nothing
-                is sent and the targets are put back afterwards.
+            rehearsals: Motions in order of preference: the next one is tried when no turn makes the
+                one before reachable. Targets are restored afterwards.
 
         Raises:
-            UnreachableError: If a hand can do not even the last with any turn; the message is that of no turn.
+            UnreachableError: If no turn makes the last one reachable; with the message of no turn.
         """
         return {side: self._choose_turn(side, rehearsals) for side in sides}
 
@@ -178,7 +177,7 @@ class BimanualMotion:
 
     @contextmanager
     def rehearsal(self) -> Iterator[None]:
-        """Plan without consequences: at the end of the block the targets are put back."""
+        """Plan without consequences: the end of the block restores the targets."""
         target = self.target.copy()
         try:
             yield

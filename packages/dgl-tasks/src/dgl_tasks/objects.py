@@ -7,8 +7,8 @@ import numpy as np
 import sapien
 
 from dgl_assets.props import Prop, PropPart, PropShape, make_prop
+from dgl_tasks.cameras import Vector3
 from dgl_tasks.declaration import SceneObject, Task
-from dgl_tasks.fields import Vector3
 from dgl_tasks.robot import let_robot_pass, let_robot_through
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class PlacedObject:
     """An object that stands in a scene; it moves only when it is placed."""
 
     def __init__(self, scene: "ManiSkillScene", declared: SceneObject) -> None:
-        """Add a kinematic body with the object's shapes and, where pictures are taken, its looks."""
+        """Add a kinematic body with the object's shapes and, with a renderer, its looks."""
         self.declared = declared
         self.prop: Prop = make_prop(declared.prop)
         self._frames: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
@@ -60,7 +60,7 @@ class PlacedObject:
 
     @property
     def pose(self) -> np.ndarray:
-        """Where the object is: xyz [m] + quaternion wxyz, shape (7,), world frame."""
+        """Pose of the object: xyz [m] and quaternion wxyz, shape (7,), world frame."""
         pose = self._entity.pose
         return np.concatenate([pose.p, pose.q]).astype(np.float64)
 
@@ -72,10 +72,10 @@ class PlacedObject:
         return dict(self._frames[1])
 
     def place(self, position: Vector3, yaw: float = 0.0) -> None:
-        """Put the object somewhere at once.
+        """Place the object at once.
 
-        Cloth takes a move between two of its frames for a motion and is carried or hit by it; to
-        avoid that, call `SapienCloth.sync_bodies(is_jump=True)` after placing.
+        Cloth takes this for a motion and is carried or hit by it; to avoid that, call
+        `SapienCloth.sync_bodies(is_jump=True)` after placing.
 
         Args:
             position: Of the object's frame [m], world frame.

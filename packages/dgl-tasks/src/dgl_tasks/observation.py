@@ -1,4 +1,4 @@
-"""What a policy is given at one instant, and how often."""
+"""Observation of a policy, and the rates of control and recording."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ STEPS_PER_ACTION = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observation:
-    """What the robot sees and feels at one instant; world frame, float32 unless stated."""
+    """Measurements at one instant; world frame, float32 unless stated."""
 
     joint_state: np.ndarray
     """Measured joint positions [rad], shape (D,)."""
@@ -21,7 +21,7 @@ class Observation:
     image: np.ndarray
     """Environment camera, RGB, shape (480, 640, 3), uint8."""
     env_point_cloud: np.ndarray
-    """Position [m] and colour in [0, 1] of what is in the workspace but the robot, shape (2048, 6)."""
+    """Position [m] and colour in [0, 1] of garment and objects, shape (2048, 6)."""
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """Give the arrays by the keys of episode files."""

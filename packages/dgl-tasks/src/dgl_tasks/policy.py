@@ -1,4 +1,4 @@
-"""What acts in an episode: policies of joint targets, and methods that also use the environment's controller."""
+"""Policies of joint targets, and methods, which also use the environment's controller."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ Arrays = Mapping[str, np.ndarray]
 
 @runtime_checkable
 class Policy(Protocol):
-    """Gives joint targets from what is observed. Anything with these two methods can be evaluated.
+    """Maps observations to joint targets; anything with these two methods can be evaluated.
 
     Observations are dictionaries with the keys and shapes of one frame of an episode file:
     `joint_state` (D,), `ee_pose` (2, 7), `image` (480, 640, 3) and `env_point_cloud` (2048, 6).
@@ -35,27 +35,24 @@ class Policy(Protocol):
 
 @runtime_checkable
 class ObservingPolicy(Policy, Protocol):
-    """A policy that also sees what lies between two calls of `act`."""
+    """A policy that also takes the observations between two calls of `act`."""
 
     def observe(self, observation: Arrays) -> None:
-        """Take the observation after each executed target but the last, which `act` is given."""
+        """Take the observation after each executed target but the last, which goes to `act`."""
         ...
 
 
 @runtime_checkable
 class Method(Protocol):
-    """A way to do a task: it drives a whole episode, with the environment's controller for what it does not learn."""
+    """Acts in a whole episode, with the environment's controller for scripted parts."""
 
     def run(self, hands: Handling) -> Part:
-        """Act, from the parked arms beside the dropped garment until nothing more is to be done.
-
-        Hands that are not parked then are opened and drawn back before the garment is judged.
-        """
+        """Act from the parked arms on; at the end, arms that are not parked retreat and park."""
         ...
 
 
 class Nothing:
-    """Leaves the garment as it fell: what a success rule must not accept."""
+    """Leaves the garment as it fell; success rules must not accept that."""
 
     def run(self, hands: Handling) -> Part:
         """Do nothing."""
@@ -65,19 +62,19 @@ class Nothing:
 
 @dataclass(frozen=True, kw_only=True)
 class FromStart:
-    """Lets a policy of joint targets act from the parked arms on."""
+    """Lets a policy act from the parked arms on."""
 
     policy: Policy
-    """Its joint targets are executed."""
+    """Gives the joint targets."""
     actions: int
-    """How many of them at most; at least 1."""
+    """Largest number of targets; at least 1."""
 
     def __post_init__(self) -> None:
         if self.actions < 1:
             raise ValueError(f"actions must be at least 1; got {self.actions}")
 
     def run(self, hands: Handling) -> Part:
-        """Observe, act, and execute until the policy ends the episode or has had its actions."""
+        """Observe, act, and execute until the policy ends the episode or no action is left."""
         sensed = yield from hands.look(*SENSOR_CAMERAS)
         seen = sensed.observe().as_arrays()
         self.policy.reset({**seen, "garment_point_cloud": sensed.see_garment()})

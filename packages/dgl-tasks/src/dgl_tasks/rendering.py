@@ -1,4 +1,4 @@
-"""What SAPIEN says where it cannot draw, in words that help."""
+"""Clear errors for SAPIEN's failures to render."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ __all__ = ["explain_rendering"]
 
 @contextmanager
 def explain_rendering() -> Iterator[None]:
-    """Turn what SAPIEN says where it cannot draw into what is missing.
+    """Turn SAPIEN's failures to render into a message with the missing part.
 
     Raises:
         RenderingUnavailableError: If the block raises such a `RuntimeError`.

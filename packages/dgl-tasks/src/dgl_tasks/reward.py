@@ -1,4 +1,4 @@
-"""Dense rewards: pure functions of what is known after a step, for reinforcement learning."""
+"""Dense rewards for reinforcement learning: pure functions of the state after a step."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,14 @@ _LARGEST = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class RewardTerms:
-    """What a step is worth, in parts that each lie in [0, 1]."""
+    """Terms of the reward of a step, each in [0, 1]."""
 
     reach: float
-    """How near the hands are to the garment; 1 once the rule is met, so that they may leave."""
+    """Nearness of the hands to the garment; 1 once the rule is met, so that they may retreat."""
     progress: float
-    """How far each criterion's value has come from where it was at the start towards its threshold, on average."""
+    """Mean share of the way from each criterion's value at the start to its threshold."""
     rest: float
-    """Of a garment for which the rule is met: whether the hands have let go of it, and how calm it lies."""
+    """Calmness of a garment that meets the rule and is released."""
 
     @property
     def dense(self) -> float:
@@ -31,7 +31,7 @@ class RewardTerms:
 
     @property
     def normalized(self) -> float:
-        """The same in [0, 1]."""
+        """The dense reward, scaled to [0, 1]."""
         return self.dense / _LARGEST
 
 
@@ -46,10 +46,10 @@ def compute_reward_terms(
     """Compute the terms of the dense reward.
 
     Args:
-        verdict: What the task's rule says now.
-        start: What it said before the robots touched the garment.
+        verdict: Present result of the task's rule.
+        start: Its result before the robots touched the garment.
         distances: From each hand's grasp point to the nearest of the garment [m], shape (2,).
-        is_released: Whether no hand touches the garment.
+        is_released: No hand touches the garment.
         speed: RMS speed of the garment's particles [m/s].
 
     Raises:
@@ -73,7 +73,7 @@ def compute_reward_terms(
 
 
 def _measure_progress(now: Criterion, start: Criterion) -> float:
-    """Say what share of the way from a criterion's value at the start to its threshold is done, in [0, 1]."""
+    """Compute the share of the way from the value at the start to the threshold, in [0, 1]."""
     sign = 1.0 if now.comparison in (">", ">=") else -1.0
     way = max(sign * (now.threshold - start.value), 1e-6)
     return 1.0 if now.is_met else float(np.clip(sign * (now.value - start.value) / way, 0, 1))

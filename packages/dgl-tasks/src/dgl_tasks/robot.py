@@ -1,9 +1,8 @@
-"""Two arms with hands as one ManiSkill agent: UR10e with Shadow Hands, or a user's own."""
+"""Two arms with hands as one ManiSkill agent: UR10e with Shadow Hands, or others."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -29,10 +28,8 @@ from dgl_assets.robots import (
 )
 from dgl_tasks.robot_files import DEFAULT_ROBOT_DIRECTORY, writing_robot_files
 
-GroundContact = Literal["hands", "all", "none"]
-
 SIDE_COLLISION_BITS: dict[Side, int] = {"left": 27, "right": 28}
-"""Bits of collision group 2: shapes that share one ignore each other, so a side ignores itself."""
+"""Bits of collision group 2: shapes that share one ignore each other, a side itself."""
 GROUND_COLLISION_BIT = 30
 """Bit of collision group 2 shared by a ground and the links that pass through it.
 
@@ -41,14 +38,14 @@ The same bit as ManiSkill's mobile robots use.
 
 
 class JointTargetController(PDJointPosController):
-    """ManiSkill's controller of joint positions, which hands targets to SAPIEN at once.
+    """ManiSkill's controller of joint positions, with targets passed to SAPIEN directly.
 
-    ManiSkill's own way takes each of 60 joints through torch at every control step, which costs as much
-    as half of the rigid bodies' simulation. Limitations: PhysX on the CPU.
+    ManiSkill takes each of 60 joints through torch at every control step, which costs half as much
+    as the rigid bodies' simulation. Limitations: PhysX on the CPU.
     """
 
     def set_drive_targets(self, targets: torch.Tensor) -> None:
-        """Set the targets of the drives [rad], shape (1, n), in the order of the controller's joints."""
+        """Set the drives' targets [rad], shape (1, n), in the order of the controller's joints."""
         for joint, target in zip(self.joints, targets.numpy().reshape(-1, 1), strict=True):
             joint._objs[0].set_drive_target(target)  # noqa: SLF001  ManiSkill has no quicker way
 
@@ -65,21 +62,19 @@ class BimanualUR10eShadow(BaseAgent):
     """Two UR10e arms with Shadow Hands under one fixed root; gravity does not act on them.
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
-    `dgl_assets.robots.JOINT_NAMES`. That of `pd_ee_pose` has, for left and right, the pose of `ee` in the
-    world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand; an arm that
-    cannot reach its pose stays where it is. Where the bases stand, and which robot it is, are class
-    attributes: make a variant with `make_agent_class`.
+    `dgl_assets.robots.JOINT_NAMES`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
+    in the world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand;
+    an arm that cannot reach its pose stays. Robot and bases are class attributes;
+    `make_agent_class` makes variants.
     """
 
     uid = "bimanual_ur10e_shadow"
     model: Robot = DEFAULT_ROBOT
-    """What is known about the robot; D is its number of joints, in the order of its `joint_names`."""
+    """Description of the robot; D is its number of joints, in the order of its `joint_names`."""
     left_base: BasePlacement = DEFAULT_LEFT_BASE
     """Left base: x, y, z [m] and yaw [rad], world frame."""
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     """Right base, likewise."""
-    ground_contact: GroundContact = "hands"
-    """Which links a marked ground stops: palms and fingers, everything, or nothing."""
     directory: Path = DEFAULT_ROBOT_DIRECTORY
     """Folder for the generated robot files."""
 
@@ -98,12 +93,12 @@ class BimanualUR10eShadow(BaseAgent):
             side = link.name.split("_", 1)[0]
             if side in SIDE_COLLISION_BITS:
                 link.set_collision_group_bit(2, SIDE_COLLISION_BITS[side], 1)
-            if not self._meets_ground(link.name):
+            if link.name.split("_", 1)[-1] not in self.model.hand.ground_links:
                 link.set_collision_group_bit(2, GROUND_COLLISION_BIT, 1)
         armatures = [g.armature for g in (*self.model.arm.gains, *self.model.hand.gains)] * 2
         by_name = dict(zip(self.model.joint_names, armatures, strict=True))
         for joint in self.robot.active_joints:
-            for entity_joint in joint._objs:  # noqa: SLF001  ManiSkill has no armature setter
+            for entity_joint in joint._objs:  # noqa: SLF001  ManiSkill has no setter
                 entity_joint.set_armature(np.array([by_name[joint.name]], dtype=np.float32))
 
     def _after_init(self) -> None:
@@ -153,11 +148,6 @@ class BimanualUR10eShadow(BaseAgent):
                     )
         return {"pd_joint_pos": joints, "pd_ee_pose": poses}
 
-    def _meets_ground(self, link_name: str) -> bool:
-        if self.ground_contact != "hands":
-            return self.ground_contact == "all"
-        return link_name.split("_", 1)[-1] in self.model.hand.ground_links
-
     def get_joint_state(self) -> torch.Tensor:
         """Read the joint positions [rad], shape (B, D), in the order of the model."""
         return self.robot.get_qpos()[:, self._from_articulation]
@@ -167,7 +157,7 @@ class BimanualUR10eShadow(BaseAgent):
         return self.get_joint_state()[0].cpu().numpy().astype(np.float32)
 
     def read_hands(self) -> np.ndarray:
-        """Read the poses of both `ee` frames, left first: xyz [m] and wxyz, shape (2, 7), world."""
+        """Read the poses of both `ee`, left first: xyz [m] and wxyz, shape (2, 7), world frame."""
         # past ManiSkill's tensors, which cost ten times as much
         poses = [link._objs[0].entity_pose for link in self._ee_links]  # noqa: SLF001
         return np.stack([np.concatenate([pose.p, pose.q]) for pose in poses])
@@ -194,7 +184,7 @@ class BimanualUR10eShadow(BaseAgent):
         self.reset(q[..., self._to_articulation])
 
     def get_ee_poses(self) -> torch.Tensor:
-        """Read the poses of both `ee` frames, left first: xyz [m] and wxyz, shape (B, 2, 7), world."""
+        """Read the poses of both `ee`, left first: xyz [m] and wxyz, shape (B, 2, 7), world."""
         return torch.stack([link.pose.raw_pose for link in self._ee_links], dim=1)
 
 
@@ -204,7 +194,6 @@ def make_agent_class(
     robot: Robot = DEFAULT_ROBOT,
     left_base: BasePlacement = DEFAULT_LEFT_BASE,
     right_base: BasePlacement = DEFAULT_RIGHT_BASE,
-    ground_contact: GroundContact = "hands",
     directory: Path = DEFAULT_ROBOT_DIRECTORY,
 ) -> type[BimanualUR10eShadow]:
     """Make the agent class for a task's base placement, to be given as `robot_uids`.
@@ -213,16 +202,11 @@ def make_agent_class(
         robot: Which arms and hands.
         left_base: Left base: x, y, z [m] and yaw [rad], world frame.
         right_base: Right base, likewise.
-        ground_contact: Which links meet a ground marked by `let_robot_pass`: "hands" (palms and
-            fingers: a flat grasp brings the forearm housing below z = 0), "all" or "none".
         directory: Folder for the generated robot files.
 
     Returns:
         A subclass of `BimanualUR10eShadow`; equal arguments give the same class.
     """
-    choices = ("hands", "all", "none")
-    if ground_contact not in choices:
-        raise ValueError(f"ground_contact must be one of {choices}; got {ground_contact!r}")
     return type(
         "BimanualUR10eShadow",
         (BimanualUR10eShadow,),
@@ -230,7 +214,6 @@ def make_agent_class(
             "model": robot,
             "left_base": left_base,
             "right_base": right_base,
-            "ground_contact": ground_contact,
             "directory": directory,
             "__doc__": BimanualUR10eShadow.__doc__,
         },
@@ -244,5 +227,5 @@ def let_robot_through(actor: Actor) -> None:
 
 
 def let_robot_pass(actor: Actor) -> None:
-    """Mark a ground, table or prop that the links outside of `ground_contact` pass through."""
+    """Mark a ground or an object that only palms and fingers touch."""
     actor.set_collision_group_bit(2, GROUND_COLLISION_BIT, 1)

@@ -1,4 +1,4 @@
-"""Where generated robot files are kept, and what is said when they cannot be written."""
+"""The folder of generated robot files, and the error when it cannot be written."""
 
 import os
 from collections.abc import Iterator
@@ -9,13 +9,13 @@ from dgl_tasks.errors import RobotFilesError
 
 
 def find_robot_directory() -> Path:
-    """Give the folder of robot files: in `$XDG_CACHE_HOME`, or in `~/.cache` where that is not set."""
+    """Give the folder of robot files, in `$XDG_CACHE_HOME` or else in `~/.cache`."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "dexgarmentlab" / "robots"
 
 
 DEFAULT_ROBOT_DIRECTORY = find_robot_directory()
-"""Where generated robot files are kept between runs, as `XDG_CACHE_HOME` says when this is imported."""
+"""Folder of generated robot files, by `XDG_CACHE_HOME` at the time of import."""
 
 
 @contextmanager

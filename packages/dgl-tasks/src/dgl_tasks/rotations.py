@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 
 def to_rotation(quaternion: ArrayLike) -> Rotation:
-    """Make the rotation of a quaternion wxyz, shape (4,), of any length; refuses one that is zero or not finite."""
+    """Make the rotation of a quaternion wxyz, shape (4,), of any finite length but zero."""
     q = np.asarray(quaternion, dtype=float)
     norm = np.linalg.norm(q)
     if q.shape != (4,) or not np.isfinite(norm) or norm < 1e-6:

@@ -1,4 +1,4 @@
-"""Whether a declaration's scene can be built and worked in, before anything is simulated."""
+"""Checks of a declaration's scene, before anything is simulated."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -8,22 +8,24 @@ import numpy as np
 from dgl_assets.props import Prop, make_prop
 from dgl_tasks.declaration import SceneObject, Task
 
+BODY, BODY_HEIGHT = 0.15, 0.6
+"""Half width of the body around a robot's base, and its height above it [m]."""
 REACH = 1.6
-"""Farthest that a grasp point can be from the base of an arm [m]: 1.3 of the UR10e, and the hand."""
+"""Reach of a grasp point from the base of an arm [m]: 1.3 of the UR10e, and the hand."""
 
 
 def get_frame(frames: Mapping[str, Mapping[str, np.ndarray]], name: str) -> np.ndarray:
-    """Look a place of an object up, such as "stand.top" [m], shape (3,).
+    """Look up a frame of an object, such as "stand.top" [m], shape (3,).
 
     Raises:
-        ValueError: If there is no such object, or it has no such place.
+        ValueError: If there is no such object, or it has no such frame.
     """
     owner, _, place = name.partition(".")
     if owner not in frames:
         raise ValueError(f"{name!r}: there is no object {owner!r}; there are {sorted(frames)}")
     if place not in frames[owner]:
         raise ValueError(
-            f"{name!r}: {owner} has no place {place!r}; it has {sorted(frames[owner])}"
+            f"{name!r}: {owner} has no frame {place!r}; it has {sorted(frames[owner])}"
         )
     return frames[owner][place]
 
@@ -32,7 +34,8 @@ def check_scene(task: Task) -> None:
     """Check the objects of a task.
 
     Raises:
-        ValueError: If the start or the rule names an unknown place, two objects may overlap, or one is out of reach.
+        ValueError: If the start or the rule names an unknown frame, two objects may overlap,
+            or one may stand in a robot or is out of reach.
     """
     props: dict[str, Prop] = {}
     for item in task.objects:
@@ -50,14 +53,23 @@ def check_scene(task: Task) -> None:
     for (one, first), (other, second) in combinations(boxes.items(), 2):
         if (first[0] < second[1]).all() and (second[0] < first[1]).all():
             raise ValueError(
-                f"task {task.id}: objects {one!r} and {other!r} overlap, or may where they are drawn"
+                f"task {task.id}: objects {one!r} and {other!r} overlap, or may where they are "
+                "drawn"
             )
+    for side, (x, y, z, _) in (("left", task.left_base), ("right", task.right_base)):
+        low, high = (x - BODY, y - BODY, 0.0), (x + BODY, y + BODY, z + BODY_HEIGHT)
+        for name, box in boxes.items():
+            if (box[0] < high).all() and (low < box[1]).all():
+                raise ValueError(
+                    f"task {task.id}: object {name!r} stands in the base of the {side} robot at "
+                    f"({x:g}, {y:g}), or may where it is drawn"
+                )
     for item in task.objects:
         _check_reach(task, item, props[item.name])
 
 
 def _bound(item: SceneObject, prop: Prop) -> np.ndarray:
-    """Corners of the box that holds an object wherever it is drawn [m], shape (2, 3)."""
+    """Corners of the box that holds an object in all its drawn poses [m], shape (2, 3)."""
     low, high = prop.extent
     c, s = np.cos(item.yaw), np.sin(item.yaw)
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])

@@ -14,7 +14,7 @@ import sapien
 from sapien import physx, render
 
 HEIGHT = 0.0008
-"""How far above the floor shadows are drawn [m]."""
+"""Height of drawn shadows above the floor [m]."""
 _OUTLINE = 14  # corners of a convex body's shadow
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 """Corners of a cube of side 2 about the origin, shape (8, 3)."""
@@ -56,7 +56,7 @@ class ShadowCaster:
         polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
         first = faces.max() + 1 + np.arange(len(self._radii)) * _OUTLINE
         self.faces = np.concatenate([faces, (first[:, None, None] + polygon).reshape(-1, 3)])
-        """Triangles of the shadow, shape (G, 3); seen from above those are enough that are counter-clockwise."""
+        """Triangles of the shadow, shape (G, 3); counter-clockwise ones suffice."""
 
     def cast(self, positions: np.ndarray) -> np.ndarray:
         """Compute the vertices of the shadow as the bodies are now.

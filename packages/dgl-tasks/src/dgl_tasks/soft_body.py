@@ -1,4 +1,4 @@
-"""A garment as it is simulated: cloth, or an elastic shell, with its surface among the particles."""
+"""A garment in a simulation: cloth, or an elastic shell, and its surface among the particles."""
 
 import logging
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 
 
 class SoftBody:
-    """A garment and what it is made of."""
+    """A garment with its material."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class SoftBody:
 
         Args:
             cloth: The simulation.
-            vertices: Where its vertices are at first [m], shape (V, 3): an elastic shell is moved, but not bent.
+            vertices: Initial vertices [m], shape (V, 3); an elastic shell is moved, but not bent.
 
         Raises:
             MeshError: If its mesh cannot be simulated.
@@ -73,7 +73,7 @@ class SoftBody:
             )
 
     def get_surface(self, particles: np.ndarray) -> np.ndarray:
-        """Give the vertices of the garment, shape (V, 3), among all particles [m], shape (P, 3).
+        """Select the garment's vertices, shape (V, 3), from all particles [m], shape (P, 3).
 
         The wall of a shell has particles on both sides; the outer ones come first.
         """

@@ -48,9 +48,9 @@ NADIR = (0.13, 0.12, 0.11)
 DOME_PATH = Path(__file__).with_name("dome.ktx")
 """The dome of these three colours as a cube map; `scripts/make_dome.py` writes it."""
 KEY_DIRECTION = (0.52, -0.27, -0.81)
-"""Where the lamp's light goes: in from the side, so that folds show."""
+"""Direction of the lamp's light: from the side, so that folds show."""
 KEY_COLOUR = (2.75, 2.68, 2.55)
-"""Light of the lamp; a white floor under it shines with this, times the sine of its height, over pi."""
+"""Light of the lamp; a white floor reflects this, times the sine of its height, over pi."""
 
 SHADE = 0.62
 """Brightness of the floor in shadow, linear, a factor: lighter than true, as under a large lamp."""
@@ -79,14 +79,14 @@ _FINEST = 0.02  # pixels above this size show no grain of a floor [m]
 
 @dataclass(frozen=True, kw_only=True)
 class FloorLook:
-    """How the floor and the mat on it look."""
+    """Look of floor and mat."""
 
     material: FloorMaterial | None = None
-    """What the floor is made of; the studio's plain floor when None."""
+    """Material of the floor; the studio's plain floor when None."""
     turn: float = 0.0
     """Angle between the material's u and the world's x [rad]."""
     offset: Point2 = (0.0, 0.0)
-    """Where the material's tile begins [m]."""
+    """Origin of the material's tile [m]."""
     mat: tuple[float, float, float] | None = MAT
     """Colour of the mat, linear; without a mat when None."""
 
@@ -126,7 +126,7 @@ def build_floor(scene: "ManiSkillScene") -> "Actor":
 
 
 class FloorPicture:
-    """What is seen of the ground of `build_floor`, with what is thrown onto it."""
+    """Picture of the ground of `build_floor`, and of the shadows on it."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class FloorPicture:
         mat_centre: Point2,
         pedestals: Sequence[Point3] = (),
     ) -> None:
-        """Remember where things stand; nothing is drawn until `draw`.
+        """Prepare the picture; `draw` draws it.
 
         Args:
             scene: ManiSkill's scene, which must be able to render.
@@ -169,10 +169,10 @@ class FloorPicture:
     def build_caster(
         self, bodies: Sequence[sapien.physx.PhysxRigidBaseComponent], faces: np.ndarray
     ) -> ShadowCaster:
-        """Find out what throws shadows: a garment, bodies and the pedestals.
+        """Collect what throws shadows: a garment, bodies and the pedestals.
 
         Args:
-            bodies: Rigid bodies that do.
+            bodies: Rigid bodies.
             faces: Triangles of the garment, shape (F, 3).
         """
         columns = [
@@ -256,7 +256,7 @@ def paint_floor(
         look: Of floor and mat.
 
     Returns:
-        Picture, shape (pixels, pixels, 3), uint8, sRGB, read-only; rows follow world y, columns world x.
+        Read-only picture, shape (pixels, pixels, 3), uint8, sRGB; rows follow y, columns x.
     """
     offset = ((np.arange(pixels) + 0.5) / pixels - 0.5) * side
     x, y = np.meshgrid(offset, offset)  # from the mat's centre
@@ -303,7 +303,7 @@ def _lay(
 
 
 def light_on_floor() -> np.ndarray:
-    """What a white floor shines with, linear, shape (3,)."""
+    """Light that a white floor reflects, linear, shape (3,)."""
     direction = np.array(KEY_DIRECTION)
     sine = -direction[2] / np.linalg.norm(direction)
     dome = 0.8 * np.array(ZENITH) + 0.2 * np.array(HORIZON)  # the blur of SAPIEN's diffuse light

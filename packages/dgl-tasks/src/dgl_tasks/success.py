@@ -1,47 +1,48 @@
-"""Success rules: pure functions of a scene, which give named criteria with what was measured."""
+"""Success rules: pure functions of a scene that give named criteria with measured values."""
 
-import math
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Literal, Protocol, runtime_checkable
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import numpy as np
+from annotated_types import Ge, Interval
 
-from dgl_tasks.fields import check_fields
+from dgl_files.fields import adopt_fields
 
 AREA_CELL = 0.01
 """Side of the cells in which covered area is counted [m]."""
 
 TOP = 0.02
-"""What is lower than the highest point by less than this counts as a garment's highest part [m]."""
+"""Depth of a garment's highest part, below its highest point [m]."""
 
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 
 Box = tuple[float, float, float, float]
 """A horizontal box: x low, y low, x high, y high [m]."""
+Limit = Annotated[float, Ge(0.0)]
+Share = Annotated[float, Interval(ge=0.0, le=1.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """One condition of a success rule, with what was measured."""
+    """One condition of a success rule, with the measured value."""
 
     name: str
-    """What is measured, such as `share inside the box`."""
+    """Measured quantity, such as `share inside the box`."""
     value: float
     """The measured value."""
     comparison: Literal["<", "<=", ">", ">="]
-    """How the value must compare with the threshold."""
+    """Required relation of the value to the threshold."""
     threshold: float
-    """The limit."""
     unit: str = ""
     """Unit of value and threshold."""
     failure: str = "below the threshold"
-    """What not to meet it is called, in words that can be counted."""
+    """Reason of a failure by this criterion, in words that can be counted."""
 
     @property
     def is_met(self) -> bool:
-        """Whether the value satisfies the condition."""
+        """The value satisfies the condition."""
         return bool(_COMPARE[self.comparison](self.value, self.threshold))
 
 
@@ -52,7 +53,7 @@ class Verdict:
     criteria: tuple[Criterion, ...]
     """All of them have to be met; the first is the one that the task is about."""
     box: Box | None = None
-    """The box that the rule looked at, for pictures."""
+    """The box of the rule, for pictures."""
 
     def __post_init__(self) -> None:
         if not self.criteria:
@@ -60,21 +61,21 @@ class Verdict:
 
     @property
     def success(self) -> bool:
-        """Whether all criteria are met."""
+        """All criteria are met."""
         return self.reason is None
 
     @property
     def reason(self) -> str | None:
-        """What the first criterion that is not met is called; None for a success."""
+        """Failure of the first criterion that is not met; None for a success."""
         return next((c.failure for c in self.criteria if not c.is_met), None)
 
     @property
     def value(self) -> float:
-        """What was measured for the first criterion."""
+        """Measured value of the first criterion."""
         return self.criteria[0].value
 
     def describe_shortfalls(self) -> str:
-        """Put what is not met into words."""
+        """Put the criteria that are not met into words."""
         return "; ".join(
             f"{c.name}: {c.value:.3f}{c.unit}, needed {c.comparison} {c.threshold:g}{c.unit}"
             for c in self.criteria
@@ -83,13 +84,13 @@ class Verdict:
 
 
 class SceneView(Protocol):
-    """What a rule judges: the scene as it is, or as somebody believes it to be."""
+    """The scene as a rule judges it: true or believed."""
 
     @property
     def top(self) -> np.ndarray:
-        """What can be seen of the garment from straight above [m], shape (N, 3): each point stands for the same area.
+        """Surface visible from straight above [m], shape (N, 3): each point stands for equal area.
 
-        N is 0 when it is out of sight.
+        N is 0 when the garment is out of sight.
         """
         ...
 
@@ -100,22 +101,22 @@ class SceneView(Protocol):
 
     @property
     def tilt(self) -> float:
-        """How far the garment as a whole leans from how it stands upright [rad]; NaN where that is not known."""
+        """Lean of the whole garment from upright [rad]; NaN where it is not known."""
         ...
 
     @property
     def landmarks(self) -> Mapping[str, np.ndarray]:
-        """Places of the garment by name as it lay before it was touched [m], shape (3,)."""
+        """Landmarks of the garment by name, before it was touched [m], shape (3,)."""
         ...
 
     @property
     def flat_area(self) -> float:
-        """Area that the garment covers when it lies flat [m^2], counted as `compute_covered_area` does."""
+        """Area of the garment lying flat [m^2], counted as `compute_covered_area` does."""
         ...
 
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:
-        """Named places of the objects in the scene, by object and name [m], shape (3,)."""
+        """Frames of the objects in the scene, by object and name [m], shape (3,)."""
         ...
 
 
@@ -125,16 +126,16 @@ class SuccessRule(Protocol):
 
     @property
     def landmarks(self) -> tuple[str, ...]:
-        """Names of the places in `SceneView.landmarks` that the rule needs."""
+        """Names in `SceneView.landmarks` that the rule needs."""
         ...
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Names of the objects' places that the rule needs, such as "hanger.target"."""
+        """Names of the objects' frames that the rule needs, such as "hanger.target"."""
         ...
 
     def __call__(self, view: SceneView) -> Verdict:
-        """Judge what is there."""
+        """Judge the scene."""
         ...
 
 
@@ -146,8 +147,8 @@ def compute_covered_area(points: np.ndarray, *, cell: float = AREA_CELL) -> floa
         cell: Side of the cells that are counted [m].
 
     Returns:
-        Area of the cells with a point in them [m^2]; larger than the true one by about half a cell
-        along the outline, for whatever is compared with it as well. None is covered without points.
+        Area of the cells with a point in them [m^2], too large by about half a cell along the
+        outline; 0 without points.
 
     Raises:
         ValueError: If the shape is another one.
@@ -164,7 +165,7 @@ def compute_box_share(points: np.ndarray, box: Box) -> float:
         box: Its sides [m].
 
     Returns:
-        Share in [0, 1]; 0 without points: of what is out of sight nothing is seen to be inside.
+        Share in [0, 1]; 0 without points.
 
     Raises:
         ValueError: If the shape is another one.
@@ -179,47 +180,30 @@ def compute_box_share(points: np.ndarray, box: Box) -> float:
     return float(inside.mean())
 
 
-def _check_numbers(rule: object, *shares: str) -> None:
-    """Check the types of a rule's fields, that its numbers are not negative, and that shares are at most 1.
-
-    Raises:
-        ValueError: If one is not.
-    """
-    check_fields(rule)
-    for declared in fields(rule):  # pyright: ignore[reportArgumentType] - rules are dataclasses
-        value = getattr(rule, declared.name)
-        if declared.type not in (float, float | None) or value is None:
-            continue
-        most = 1.0 if declared.name in shares else math.inf
-        if not 0 <= value <= most:
-            allowed = "in [0, 1]" if most == 1.0 else "a finite number of at least 0"
-            raise ValueError(f"{declared.name} must be {allowed}; got {value!r}")
-
-
 @dataclass(frozen=True, kw_only=True)
 class ShareInBox:
-    """Enough of what is seen from above lies inside a box of key points of the garment before it was touched."""
+    """Enough of the visible area lies inside a box of the garment's landmarks at the start."""
 
     left: tuple[str, ...]
-    """Points whose mean x is the left side of the box."""
+    """Landmarks whose mean x is the left side of the box."""
     right: tuple[str, ...]
-    """Points whose mean x is the right side."""
+    """Landmarks whose mean x is the right side."""
     near: str
-    """Point whose y is the side next to the robots."""
+    """Landmark whose y is the side next to the robots."""
     far: str
-    """Point whose y is the far side."""
+    """Landmark whose y is the far side."""
     margins: tuple[float, float, float, float]
-    """How far the box reaches beyond its left, near, right and far side [m]."""
-    threshold: float
-    """Least share of the visible area, in [0, 1]."""
+    """Widening of the box at its left, near, right and far side [m]."""
+    threshold: Share
+    """Least share of the visible area."""
     frames: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "threshold")
+        adopt_fields(self)
 
     @property
     def landmarks(self) -> tuple[str, ...]:
-        """Names of the key points."""
+        """Names of the landmarks."""
         return tuple(dict.fromkeys((*self.left, *self.right, self.near, self.far)))
 
     def __call__(self, view: SceneView) -> Verdict:
@@ -248,13 +232,13 @@ class ShareInBox:
 class CoversFlatArea:
     """The garment covers nearly the area that it covers when it lies flat (paper)."""
 
-    tolerance: float = 0.2
-    """How far the ratio of the areas may be from 1; the paper's bound, which it must stay below."""
+    tolerance: Share = 0.2
+    """Bound of the deviation of the areas' ratio from 1, exclusive (paper)."""
     landmarks: tuple[str, ...] = field(default=(), init=False)
     frames: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "tolerance")
+        adopt_fields(self)
 
     def __call__(self, view: SceneView) -> Verdict:
         """Compare the covered area with the flat one."""
@@ -269,47 +253,44 @@ class CoversFlatArea:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtPlace:
-    """What rules about a place of an object share."""
+class AtFrame:
+    """Base of the rules about a frame of an object."""
 
-    place: str
-    """The object's place, such as "hanger.target"."""
+    frame: str
+    """The object's frame, such as "hanger.target"."""
     landmarks: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        _check_numbers(self)
+        adopt_fields(self)
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The place alone."""
-        return (self.place,)
+        """The one frame."""
+        return (self.frame,)
 
     def get_target(self, view: SceneView) -> np.ndarray:
-        """Look the place up [m], shape (3,)."""
-        owner, _, name = self.place.partition(".")
+        """Look up the frame's position [m], shape (3,)."""
+        owner, _, name = self.frame.partition(".")
         return view.frames[owner][name]
 
 
 @dataclass(frozen=True, kw_only=True)
-class HangsOver(AtPlace):
-    """The garment hangs over a bar or a hook at the place, in its middle, and hardly any of it is near the ground."""
+class HangsOver(AtFrame):
+    """The garment hangs over a bar or hook by its middle, and hardly any of it is on the ground."""
 
-    sideways: float
-    """How far the garment's middle may be from the place in x [m]."""
-    below: float | None = None
-    """How far the garment's middle may be below the place [m]; as far as may be when None."""
-    height: float = 0.01
-    """What is lower counts as lying on the ground [m] (original code)."""
-    on_ground: float = 15 / 2048
+    sideways: Limit
+    """Largest distance of the garment's middle from the frame in x [m]."""
+    below: Limit | None = None
+    """Largest distance of the garment's middle below the frame [m]; any when None."""
+    height: Limit = 0.01
+    """Height below which the garment counts as lying on the ground [m] (original code)."""
+    on_ground: Share = 15 / 2048
     """Largest share of the garment that may lie there (original code)."""
-    over: float = 0.08
-    """How far the garment's highest part may be from the place in y and z [m]."""
-
-    def __post_init__(self) -> None:
-        _check_numbers(self, "on_ground")
+    over: Limit = 0.08
+    """Largest distance of the garment's highest part from the frame in y and z [m]."""
 
     def __call__(self, view: SceneView) -> Verdict:
-        """Measure what lies on the ground, how far off the middle hangs, and where the garment's top is."""
+        """Measure the share on the ground, and the positions of the garment's middle and top."""
         points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
         target = self.get_target(view)
         middle = points.mean(axis=0)
@@ -323,35 +304,24 @@ class HangsOver(AtPlace):
              float(np.linalg.norm((top - target)[1:])), self.over, " m", "not over the bar"),
         ]  # fmt: skip
         if self.below is not None:
-            drop = float(target[2] - middle[2])
-            limits.append(
-                (
-                    "distance of the garment's middle below the bar",
-                    drop,
-                    self.below,
-                    " m",
-                    "too low",
-                )
-            )
+            name = "distance of the garment's middle below the bar"
+            limits.append((name, float(target[2] - middle[2]), self.below, " m", "too low"))
         return _require_at_most(*limits)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RestsOn(AtPlace):
-    """The garment lies on the level top of an object: its middle is near the place, and little of it is lower."""
+class RestsOn(AtFrame):
+    """The garment lies on the top of an object: its middle is near the frame, little is lower."""
 
-    within: float
-    """How far the middle of what is seen of the garment from above may be from the place, horizontally [m]."""
-    lower: float = 0.4
-    """Largest share of the garment that may be lower than the place: what is wider than the object hangs over its edges."""
-    margin: float = 0.01
-    """By how much it may be lower without being counted [m]."""
-
-    def __post_init__(self) -> None:
-        _check_numbers(self, "lower")
+    within: Limit
+    """Largest horizontal distance from the frame to the middle of the visible garment [m]."""
+    lower: Share = 0.4
+    """Largest share of the garment that may be lower than the frame: over the object's edges."""
+    margin: Limit = 0.01
+    """Depth below the frame that does not count as lower [m]."""
 
     def __call__(self, view: SceneView) -> Verdict:
-        """Measure how far off the garment's middle is, and how much of it is lower than the place."""
+        """Measure the distance of the garment's middle, and the share that is lower."""
         target = self.get_target(view)
         top = view.top if len(view.top) else np.full((1, 3), 1e3)
         points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
@@ -366,16 +336,16 @@ class RestsOn(AtPlace):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SitsOn(AtPlace):
-    """The garment is worn on a place that goes into it: its middle is near and no higher, and it is upright."""
+class SitsOn(AtFrame):
+    """The garment is worn: its middle is near the frame and no higher, and it is upright."""
 
-    within: float
-    """How far the garment's middle may be from the place [m]."""
-    leaning: float
-    """How far the garment may lean [rad]."""
+    within: Limit
+    """Largest distance of the garment's middle from the frame [m]."""
+    leaning: Limit
+    """Largest lean of the garment [rad]."""
 
     def __call__(self, view: SceneView) -> Verdict:
-        """Measure how far off the garment's middle is, and how high."""
+        """Measure distance and height of the garment's middle, and its lean."""
         middle = view.surface.mean(axis=0) if len(view.surface) else np.full(3, 1e3)
         off = middle - self.get_target(view)
         return _require_at_most(
@@ -388,16 +358,11 @@ class SitsOn(AtPlace):
 
 
 def _require_at_most(*limits: tuple[str, float, float, str, str]) -> Verdict:
-    """Judge by names, values, what these may be at most, units, and what more is called."""
+    """Judge by names, values, upper limits, units, and failures."""
     return Verdict(
         criteria=tuple(
             Criterion(
-                name=name,
-                value=value,
-                comparison="<=",
-                threshold=most,
-                unit=unit,
-                failure=failure,
+                name=name, value=value, comparison="<=", threshold=most, unit=unit, failure=failure
             )
             for name, value, most, unit, failure in limits
         )

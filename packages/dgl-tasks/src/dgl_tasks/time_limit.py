@@ -8,10 +8,10 @@ from gymnasium.utils import RecordConstructorArgs
 
 
 class BatchedTimeLimit(gymnasium.Wrapper, RecordConstructorArgs):
-    """Gives `truncated` as a tensor, shape (1,), bool, where `gymnasium.wrappers.TimeLimit` says `True`.
+    """Gives `truncated` as a tensor, shape (1,), where Gymnasium's `TimeLimit` gives a bool.
 
-    It stands around the environment that `gymnasium.make(..., max_episode_steps=...)` has made, since ManiSkill's own
-    wrappers take `terminated` and `truncated` together and need tensors of both.
+    It wraps the environment of `gymnasium.make(..., max_episode_steps=...)`: ManiSkill's wrappers
+    need tensors of both `terminated` and `truncated`.
     """
 
     def __init__(self, env: gymnasium.Env) -> None:

@@ -1,4 +1,4 @@
-"""The scene as it is, for success rules."""
+"""Ground truth of the scene, for success rules."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from dgl_tasks.coverage import sample_visible_surface
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrueView:
-    """What the simulation knows; implements `dgl_tasks.success.SceneView`."""
+    """The simulation's state; implements `dgl_tasks.success.SceneView`."""
 
     particles: np.ndarray
     """Vertices of the garment's surface [m], shape (V, 3), world frame."""
     faces: np.ndarray
     """Its triangles, shape (F, 3)."""
     upright: np.ndarray
-    """Its vertices as it stands upright, or lies flat, shape (V, 3)."""
+    """Its vertices upright, or lying flat, shape (V, 3)."""
     landmarks: Mapping[str, np.ndarray]
     """As in `SceneView`."""
     flat_area: float
@@ -29,12 +29,12 @@ class TrueView:
 
     @cached_property
     def top(self) -> np.ndarray:
-        """What can be seen from straight above [m], shape (N, 3)."""
+        """Surface visible from straight above [m], shape (N, 3)."""
         return sample_visible_surface(self.particles, self.faces)
 
     @cached_property
     def tilt(self) -> float:
-        """Angle between the garment's own upward axis and the world's, after the best rigid motion [rad]."""
+        """Angle between upward axes of garment and world, after the best rigid motion [rad]."""
         turn, _ = Rotation.align_vectors(
             self.particles - self.particles.mean(axis=0), self.upright - self.upright.mean(axis=0)
         )

@@ -1,4 +1,4 @@
-"""What SAPIEN's bodies look like, as meshes to draw."""
+"""Meshes of SAPIEN's bodies, to draw."""
 
 import numpy as np
 import sapien

@@ -15,7 +15,7 @@ from dgl_tasks.shadows import HEIGHT
 
 
 class Painter:
-    """The bodies of a scene, a garment and a shadow on the ground: read once, drawn as they are at each `update`."""
+    """The bodies of a scene, a garment and a shadow: read once, moved by `update`."""
 
     def __init__(
         self,
@@ -26,11 +26,11 @@ class Painter:
         shadow_faces: np.ndarray,
         studio: Studio,
     ) -> None:
-        """Read what the bodies look like.
+        """Read the bodies' meshes.
 
         Args:
-            bodies: What may move.
-            ground: What never does.
+            bodies: Entities that may move.
+            ground: Entity that never moves.
             garment: The garment; its vertices and normals are those of `update`.
             shadow_faces: Triangles of the shadow, shape (G, 3), counter-clockwise seen from above.
             studio: The light.
@@ -59,7 +59,7 @@ class Painter:
         self._shadow_vertices = shadow.vertices
 
     def update(self, vertices: np.ndarray, normals: np.ndarray, shadow: np.ndarray) -> None:
-        """Bring everything to where it is now.
+        """Move everything to its present place.
 
         Args:
             vertices: Of the garment [m], shape (V, 3), world frame.
@@ -79,5 +79,5 @@ class Painter:
         return self._rasteriser.draw(camera)
 
     def draw_picture(self, camera: CameraPlacement) -> Picture:
-        """Draw what a camera sees, with the place and the segment of each pixel."""
+        """Draw what a camera sees, with position and segment of each pixel."""
         return self._rasteriser.draw_picture(camera)

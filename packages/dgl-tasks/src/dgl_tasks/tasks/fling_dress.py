@@ -8,7 +8,9 @@ TASK = Task(
     id="FlingDress-v1",
     title="Fling Dress",
     category="Dress_LongSleeve",
-    description="Lift a crumpled dress where its sleeves begin, fling it flat, and pull its sleeves apart.",
+    description=(
+        "Lift a crumpled dress by its shoulders, fling it flat, and pull its sleeves apart."
+    ),
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     hand_friction=HandFriction(fingers=25.0),
     start=Start(

@@ -8,7 +8,9 @@ TASK = Task(
     id="FlingTops-v1",
     title="Fling Tops",
     category="Tops_LongSleeve",
-    description="Lift a crumpled top where its sleeves begin, fling it flat, and pull its sleeves apart.",
+    description=(
+        "Lift a crumpled top where its sleeves begin, fling it flat, and pull its sleeves apart."
+    ),
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     hand_friction=HandFriction(fingers=25.0),
     start=Start(

@@ -1,4 +1,4 @@
-"""Fling Trousers: fling crumpled trousers flat by their waistband, pull their legs straight, and spread the waistband."""
+"""Fling Trousers: fling them flat, pull the legs straight, and spread the waistband."""
 
 from dgl_tasks.declaration import Start, Task
 from dgl_tasks.layouts import FLING_CAMERAS, STEEP
@@ -8,7 +8,10 @@ TASK = Task(
     id="FlingTrousers-v1",
     title="Fling Trousers",
     category="Trousers",
-    description="Lift crumpled trousers by their waistband, fling them flat, pull their legs straight by the hems, and spread the waistband.",
+    description=(
+        "Lift crumpled trousers by their waistband, fling them flat, pull their legs straight "
+        "by the hems, and spread the waistband."
+    ),
     success_text="the covered area differs from that of the flat garment by less than 20 %",
     start=Start(
         x_range=(-0.1, 0.1),

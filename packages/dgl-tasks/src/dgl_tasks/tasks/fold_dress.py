@@ -8,7 +8,9 @@ TASK = Task(
     id="FoldDress-v1",
     title="Fold Dress",
     category="Dress_LongSleeve",
-    description="Fold a dress that lies flat: both sleeves in, then the skirt up, held below the waist.",
+    description=(
+        "Fold a dress that lies flat: both sleeves in, then the skirt up, held below the waist."
+    ),
     success_text=(
         "at least 80 % of the garment's visible area lies between the shoulders (+- 0.05 m) "
         "and between the side of the skirt and the shoulder (+- 0.1 m)"

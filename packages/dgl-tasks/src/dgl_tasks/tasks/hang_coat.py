@@ -12,8 +12,9 @@ TASK = Task(
     category="Tops_FrontOpen",
     description="Hang a coat that lies flat, its neck towards the robots, over a hook on a post.",
     success_text=(
-        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 10 cm of the hook's, "
-        "sideways, and no more than 50 cm below it, and its top at the hook"
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is "
+        "within 10 cm of the hook's, sideways, and no more than 50 cm below it, and its top at "
+        "the hook"
     ),
     start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.7), yaw=float(np.pi)),
     objects=(
@@ -30,8 +31,8 @@ TASK = Task(
     right_base=HANG_RIGHT_BASE,
     cameras=HOOK_CAMERAS,
     picture_camera="video_camera",
-    # what hangs by its shoulders slips out of fingers with less; the thumb lies inside as the hand leaves
+    # with less, a coat slips out of the fingers; the thumb is inside as the hand retreats
     hand_friction=HandFriction(fingers=25.0, thumb=3.0),
     # the hook's arm reaches 0.2 m behind its cross-bar
-    success=HangsOver(place="hook.target", sideways=0.10, over=0.15, below=0.5),
+    success=HangsOver(frame="hook.target", sideways=0.10, over=0.15, below=0.5),
 )

@@ -10,8 +10,8 @@ TASK = Task(
     category="Dress_LongSleeve",
     description="Hang a dress that lies flat over the bar of a hanger.",
     success_text=(
-        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 5 cm of the bar's, "
-        "and its top at the bar"
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is "
+        "within 5 cm of the bar's, and its top at the bar"
     ),
     start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
     objects=(HANGER,),
@@ -21,5 +21,5 @@ TASK = Task(
     picture_camera="video_camera",
     # what hangs from both hands slips out with less
     hand_friction=HandFriction(fingers=25.0),
-    success=HangsOver(place="hanger.target", sideways=0.05),
+    success=HangsOver(frame="hanger.target", sideways=0.05),
 )

@@ -10,7 +10,8 @@ TASK = Task(
     category="Trousers",
     description="Hang trousers that lie flat over the bar of a hanger.",
     success_text=(
-        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is within 5 cm of the bar's, and its top at the bar"
+        "no more than 0.7 % of the garment is less than 1 cm above the ground, its middle is "
+        "within 5 cm of the bar's, and its top at the bar"
     ),
     start=Start(x_range=(-0.1, 0.1), y_range=(0.5, 0.8)),
     objects=(HANGER,),
@@ -18,7 +19,7 @@ TASK = Task(
     right_base=HANG_RIGHT_BASE,
     cameras=HANG_CAMERAS,
     picture_camera="video_camera",
-    # what hangs by its waistband alone slips out of fingers with less; the thumb lies inside as the hand leaves
+    # with less, the waistband slips out of the fingers; the thumb is inside as the hand retreats
     hand_friction=HandFriction(fingers=25.0, thumb=3.0),
-    success=HangsOver(place="hanger.target", sideways=0.05),
+    success=HangsOver(frame="hanger.target", sideways=0.05),
 )

@@ -11,8 +11,8 @@ TASK = Task(
     category="Tops_NoSleeve",
     description="Fold a sleeveless top, take it up from below, and lay it on a platform.",
     success_text=(
-        "the middle of what is seen of the garment from above is within 10 cm of the platform's, and at least 60 % of the "
-        "garment lie on it"
+        "the middle of what is seen of the garment from above is within 10 cm of the "
+        "platform's, and at least 60 % of the garment lie on it"
     ),
     start=Start(x_range=(-0.05, 0.05), y_range=(0.65, 0.75)),
     objects=(
@@ -32,5 +32,5 @@ TASK = Task(
     material=ClothMaterial(particle_friction_scale=1.0),
     # fingers slide under what lies, and out again; with more at the thumb, it comes along
     hand_friction=HandFriction(fingers=1.0, thumb=3.0),
-    success=RestsOn(place="platform.top", within=0.10),
+    success=RestsOn(frame="platform.top", within=0.10),
 )

@@ -12,9 +12,12 @@ TASK = Task(
     id="WearBowlHat-v1",
     title="Wear Bowl Hat",
     category="Bowl_Hat",
-    description="Take a hat with a brim from its stand with both hands, and put it on the head of a person.",
+    description=(
+        "Take a hat with a brim from its stand with both hands, and put it on the head of a person."
+    ),
     success_text=(
-        "the middle of the hat is no higher than the top of the head and within 10 cm of it, and it leans by at most 35 degrees"
+        "the middle of the hat is no higher than the top of the head and within 10 cm of it, "
+        "and it leans by at most 35 degrees"
     ),
     start=Start(on="stand.seat", height=0.005, settle_frames=90),
     objects=(
@@ -40,5 +43,5 @@ TASK = Task(
     cameras=WEAR_CAMERAS,
     picture_camera="video_camera",
     material=SolidMaterial(youngs_modulus=3e5, rest_offset=0.003),
-    success=SitsOn(place="person.head_top", within=0.10, leaning=float(np.radians(35))),
+    success=SitsOn(frame="person.head_top", within=0.10, leaning=float(np.radians(35))),
 )
