@@ -9,6 +9,7 @@ import pytest
 
 import dgl_tasks
 from dgl_assets import load_garment
+from dgl_assets.importing import find_garment
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks.cameras import Workspace
@@ -174,10 +175,14 @@ def _make_planner():
 @pytest.fixture(scope="module")
 def coarse_garments():
     """Let environments of a module have garments of a fifth of the particles, which settle as fast."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "dgl_tasks.task_garment.find_garment", functools.partial(load_garment, spacing=0.025)
+
+    def find(source):
+        return (
+            load_garment(source, spacing=0.025) if isinstance(source, str) else find_garment(source)
         )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dgl_tasks.task_garment.find_garment", find)
         yield
 
 

@@ -163,8 +163,8 @@ class Appearance:
     def _get_floor(self) -> FloorPicture:
         if self._floor is None:
             raise RenderingUnavailableError(
-                "pictures need a renderer: make the environment with render_backend "
-                'of "cpu" or "gpu"; got "none"'
+                "pictures need a renderer: make the environment with "
+                'render_backend="cpu" or "gpu"; got "none"'
             )
         return self._floor
 
