@@ -27,13 +27,12 @@ _CERTAIN = 1e4  # factor on the scores of the yaw that leaves one angle
 def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: int) -> list[Row]:
     """Measure shipped and random weights on the CPU, and on CUDA where there is a device.
 
-    Random weights change one thing only: whether the yaw is in doubt, so that a second one is
-        tried. It is made certain,
-    as it nearly always is on garments, and measured in doubt as a row of its own. The weights that
-    come along, whose network of the yaw is larger than the presets', see garments that come along.
+    Random weights leave the yaw in doubt, so that a second one is tried. It is made certain, as it
+    nearly always is on garments; a row of its own measures it in doubt. The shipped weights, whose
+    network of the yaw is larger than the presets', see shipped garments.
 
     Args:
-        networks: Presets of the network; the weights that come along are measured in any case.
+        networks: Presets of the network; the shipped weights are always measured.
         repeats: Timed pairs; the median counts.
         threads: Threads of the CPU.
         seed: Of weights and clouds.
@@ -73,7 +72,7 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
 
 
 def _measure_shipped(repeats: int, note: str) -> list[Row]:
-    """Measure the weights that come along, on flat garments that come along, turned anyhow."""
+    """Measure the shipped weights on shipped flat garments in random yaw."""
     import torch
 
     shown, seen = load_samples(_SAMPLE)

@@ -24,8 +24,7 @@ class BenchAssetsOptions:
     """Measure garments of every category, drop each onto the ground, and check that it stays whole.
 
     Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A bar that is not
-        met is a
-    finding and no failure: the exit status is 0.
+    met is a finding and no failure: the exit status is 0.
 
     Example: dgl bench assets --out out/drops --workers 4
     """

@@ -17,7 +17,7 @@ class BenchGamOptions:
     """
 
     network: tuple[Literal["small", "paper"], ...] = ("small", "paper")
-    """Networks to time, beside the one whose weights come along."""
+    """Networks to time, beside the shipped one."""
     repeats: int = 20
     """Timed pairs; the median counts."""
     threads: int = 1

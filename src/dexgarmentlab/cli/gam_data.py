@@ -22,8 +22,7 @@ class DataOptions:
     """Make training data: views of garments flat, dropped, crumpled, folded, hung and flung.
 
     Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A garment that
-        cannot be simulated has
-    a line with the reason in failures.jsonl, and no file.
+    cannot be simulated has a line with the reason in failures.jsonl, and no file.
 
     Example: dgl gam data --out gam-data --category Trousers --train 100 --test 20 --workers 4
     """

@@ -19,7 +19,7 @@ class GamEvalOptions:
     data: Path
     """Folder of training data."""
     weights: Path | None = None
-    """File of weights, a folder of them, or of runs; those that come along when not given."""
+    """File of weights, a folder of them, or of runs; by default the shipped ones."""
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
     split: Literal["train", "test"] = "test"

@@ -47,7 +47,7 @@ class MatchOptions:
     heat: int = 0
     """Number of the point whose heat map is drawn."""
     weights: Path | None = None
-    """File of weights, or a folder of them; those that come along when not given."""
+    """File of weights, or a folder of them; by default the shipped ones."""
     category: str | None = None
     """Category of the garments, where the files do not tell it, or another one whose network is to
     be used."""

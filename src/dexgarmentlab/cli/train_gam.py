@@ -37,9 +37,9 @@ class TrainGamOptions:
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
     preset: Literal["cpu", "tune", "yaw", "paper", "shipped"] = "cpu"
-    """cpu: small network, from the start; tune: refines the weights of --start; yaw: only how they
-    find the way a garment is turned; paper: the paper's batches; shipped: all stages by which the
-    weights were made that come along, one network for all categories."""
+    """cpu: small network, from the start; tune: refines the weights of --start; yaw: only their
+    estimate of the yaw; paper: the paper's batches; shipped: all stages of the shipped weights, one
+    network for all categories."""
     steps: int | None = None
     """Steps, of all stages together; the preset's when not given."""
     start: Path | None = None

@@ -16,9 +16,8 @@ class VerifyOptions:
     """Check the folder of a collection or an evaluation; nothing in it is changed.
 
     Every file is opened: shapes and numbers are right, lines and files agree, seeds are those of
-        the run, success follows
-    from the recorded criteria, and the summary counts what there is. What is wrong is said in a
-    line each, and the exit status is 1 then.
+    the run, success follows from the recorded criteria, and the summary counts what there is. What
+    is wrong is said in a line each, and the exit status is 1 then.
 
     Example: dgl verify out/fold-tops
     """

@@ -30,10 +30,10 @@ def load_models(
     """Load the model of each category.
 
     Args:
-        weights: A file; a folder of files named by category, or of runs; None for the weights that
-            come along.
+        weights: A file; a folder of files named by category, or of runs; None for the shipped
+            weights.
         categories: Categories that are needed.
-        device: Where to compute.
+        device: Device to compute on.
 
     Raises:
         ValueError: If the folder has no weights for a category.

@@ -15,7 +15,7 @@ class Stopwatch:
     """Charges every moment to the innermost part that runs.
 
     So the parts of a block add up to the block: what is inside of none belongs to the part around
-        all of them.
+    all of them.
     """
 
     def __init__(self, clock: Callable[[], float] = time.process_time) -> None:

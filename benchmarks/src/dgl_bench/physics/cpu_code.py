@@ -118,7 +118,7 @@ def _draw(found: Sequence[tuple[SpeedScene, Comparison]]) -> Figure:
         name="cpu_code",
         caption="Mean time of a frame on one core, the same frames in turns by vector code and by "
         "Warp's own: the "
-        "robots' fold while the top moves, a dress as a heap, and a dress that hangs from two "
+        "robots' fold while the top moves, a crumpled dress, and a dress that hangs from two "
         "hands over a bar.",
         panels=panels,
     )

@@ -59,7 +59,7 @@ EXPERIMENTS: dict[str, Experiment] = {
             "solids",
             "Elastic solids",
             "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a "
-            "head finds back.",
+            "head returns to its shape.",
             _lazily("solids", "measure_solids"),
         ),
         Experiment(
@@ -166,7 +166,7 @@ def run(
     """Measure one after the other; yields each with its result and the time that it took [s].
 
     A simulation that fails is a finding: the experiment's only row then says how, and the next
-        follows.
+    follows.
     """
     for experiment in experiments:
         started = time.perf_counter()

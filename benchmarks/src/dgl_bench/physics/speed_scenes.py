@@ -15,8 +15,8 @@ __all__ = ["SpeedScene", "make_drop", "make_fold", "make_hanging"]
 DRESS = "Dress_LongSleeve/000030"
 """7,744 particles."""
 DROP_HEIGHT, DROP_TILT = 0.1, np.radians(80)
-"""Of the lowest point above the ground [m], and of the dress from lying flat [rad]: it falls into a
-heap."""
+"""Of the lowest point above the ground [m], and of the dress from lying flat [rad]: it ends
+crumpled."""
 FALL_FRAMES, HEAP_FRAMES = 60, 120
 PAD = Shape(kind="box", size=(0.03, 0.01, 0.03), friction=3.0)
 """Half of a hand, with the friction of the robots' hands."""
@@ -65,7 +65,7 @@ def make_fold(record: FoldRecord) -> SpeedScene:
 
 
 def make_drop() -> SpeedScene:
-    """Drop a dress, nearly upright, that never sleeps, and time it as a heap."""
+    """Drop a dress, nearly upright, that never sleeps, and time it crumpled."""
     garment, material = load_garment(DRESS), ClothMaterial()
     c, s = np.cos(DROP_TILT), np.sin(DROP_TILT)
     start = garment.vertices @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
