@@ -51,6 +51,15 @@ def make_episode(seed=0, **changes):
     return Episode(**(content | changes))
 
 
+end_worker = os._exit
+"""Ends the process of a worker; tests replace it where workers have none."""
+
+
+def hang():
+    """Never come back; tests replace it where workers have no process."""
+    time.sleep(60)
+
+
 class FakeRunner:
     """Succeeds for even seeds, at the first try for every second one of them, and misbehaves at the attempts that the options name."""
 
@@ -68,11 +77,11 @@ class FakeRunner:
             sys.stdout.write(f"collects {gc.isenabled()}, passes over many {many}\n")
         time.sleep(self.options.get("seconds", 0.0))
         if attempt_index in self.options.get("hang_at", ()):
-            time.sleep(60)
+            hang()
         if attempt_index in self.options.get("raise_at", ()):
             raise RuntimeError("the cloth exploded")
         if attempt_index in self.options.get("exit_at", ()):
-            os._exit(3)
+            end_worker(3)
         if self._is_first("die_once_at", attempt_index):
             os.kill(os.getpid(), signal.SIGKILL)
         if self._is_first("fill_disk_once_at", attempt_index):
@@ -131,7 +140,7 @@ class FakeRunner:
 
 def make_runner(task, options):
     if options.get("exit_when_built"):
-        os._exit(4)
+        end_worker(4)
     if options.get("fail_when_built"):
         raise RuntimeError("no Vulkan device")
     return FakeRunner(options)

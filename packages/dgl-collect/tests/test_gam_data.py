@@ -16,7 +16,7 @@ from dgl_collect.gam_data.garment import Entry, find_path, make_garment_data
 from dgl_collect.gam_data.handling import Handling, find_grip
 from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
 from dgl_collect.gam_data.views import TOLERANCE, make_direction, see_surface
-from dgl_collect.workers import Outcome
+from dgl_collect.workers import JobOutcome
 from dgl_gam.data import read_garment
 from dgl_physics import PhysicsError
 
@@ -304,7 +304,9 @@ def test_a_failure_of_a_run_is_written_down(tmp_path, monkeypatch):
     def fail(dispatcher):
         for job in dispatcher._left:
             made = Made(id=job.request.id, error="flung: it burst")
-            yield Outcome(job=job, result=made, failure=None, seconds=1.0, folder=tmp_path / "none")
+            yield JobOutcome(
+                job=job, result=made, failure=None, seconds=1.0, folder=tmp_path / "none"
+            )
 
     monkeypatch.setattr(generate.Dispatcher, "run", fail)
     config = DataConfig(categories=("Scarf",), train=1, test=1)

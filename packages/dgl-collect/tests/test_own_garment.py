@@ -68,12 +68,17 @@ def test_a_file_becomes_a_garment_with_the_places_that_the_rule_needs(prepared):
     assert f"judged by places that the affordance model has found: {', '.join(names)}" in told
 
 
-def test_the_same_file_by_another_name_is_another_garment(shirt, tmp_path):
+def test_a_file_with_another_name_or_picture_is_another_garment(shirt, tmp_path):
     for suffix in (".obj", ".mtl", ".png"):
         shutil.copy(shirt[0].with_suffix(suffix), tmp_path / f"shirt{suffix}")
     assert _digest(tmp_path / "shirt.obj", "Tops_LongSleeve") == _digest(
         shirt[0], "Tops_LongSleeve"
     )
+    write_picture(tmp_path / "shirt.png", COLOURS[::-1])
+    assert _digest(tmp_path / "shirt.obj", "Tops_LongSleeve") != _digest(
+        shirt[0], "Tops_LongSleeve"
+    )
+    shutil.copy(shirt[0].with_suffix(".png"), tmp_path)
     other = (tmp_path / "shirt.obj").rename(tmp_path / "other.obj")
     assert _digest(other, "Tops_LongSleeve") != _digest(shirt[0], "Tops_LongSleeve")
 
@@ -94,6 +99,7 @@ def test_what_was_prepared_is_not_made_again(prepared, shirt):
     assert {path: path.stat().st_mtime_ns for path in shirt[1].rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_another_picture_makes_another_garment(shirt, tmp_path):
     for suffix in (".obj", ".mtl", ".png"):
         shutil.copy(shirt[0].with_suffix(suffix), tmp_path)

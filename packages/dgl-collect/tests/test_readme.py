@@ -50,9 +50,9 @@ def test_a_runner_of_ones_own_makes_attempts(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_an_actor_goes_through_the_course(capsys):
+def test_an_actor_goes_through_all_stages(capsys):
     names: dict = {}
-    exec(compile(find_block("One course, any actor"), "README.md", "exec"), names)
+    exec(compile(find_block("One stage runner, any actor"), "README.md", "exec"), names)
     result, stages = names["result"], names["setup"].demonstration.learned_stages
     assert result.success, result.detail
     records = names["recorder"].records

@@ -20,7 +20,7 @@ from dgl_bench.assets.drop import FRAMES, HEIGHT
 from dgl_bench.assets.selection import find_partners, select_ids
 from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.results import package_versions
-from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
+from dgl_collect.workers import Dispatcher, Job, JobOutcome, Work, Workers, end_unguarded_import
 from dgl_files.whole import append_line, drop_unfinished_line, write_json
 
 __all__ = ["ATTEMPTS_FILE", "COUNT", "RUN_FILE", "RunConfig", "drop_garments", "load_run"]
@@ -131,7 +131,7 @@ def drop_garments(
                 yield attempt
 
 
-def _take(outcome: Outcome, folder: Path) -> Attempt:
+def _take(outcome: JobOutcome, folder: Path) -> Attempt:
     """Take over where a garment came to lie, and write its line."""
     attempt = outcome.result
     if not isinstance(attempt, Attempt):

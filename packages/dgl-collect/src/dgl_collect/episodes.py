@@ -51,7 +51,7 @@ Points: TypeAlias = Mapping[
 """Points by name: position `xyz` [m], world frame; pixel `uv` (column, row) of the camera."""
 _Text: TypeAlias = Annotated[str, Len(1)]
 _Count: TypeAlias = Annotated[int, Ge(0)]
-_CONFIG = ConfigDict(**STRICT, arbitrary_types_allowed=True)
+_CONFIG: ConfigDict = {**STRICT, "arbitrary_types_allowed": True}
 
 
 @dataclass(frozen=True)
@@ -275,11 +275,14 @@ def read_episode(path: Path | str) -> Episode:
         stages = tuple(_read_stage(take(file, key, h5py.Group)) for key in expected)
         if [stage.name for stage in stages] != names:
             raise ValueError(f"stage_names must be {[s.name for s in stages]}; got {names}")
-        extra = take(file, "extra", h5py.Group) if "extra" in file else {}
+        extra = {}
+        if "extra" in file:
+            group = take(file, "extra", h5py.Group)
+            extra = {str(name): take(group, str(name), h5py.Dataset)[()] for name in group}
         return Episode(
             stages=stages,
             commands=take(file, "commands", h5py.Dataset)[()] if "commands" in file else None,
-            extra={str(name): take(extra, str(name), h5py.Dataset)[()] for name in extra},
+            extra=extra,
             **_read_attributes(file, _ATTRIBUTES, _JSON_ATTRIBUTES),
         )
 
@@ -311,11 +314,11 @@ def read_stage_names(file: h5py.File) -> list[str]:
     Raises:
         ValueError, KeyError, TypeError: If something is wrong.
     """
-    version = file.attrs["format_version"]
+    version: Any = file.attrs["format_version"]
     if isinstance(version, float | np.floating) or version != FORMAT_VERSION:
         raise ValueError(f"format_version must be {FORMAT_VERSION}; got {version}")
     _check_sizes(file)
-    names = decode_json(file.attrs["stage_names"])
+    names = decode_json(str(file.attrs["stage_names"]))
     check_value("stage_names", names, list[str])
     return names
 
@@ -355,7 +358,8 @@ def _read_attributes(
     node: h5py.Group, plain: Sequence[str], as_json: Sequence[str]
 ) -> dict[str, Any]:
     """Read the attributes that are there, as values of Python."""
-    found = {name: node.attrs[name] for name in (*plain, *as_json) if name in node.attrs}
+    names = [name for name in (*plain, *as_json) if name in node.attrs]
+    found: dict[str, Any] = {name: node.attrs[name] for name in names}
     found = {k: v.item() if isinstance(v, np.generic) else v for k, v in found.items()}
     return found | {name: decode_json(found[name]) for name in as_json if name in found}
 

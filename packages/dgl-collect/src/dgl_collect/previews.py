@@ -49,7 +49,7 @@ def _read_preview(group: h5py.Group) -> StagePreview:
     def read(name: str, which: object = ()) -> np.ndarray:
         return take(group, name, h5py.Dataset)[which]
 
-    points = decode_json(group.attrs["points"])
+    points = decode_json(str(group.attrs["points"]))
     check_value("points", points, Points)
     return StagePreview(
         name=str(group.attrs["name"]),

@@ -19,8 +19,8 @@ from dgl_collect.run_folder import RunFolder
 from dgl_collect.workers import (
     Dispatcher,
     Job,
+    JobOutcome,
     Limits,
-    Outcome,
     Work,
     Workers,
     check_workers,
@@ -209,7 +209,7 @@ def _make_job(config: CollectConfig, index: int) -> Job:
     return Job(name=episode_id, request=request)
 
 
-def _read_outcome(outcome: Outcome) -> AttemptResult:
+def _read_outcome(outcome: JobOutcome) -> AttemptResult:
     """Return the result of an attempt, also of one that did not come to its end."""
     if isinstance(outcome.result, AttemptResult):
         return dataclasses.replace(outcome.result, seconds=outcome.seconds)

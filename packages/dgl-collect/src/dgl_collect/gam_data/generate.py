@@ -10,7 +10,7 @@ from pathlib import Path
 from dgl_assets import choose_categories, garment_ids
 from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.gam_data.garment import FILE, SPACING, Entry, Made, Split, find_path, get_versions
-from dgl_collect.workers import Dispatcher, Job, Outcome, Work, Workers, end_unguarded_import
+from dgl_collect.workers import Dispatcher, Job, JobOutcome, Work, Workers, end_unguarded_import
 from dgl_files.whole import append_line, drop_unfinished_line, sync_folder, write_json
 
 __all__ = ["FAILURES_FILE", "RUN_FILE", "DataConfig", "Entry", "generate_data", "list_garments"]
@@ -145,7 +145,7 @@ def generate_data(
                 yield made
 
 
-def _take(outcome: Outcome, folder: Path) -> Made:
+def _take(outcome: JobOutcome, folder: Path) -> Made:
     """Take over a garment's file, or write a line that says why there is none."""
     made = outcome.result
     if not isinstance(made, Made):

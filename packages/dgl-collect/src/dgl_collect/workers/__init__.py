@@ -1,8 +1,8 @@
-"""Workers: processes, of this machine or of a cluster, that do the jobs of a run."""
+"""Workers: processes of this machine or of a cluster that do the jobs of a run."""
 
 from dgl_collect.workers.dispatch import Dispatcher as Dispatcher
+from dgl_collect.workers.dispatch import JobOutcome as JobOutcome
 from dgl_collect.workers.dispatch import Limits as Limits
-from dgl_collect.workers.dispatch import Outcome as Outcome
 from dgl_collect.workers.dispatch import check_workers as check_workers
 from dgl_collect.workers.engine import Workers as Workers
 from dgl_collect.workers.jobs import Failure as Failure

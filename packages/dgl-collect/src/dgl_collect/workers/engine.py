@@ -1,20 +1,19 @@
-"""What an engine and a worker are: an engine starts workers, and hears from them."""
+"""Interfaces of workers and of engines, which start workers and hear from them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol
 
 from dgl_collect.workers.jobs import Job, Message, Work
-
-EngineName = Literal["local", "ray"]
+from dgl_files.fields import check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """How many workers there are, and where.
+    """Number of workers, and their engine.
 
     Raises:
         ValueError: If a value is out of its range, or does not fit the engine.
@@ -22,36 +21,34 @@ class Workers:
 
     count: int = 1
     """Processes that work at the same time. The results do not depend on it."""
-    engine: EngineName = "local"
+    engine: Literal["local", "ray"] = "local"
     """Processes of this machine, or of a Ray cluster."""
     address: str | None = None
-    """Of the Ray cluster's head, such as "auto" or "10.0.0.1:6379"; a cluster of this machine alone when None."""
+    """Head of the Ray cluster, such as "auto" or "10.0.0.1:6379"; None starts a cluster of this
+    machine alone."""
     shared_out: bool = False
-    """Whether every node of the Ray cluster sees the output folder under the same path: files are written there by the
-    workers. Without it they travel through Ray."""
+    """Every node of the Ray cluster sees the output folder under the same path, so that workers
+    write into it. Otherwise files travel through Ray."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.count < 1:
             raise ValueError(f"workers must be at least 1; got {self.count}")
-        if self.engine not in get_args(EngineName):
-            raise ValueError(
-                f"engine must be one of {list(get_args(EngineName))}; got {self.engine!r}"
-            )
         for name in ("address", "shared_out"):
             if self.engine == "local" and getattr(self, name):
                 raise ValueError(f"{name} is for engine ray; got engine {self.engine}")
 
 
 class Worker(Protocol):
-    """The run's side of one worker. It builds its job runner as soon as it has a place."""
+    """A worker, as the run sees it. It builds its job runner as soon as it runs."""
 
     number: int
     """Of the worker in the run."""
-    has_place: bool
-    """Whether it runs; a `Placed` message tells when it begins to, if it does not at once."""
+    is_started: bool
+    """True once it runs; a `Started` message tells when, if not at once."""
 
     def assign(self, job: Job, out_dir: Path) -> None:
-        """Hand over a job; a worker that is gone meanwhile is noticed when it is heard."""
+        """Hand over a job; a worker that is gone is noticed by `Engine.hear`."""
         ...
 
     def release(self) -> None:
@@ -71,7 +68,7 @@ class Engine(Protocol):
         ...
 
     def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
-        """Wait for messages, `seconds` at most, and give at most one of each worker."""
+        """Wait for messages, `seconds` at most, and return at most one of each worker."""
         ...
 
     def close(self) -> None:

@@ -1,26 +1,24 @@
-"""What happens inside of a worker, wherever it runs."""
+"""The inside of a worker, wherever it runs."""
 
 from __future__ import annotations
 
 import gc
 import logging
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from dgl_collect.files import describe_disk_fault
 from dgl_collect.results import package_versions
 from dgl_collect.workers.jobs import (
-    Done,
+    BuildFailed,
     Failure,
+    Finished,
     Job,
     JobRunner,
     Lost,
     MachineFault,
-    Raised,
     Ready,
-    StartFailed,
     Work,
     describe_machine,
     load_callable,
@@ -37,23 +35,30 @@ class Workbench:
         self._factory: Callable[..., JobRunner] | None = None
         self._runner: JobRunner | None = None
 
-    def build(self) -> Ready | StartFailed | MachineFault:
+    def build(self) -> Ready | BuildFailed | MachineFault:
         """Make the job runner."""
         try:
-            with _kept_for_good():
+            # Modules hold a million objects that live as long as the process. The garbage collector
+            # would walk through them for 1 s during imports, and 0.2 s at each later collection.
+            gc.disable()
+            try:
                 self._factory = load_callable(self._work.factory)
+            finally:
+                gc.freeze()
+                gc.enable()
             self._runner = self._factory(**self._work.arguments)
         except Exception as err:
             logger.exception("the job runner cannot be built")
             if fault := describe_disk_fault(err):
                 return MachineFault(reason=fault)
-            return StartFailed(reason=f"{type(err).__name__}: {err}")
+            return BuildFailed(reason=f"{type(err).__name__}: {err}")
         return Ready(machine=describe_machine(), versions=package_versions())
 
-    def do(self, job: Job, out_dir: Path) -> Done | Raised | MachineFault | Lost:
-        """Do a job; `Lost` says that this process is not fit for another one."""
+    def do(self, job: Job, out_dir: Path) -> Finished | MachineFault | Lost:
+        """Do a job; `Lost` means that this process is not fit for another one."""
         logger.info("%s", job.name)
         started = time.monotonic()
+        result, failure = None, None
         try:
             if self._runner is None:
                 assert self._factory is not None
@@ -67,33 +72,14 @@ class Workbench:
             if fault := describe_disk_fault(err):
                 return MachineFault(reason=fault)
             self.close()  # its state is unknown: the next job gets a new one
-            return Raised(
-                failure=Failure(reason=f"exception: {type(err).__name__}", detail=str(err)),
-                seconds=time.monotonic() - started,
-            )
-        return Done(result=result, seconds=time.monotonic() - started)
+            failure = Failure(reason=f"exception: {type(err).__name__}", detail=str(err))
+        return Finished(result=result, failure=failure, seconds=time.monotonic() - started)
 
     def close(self) -> None:
         """Release the job runner."""
         runner, self._runner = self._runner, None
-        if runner is None:
-            return
         try:
-            runner.close()
+            if runner is not None:
+                runner.close()
         except Exception:  # the worker is done with it either way
             logger.exception("the job runner cannot be closed")
-
-
-@contextmanager
-def _kept_for_good() -> Iterator[None]:
-    """Spare the garbage collector what is made inside, and all there is already.
-
-    Modules hold a million objects that live as long as the process. Walking through them takes 1 s while they are
-    imported, and 0.2 s every time ManiSkill collects garbage.
-    """
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()

@@ -1,4 +1,4 @@
-"""What workers are asked for, and what they answer."""
+"""Jobs of a run, and the messages of workers."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from typing import Any, Protocol
 
 
 class JobRunner(Protocol):
-    """Does jobs, one after the other, with what it has built once.
+    """Does jobs one after the other, with what it has built once.
 
-    What comes out of a job must depend on its request alone, not on the jobs before it: then a run gives the same
-    files with any number of workers, and a job that was lost with its worker is simply done again.
+    The result of a job must depend on its request alone, not on earlier jobs: then a run gives the
+    same files with any number of workers, and a job whose worker is lost is simply done again.
     """
 
     def run(self, request: Any, out_dir: Path) -> object:
         """Do one job.
 
         Args:
-            request: What the job asks for.
-            out_dir: An empty folder for the job's files. Whatever is in it when a worker is lost is thrown away.
+            request: Of the job.
+            out_dir: An empty folder for the job's files; thrown away when the worker is lost.
 
         Returns:
-            The result; it has to be picklable.
+            The result, picklable.
         """
         ...
 
@@ -39,12 +39,12 @@ class JobRunner(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What workers are for: how each of them makes its job runner."""
+    """Construction of a worker's job runner."""
 
     factory: str
-    """`module:name` of a callable that gives a `JobRunner`."""
+    """`module:name` of a callable that returns a `JobRunner`."""
     arguments: Mapping[str, object] = field(default_factory=dict)
-    """Its keyword arguments; picklable."""
+    """Its keyword arguments, picklable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +52,14 @@ class Job:
     """One piece of work."""
 
     name: str
-    """Different for every job of a run, and fit for the name of a folder."""
+    """Unique in a run, and valid as the name of a folder."""
     request: object
-    """What the job runner is given; picklable."""
+    """Argument of the job runner, picklable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Why a job has no result."""
+    """Reason why a job has no result."""
 
     reason: str
     """In a few words without numbers, so that equal failures can be counted."""
@@ -69,53 +69,46 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """What a worker runs on."""
+    """The machine of a worker."""
 
     host: str
     """Its name in the network."""
     cpu: str
     """Model of its processor."""
     cpu_code: str
-    """Which code of the cloth solver it runs, "vector" or "warp"; both compute the same bits."""
+    """Code of the cloth solver, "vector" or "warp"; both compute the same bits."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Placed:
-    """A worker has got its place, and begins to build what it needs."""
+class Started:
+    """A worker runs, and begins to build its job runner."""
 
     host: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ready:
-    """A worker has built what it needs."""
+    """A worker has built its job runner."""
 
     machine: Machine
     versions: Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StartFailed:
-    """A worker could not build what it needs."""
+class BuildFailed:
+    """A worker could not build its job runner."""
 
     reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
-    """A job is done; its files are in its folder."""
+class Finished:
+    """A job is done, or has raised an exception that is its own fault."""
 
     result: object
+    failure: Failure | None
     seconds: float
     """Wall-clock time [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Raised:
-    """A job has raised an exception that is its own fault."""
-
-    failure: Failure
-    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,15 +120,14 @@ class MachineFault:
 
 @dataclass(frozen=True, kw_only=True)
 class Lost:
-    """A worker is gone."""
+    """A worker is gone, or unfit for another job."""
 
     how: str
-    """How it ended."""
     with_machine: bool = False
-    """Whether its machine is gone too."""
+    """Its machine is gone too."""
 
 
-Message = Placed | Ready | StartFailed | Done | Raised | MachineFault | Lost
+Message = Started | Ready | BuildFailed | Finished | MachineFault | Lost
 
 
 def load_callable(dotted_path: str) -> Callable[..., Any]:
@@ -159,7 +151,7 @@ def load_callable(dotted_path: str) -> Callable[..., Any]:
 
 @cache
 def describe_machine() -> Machine:
-    """Say what this process runs on."""
+    """Describe the machine of this process."""
     from dgl_physics.launcher import find_vector_obstacle
 
     return Machine(

@@ -16,27 +16,27 @@ from pathlib import Path
 
 from dgl_collect.workers.engine import Worker
 from dgl_collect.workers.inside import Workbench
-from dgl_collect.workers.jobs import Job, Lost, Message, StartFailed, Work
+from dgl_collect.workers.jobs import BuildFailed, Job, Lost, Message, Work
 
 logger = logging.getLogger(__name__)
 
 ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
-"""Set before a worker's first import. Workers are the parallelism: one thread in each keeps sums in the same order, and
-so results equal, whatever the number of workers."""
+"""Set before a worker's first import. One thread in each worker keeps sums in the same order, and
+results equal for any number of workers."""
 TERMINATE_SECONDS = 2.0
-"""How long a worker may take to end after a polite signal [s]."""
+"""Time for a worker to end after SIGTERM, before SIGKILL [s]."""
 UNGUARDED = 78
-"""Exit status of a process that was started by a worker's import of the script that starts workers."""
+"""Exit status of a worker that imports an unguarded script, which would start workers itself."""
 CLOSE_SECONDS = 30.0
-"""How long a worker may take to release its job runner [s]."""
+"""Time for a worker to release its job runner [s]."""
 
 
 class LocalWorker:
-    """The run's side of a worker process."""
+    """A worker process, as the run sees it."""
 
     def __init__(self, number: int, work: Work, log_path: Path) -> None:
         self.number = number
-        self.has_place = True
+        self.is_started = True
         context = multiprocessing.get_context("spawn")
         self.connection, child_end = context.Pipe()
         self._process = context.Process(
@@ -48,27 +48,27 @@ class LocalWorker:
         self._is_released = False
 
     def assign(self, job: Job, out_dir: Path) -> None:
-        """Hand over a job; see `Worker`."""
+        """Hand over a job."""
         try:
             self.connection.send((job, out_dir))
         except OSError:
             logger.warning("worker %d died before %s", self.number, job.name)
 
     def receive(self) -> Message:
-        """Take one message, or notice that the process has died."""
+        """Receive one message; `Lost` if the process has died."""
         try:
             return self.connection.recv()
         except (EOFError, OSError):
             how = self._describe_exit()
             if self._process.exitcode == UNGUARDED:
-                return StartFailed(
+                return BuildFailed(
                     reason="workers import the script that starts them: put its calls under "
                     "`if __name__ == '__main__':`"
                 )
             return Lost(how=how)
 
     def release(self) -> None:
-        """Let an idle worker end; see `Worker`."""
+        """Let an idle worker end."""
         try:
             self.connection.send(None)
             self._is_released = True
@@ -76,7 +76,7 @@ class LocalWorker:
             pass  # it has ended already
 
     def kill(self) -> None:
-        """End the process; see `Worker`."""
+        """End the process, politely first."""
         if self._is_released:
             self._process.join(CLOSE_SECONDS)
         if self._process.is_alive():
@@ -88,7 +88,7 @@ class LocalWorker:
         self.connection.close()
 
     def _describe_exit(self) -> str:
-        """Wait for the end of the process and say how it ended."""
+        """Wait for the end of the process, and describe it."""
         self._process.join(TERMINATE_SECONDS)
         code = self._process.exitcode
         if code is None:
@@ -99,17 +99,17 @@ class LocalWorker:
 
 
 class LocalEngine:
-    """Starts processes of this machine; see `Engine`."""
+    """Starts processes of this machine."""
 
     def start(self, number: int, work: Work, log_path: Path) -> LocalWorker:
-        """Start a process; see `Engine`."""
+        """Start a process."""
         return LocalWorker(number, work, log_path)
 
     def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
-        """Wait for messages; see `Engine`."""
+        """Wait for messages."""
         by_connection = {w.connection: w for w in workers if isinstance(w, LocalWorker)}
         ready = connection.wait(list(by_connection), seconds)
-        heard = [by_connection[end] for end in ready]  # pyright: ignore[reportArgumentType] - these are connections
+        heard = [w for end, w in by_connection.items() if end in ready]
         return [(worker, worker.receive()) for worker in heard]
 
     def close(self) -> None:
@@ -117,17 +117,17 @@ class LocalEngine:
 
 
 def end_unguarded_import() -> None:
-    """End this process if it is a worker that is importing the script that has started it, and would start more.
+    """End this process if it is a worker that imports an unguarded script; call before a run begins.
 
-    To be called before a run begins. `LocalWorker` tells what is to be done.
+    `LocalWorker.receive` tells the user to guard the script.
     """
-    # Set while the modules of a spawned process are prepared; multiprocessing itself looks at it for the same reason.
+    # Set while a spawned process imports the main module; multiprocessing itself checks it too.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         os._exit(UNGUARDED)
 
 
 def end_with_parent() -> None:
-    """End this process when the one that started it is gone, however that ended."""
+    """End this process when its parent has ended, for any reason."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -145,7 +145,7 @@ def _work(work: Work, log_path: Path, channel: Connection) -> None:
     bench = Workbench(work)
     message = bench.build()
     channel.send(message)
-    if isinstance(message, StartFailed):
+    if isinstance(message, BuildFailed):
         return
     while (task := channel.recv()) is not None:
         job, out_dir = task
@@ -155,7 +155,7 @@ def _work(work: Work, log_path: Path, channel: Connection) -> None:
 
 @contextmanager
 def _variables() -> Iterator[None]:
-    """Set environment variables for the process that is started inside, and for nothing else."""
+    """Set environment variables for the process that is started inside only."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
     os.environ.update(ENVIRONMENT)
     try:
@@ -170,9 +170,9 @@ def _variables() -> Iterator[None]:
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Start a process that never sees Ctrl-C: the parent decides what it means.
+    """Block Ctrl-C in the process that is started inside; the parent handles it.
 
-    The mask is inherited, so that not even the first moments of the child are exposed.
+    The mask is inherited, so that it holds from the first moment of the child.
     """
     resource_tracker.ensure_running()  # would be started with the worker, and lift the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -20,36 +20,37 @@ from typing import Any
 from dgl_collect.errors import EngineError, WorkerError
 from dgl_collect.workers.engine import Worker, Workers
 from dgl_collect.workers.inside import Workbench
-from dgl_collect.workers.jobs import Job, Lost, Message, Placed, Work
+from dgl_collect.workers.jobs import Job, Lost, Message, Started, Work
 from dgl_collect.workers.local import CLOSE_SECONDS, ENVIRONMENT, print_to
 from dgl_files.whole import write_bytes
 
 logger = logging.getLogger(__name__)
 
 CONNECT_SECONDS = 10.0
-"""How long the head of a cluster may take to answer [s]."""
+"""Time for the head of a cluster to answer [s]."""
 KNOCK_SECONDS = 5.0
-"""How often it is seen whether the head is still there [s]."""
+"""Period of checks that the head still answers [s]."""
 GONE_SECONDS = 20.0
-"""After how long without it the cluster is gone [s]. Ray itself ends this process after a minute, without a word."""
+"""Time without the head after which the run stops [s]. Ray itself would end this process after a
+minute, silently."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What travels back from an actor."""
+    """Answer of an actor."""
 
     message: Message
     files: Mapping[str, bytes]
     """Files of the job by name, where they do not lie in the output folder already."""
     printed: bytes
-    """What the worker has printed since its last answer."""
+    """Output of the worker since its last answer."""
 
 
 class RemoteWorker:
-    """The actor: one process on some node of the cluster. A call of each of its methods gives one answer."""
+    """The actor: a process on a node of the cluster. Each of its methods gives one answer."""
 
     def __init__(self, work: Work, search_path: Sequence[str]) -> None:
-        # A process of this machine inherits where modules are looked for; an actor does not.
+        # Unlike a process of this machine, an actor does not inherit the search path of modules.
         sys.path += [entry for entry in search_path if entry not in sys.path]
         self._folder = Path(tempfile.mkdtemp(prefix="dgl-worker-"))
         self._log, self._log_read = self._folder / "log", 0
@@ -57,7 +58,7 @@ class RemoteWorker:
         self._bench = Workbench(work)
 
     def place(self) -> tuple[str, str]:
-        """Give the ids of the node: Ray's, and its name in the network."""
+        """Return Ray's id of the node, and its name in the network."""
         import ray
 
         return ray.get_runtime_context().get_node_id(), socket.gethostname()
@@ -67,7 +68,7 @@ class RemoteWorker:
         return self._answer(self._bench.build())
 
     def do(self, job: Job, out_dir: Path | None) -> Answer:
-        """Do a job, with files in a folder that every node sees, or in one of this node alone when None."""
+        """Do a job; its files go to a folder that every node sees, or travel back when None."""
         if out_dir is not None:
             return self._answer(self._bench.do(job, out_dir))
         own = self._folder / "job"
@@ -94,19 +95,19 @@ class RemoteWorker:
 
 
 class Head:
-    """Whether the head of a cluster is there."""
+    """The head of a cluster, checked every few seconds."""
 
     def __init__(self, address: str) -> None:
-        """Watch the head at an address; it is there now."""
+        """Watch the head at an address, which answers now."""
         self.is_gone = False
         self._address = address
         self._seen = self._knocked = time.monotonic()
 
     def look(self) -> None:
-        """See whether it is there, every few seconds.
+        """Check the head, if the last check is old.
 
         Raises:
-            WorkerError: If it has not been for a while.
+            WorkerError: If it has not answered for a while.
         """
         now = time.monotonic()
         if now - self._knocked < KNOCK_SECONDS:
@@ -124,18 +125,18 @@ class Head:
 
 
 class RayWorker:
-    """The run's side of an actor."""
+    """An actor, as the run sees it."""
 
     def __init__(
         self, number: int, actor: Any, log_path: Path, *, shared_out: bool, head: Head
     ) -> None:
         self.number = number
         self._head = head
-        self.has_place = False
+        self.is_started = False
         self.pending: Any = actor.place.remote()
-        """Reference of the answer that is awaited; None while there is nothing to wait for."""
+        """Reference of the awaited answer, or None."""
         self.node = ""
-        """Ray's id of the node that the actor is on; empty until it has a place."""
+        """Ray's id of the actor's node; empty until it runs."""
         self._actor = actor
         self._log_path = log_path
         self._shared_out = shared_out
@@ -143,18 +144,18 @@ class RayWorker:
         self._released: Any = None
 
     def assign(self, job: Job, out_dir: Path) -> None:
-        """Hand over a job; see `Worker`."""
+        """Hand over a job."""
         self._out_dir = out_dir
         self.pending = self._actor.do.remote(job, out_dir.resolve() if self._shared_out else None)
 
     def take(self, answer: Any) -> Message:
-        """Take what an actor has answered."""
+        """Turn an answer into a message; write its files and output."""
         self.pending = None
         if not isinstance(answer, Answer):
             self.node, host = answer
-            self.has_place = True
+            self.is_started = True
             self.pending = self._actor.build.remote()
-            return Placed(host=host)
+            return Started(host=host)
         if answer.printed:
             with self._log_path.open("ab") as file:
                 file.write(answer.printed)
@@ -164,11 +165,11 @@ class RayWorker:
         return answer.message
 
     def release(self) -> None:
-        """Let an idle worker end; see `Worker`."""
+        """Let an idle worker end."""
         self._released = self._actor.close.remote()
 
     def kill(self) -> None:
-        """End the actor; see `Worker`."""
+        """End the actor."""
         import ray
 
         if self._head.is_gone:
@@ -179,7 +180,7 @@ class RayWorker:
 
 
 class RayEngine:
-    """Starts actors on a Ray cluster; see `Engine`."""
+    """Starts actors on a Ray cluster."""
 
     def __init__(self, workers: Workers) -> None:
         """Connect to the cluster, or start one of this machine alone.
@@ -190,8 +191,8 @@ class RayEngine:
         ray = import_ray()
         from ray._private import ray_constants
 
-        # Else Ray starts its workers by a `uv run` of their own where this process was started by one. The variable
-        # of the same name would come too late for a program that has imported Ray itself.
+        # Else Ray starts its workers by `uv run` if this process was. The environment variable of
+        # that name would be too late for a program that has imported Ray itself.
         ray_constants.RAY_ENABLE_UV_RUN_RUNTIME_ENV = False
         self._shared_out = workers.shared_out
         self._is_ours = not ray.is_initialized()
@@ -208,12 +209,12 @@ class RayEngine:
         self._remote = ray.remote(RemoteWorker).options(**options)
 
     def start(self, number: int, work: Work, log_path: Path) -> RayWorker:
-        """Ask for an actor; it gets its place when the cluster has a processor for it."""
+        """Ask for an actor; it runs once the cluster has a processor for it."""
         actor = self._remote.remote(work, list(sys.path))
         return RayWorker(number, actor, log_path, shared_out=self._shared_out, head=self._head)
 
     def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
-        """Wait for a message; see `Engine`."""
+        """Wait for a message."""
         import ray
         from ray.exceptions import ObjectLostError, RayActorError, RaySystemError, RayTaskError
 
@@ -238,7 +239,7 @@ class RayEngine:
             raise WorkerError(f"the Ray cluster is gone: {_first_line(err)}") from err
 
     def close(self) -> None:
-        """Leave the cluster, and end it where it was started here."""
+        """Leave the cluster; end it if it was started here."""
         import ray
 
         if self._is_ours and not self._head.is_gone:
@@ -256,13 +257,14 @@ def import_ray() -> Any:
         import ray
     except ImportError as err:
         raise EngineError(
-            "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, or pip install ray"
+            "engine ray needs Ray, which is not installed: uv sync --all-packages --extra ray, "
+            "or pip install ray"
         ) from err
     return ray
 
 
 def check_reachable(address: str | None) -> None:
-    """See whether Ray is there, and a cluster at its address, as far as that can be told quickly.
+    """Check quickly that Ray is installed, and that a cluster answers at its address.
 
     Raises:
         EngineError: If Ray is not installed, or nothing answers.
@@ -277,7 +279,7 @@ def check_reachable(address: str | None) -> None:
 
 @contextmanager
 def _signals_kept() -> Iterator[None]:
-    """Keep this process's handlers of signals: Ray puts one in their place that ends it at once."""
+    """Keep this process's signal handlers, which Ray replaces by one that ends it at once."""
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.getsignal(number) for number in numbers}
     try:
@@ -290,7 +292,7 @@ def _signals_kept() -> Iterator[None]:
 
 
 def _connect(ray: Any, workers: Workers) -> None:
-    """Connect to the cluster of a run."""
+    """Connect to the cluster of a run, or start one."""
     common = {"log_to_driver": False, "logging_level": logging.ERROR}
     try:
         if workers.address is None:
@@ -304,10 +306,10 @@ def _connect(ray: Any, workers: Workers) -> None:
 
 
 def _knock(address: str) -> None:
-    """See whether anything answers at an address; Ray itself would try for five minutes.
+    """Connect to an address once; Ray itself would try for five minutes.
 
     Raises:
-        OSError: If nothing does, or no address is known for "auto".
+        OSError: If nothing answers, or no address is known for "auto".
     """
     if address == "auto":
         from ray._private.services import get_ray_address_from_environment

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def stop_signals() -> Iterator[threading.Event]:
-    """Turn interrupts into an event, so that none can fall between a job's files and its line.
+    """Turn interrupts into an event, so that none falls between a job's files and its line.
 
-    Only the main thread may handle signals; elsewhere the event is never set. A signal that is ignored, as under
-    nohup, stays ignored.
+    Only the main thread may handle signals; elsewhere the event is never set. A signal that is
+    ignored, as under nohup, stays ignored.
     """
     stop = threading.Event()
     before = {}
