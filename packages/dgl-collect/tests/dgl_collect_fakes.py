@@ -1,4 +1,4 @@
-"""Made-up episodes and attempts; a module of its own name, so that worker processes can import it."""
+"""Made-up episodes and attempts, in a module that worker processes can import."""
 
 import errno
 import gc
@@ -61,7 +61,7 @@ def hang():
 
 
 class FakeRunner:
-    """Succeeds for even seeds, at the first try for every second one of them, and misbehaves at the attempts that the options name."""
+    """Succeeds for even seeds, without a retry for every second one; fails as its options say."""
 
     def __init__(self, options):
         self.options = options

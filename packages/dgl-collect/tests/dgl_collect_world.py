@@ -26,7 +26,7 @@ def _make_motion(task_id):
 
 
 class World:
-    """All that a robot can sense, and nothing of what is true; implements `dgl_tasks.sensing.Sensed`.
+    """The senses of a robot, without ground truth; implements `dgl_tasks.sensing.Sensed`.
 
     A closed hand that is up is seen to hold the garment, unless `loses` says that it does not.
     """
@@ -123,7 +123,7 @@ class World:
         return [mark for mark in self.marks if isinstance(mark, kind)]
 
     def play(self, part, *, parked=False):
-        """Step along a part of a course, from the parked arms where `parked`; what it gives at its end."""
+        """Step through a part of an attempt, from parked arms if `parked`; return its result."""
         if parked:
             self.play(self.hands.park())
         try:

@@ -1,4 +1,4 @@
-"""Whatever a file holds, readers give what it says, or their own error: mutations of whole files, and arbitrary bytes."""
+"""Readers return the content of a file or raise their own error, for mutated and random files."""
 
 # ruff: noqa: PT017 - an error is one of the two things that may come
 import copy

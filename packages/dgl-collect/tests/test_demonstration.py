@@ -196,7 +196,7 @@ def test_a_short_sleeve_is_lifted_by_its_length_and_a_long_one_by_30_cm(
 def test_the_bottom_follows_the_papers_heights(demonstration):
     """Hf = p3.y - p4.y with p3 the left chest and p4 the left hem, for both hands.
 
-    The hem goes 3 cm beyond the chest; with the 10 cm of the original, hems of short tops lie beyond the box.
+    The hem goes 3 cm beyond the chest; with the original's 10 cm, short tops leave the box.
     """
     length = P["left_chest"][1] - P["left_hem"][1]
     lift, carry, lower = compute_targets(get_stage(demonstration, "bottom_up"), P)

@@ -65,7 +65,7 @@ def test_a_file_becomes_a_garment_with_the_places_that_the_rule_needs(prepared):
     assert garment.meta["found_by_affordance_model"] == list(names)
     told = " ".join(prepared.notes)
     assert "unit mm" in told
-    assert f"judged by places that the affordance model has found: {', '.join(names)}" in told
+    assert f"judged by landmarks that the affordance model has found: {', '.join(names)}" in told
 
 
 def test_a_file_with_another_name_or_picture_is_another_garment(shirt, tmp_path):
@@ -120,7 +120,7 @@ def test_key_points_of_ones_own_are_kept(prepared, tmp_path):
     points["centre"] = 7
     (mine / "keypoints.json").write_text(json.dumps(points))
     own = prepare_garment(mine, get_task("FoldTops-v1"), folder=tmp_path / "kept")
-    assert own.notes == ("judged by places that the affordance model has found: collar",)
+    assert own.notes == ("judged by landmarks that the affordance model has found: collar",)
     found = load_asset(own.folder)
     assert found.landmarks["centre"] == 7
     assert np.linalg.norm(found.vertices[found.landmarks["collar"]] - found.vertices[collar]) < 0.03

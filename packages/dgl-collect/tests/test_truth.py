@@ -1,4 +1,4 @@
-"""Success is what is true at the end of an episode; what a robot makes of what it has seen is kept beside it."""
+"""Success follows from the ground truth at the end; the robot's beliefs are kept beside it."""
 
 import json
 from types import SimpleNamespace
@@ -32,7 +32,7 @@ RULE = ShareInBox(
 
 
 class Env:
-    """A simulation of which only the truth is there: what the rule says of where the garment really is."""
+    """A simulation with ground truth only, as the rule judges it."""
 
     def __init__(self, world, garment):
         self.world, self.garment_at = world, garment

@@ -96,8 +96,8 @@ def check_demonstration(demonstration: Demonstration, task: Task, *, source: str
     """Check a demonstration against its task and its garment.
 
     Raises:
-        DemonstrationError: If a formula uses an unknown name, the garment is not in the catalogue or
-            of another category, or a point is not on it.
+        DemonstrationError: If a formula uses an unknown name, the garment is not in the catalogue
+            or of another category, or a point is not on it.
     """
     _check_names(demonstration, task, source=source)
     try:

@@ -201,7 +201,8 @@ class Episode:
             shape, dtype = self.commands.shape, self.commands.dtype
             if len(shape) != 2 or shape[1] != joints[0] or dtype != np.float32:
                 raise ValueError(
-                    f"commands must have shape (S, {joints[0]}) and dtype float32; got {shape} {dtype}"
+                    f"commands must have shape (S, {joints[0]}) and dtype float32; "
+                    f"got {shape} {dtype}"
                 )
             _check_finite("commands", self.commands)
         for name in _JSON_ATTRIBUTES:
@@ -230,8 +231,8 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
         The path.
     """
     path = Path(path)
-    # Fixed bounds of the library's own format make the bytes independent of its default, and v110 is
-    # the first whose metadata blocks carry checksums.
+    # Fixed bounds of the format make the bytes independent of the library's default; v110 is the
+    # first version whose metadata blocks carry checksums.
     # Written in memory first: HDF5 crashes where a disk is full.
     content = io.BytesIO()
     with h5py.File(content, "w", libver=("v110", "v110")) as file:

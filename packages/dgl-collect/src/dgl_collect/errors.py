@@ -1,4 +1,4 @@
-"""What callers of this package may want to catch."""
+"""Errors of this package that callers may catch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class CorruptEpisodeError(CollectionError):
 
     Attributes:
         path: The file.
-        fault: What is wrong with it.
+        fault: In a few words.
     """
 
     def __init__(self, path: Path, fault: str) -> None:
@@ -31,24 +31,24 @@ class FileUnavailableError(CollectionError):
 
 
 class NotReplayableError(CollectionError):
-    """An episode does not hold what a replay needs, such as its commands."""
+    """An episode lacks data that a replay needs, such as its commands."""
 
 
 class OutputFolderError(CollectionError, ValueError):
-    """The output folder cannot be used: not writable, not empty, busy, or of another run."""
+    """An output folder is not writable, not empty, busy, or of another run."""
 
 
 class WorkerError(CollectionError):
-    """Workers cannot be built, keep dying, or their cluster is gone; what had finished is kept."""
+    """Workers cannot be built, keep dying, or lost their cluster; finished jobs are kept."""
 
 
 class EngineError(CollectionError):
-    """There is nothing to start workers on: Ray is not installed, or there is no cluster at the address."""
+    """Workers cannot be started: no Ray, or no cluster at the address."""
 
 
 class MachineError(CollectionError):
-    """The machine has failed at something, such as writing to a full disk; what had finished is kept."""
+    """The machine failed, for example with a full disk; finished jobs are kept."""
 
 
 class DemonstrationError(CollectionError):
-    """A demonstration is missing, or its file is not as it should be."""
+    """A demonstration is missing or faulty."""

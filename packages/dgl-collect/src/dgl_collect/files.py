@@ -13,7 +13,7 @@ from pathlib import Path
 from dgl_collect.errors import FileUnavailableError, MachineError, OutputFolderError
 
 FULL_BYTES = 1_000_000
-"""A disk with less room than this [bytes] is full: a file is not begun that may not fit."""
+"""A disk with less room than this [bytes] counts as full."""
 _DISK_FAULTS = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
@@ -50,7 +50,7 @@ def unavailable_told(path: Path) -> Iterator[None]:
 
 
 def describe_disk_fault(err: BaseException) -> str | None:
-    """Say what is wrong with a disk, if that is what an error or one of its causes comes from."""
+    """Describe the fault of a disk that an error, or one of its causes, comes from."""
     seen: BaseException | None = err
     while seen is not None:
         if isinstance(seen, OSError) and seen.errno in _DISK_FAULTS:
@@ -62,7 +62,7 @@ def describe_disk_fault(err: BaseException) -> str | None:
 
 @contextmanager
 def disk_faults_told() -> Iterator[None]:
-    """Turn errors of a disk that is full, or fails, into one that says so.
+    """Turn errors of a full or failing disk into a `MachineError`.
 
     Raises:
         MachineError: If the block raises such an error.
@@ -76,14 +76,14 @@ def disk_faults_told() -> Iterator[None]:
 
 
 def describe_full_disk(folder: Path) -> str | None:
-    """Say that there is no room for another file in a folder, if there is none."""
+    """Describe a disk without room for another file in the folder."""
     free = shutil.disk_usage(folder).free
     return None if free >= FULL_BYTES else f"the disk is full: {folder}"
 
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """Keep other runs from writing to the folder, which is made if it is missing.
+    """Lock a folder against other runs; it is made if missing.
 
     Raises:
         OutputFolderError: If another run is writing to it, or it cannot be written to.
@@ -109,19 +109,19 @@ def locked_folder(folder: Path) -> Iterator[None]:
 def check_continued(
     folder: Path, found: Mapping[str, object], identity: Mapping[str, object]
 ) -> None:
-    """Check that a folder's run is the one that is to be continued.
+    """Check that a folder holds the run that is to be continued.
 
     Args:
         folder: Of the run.
-        found: What its file says of the run that is there.
-        identity: What must be equal.
+        found: Content of the file that describes the run there.
+        identity: Entries that must be equal.
 
     Raises:
-        OutputFolderError: If something is not.
+        OutputFolderError: If an entry differs.
     """
     for key, value in identity.items():
         if found.get(key) != value:
             raise OutputFolderError(
-                f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is {value!r}; "
-                "choose another --out"
+                f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is "
+                f"{value!r}; choose another --out"
             )

@@ -1,4 +1,4 @@
-"""Matchers of attempts: the generator's exact correspondence, and the learned model."""
+"""Matchers of attempts: the exact correspondence of generated garments, and the learned one."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, get_args
@@ -14,11 +14,10 @@ if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
 
 MatcherName = Literal["exact", "gam"]
-"""Names of matchers: `exact` knows the simulated garment, `gam` is the Garment Affordance Model, which
-sees clouds alone."""
+"""`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
 
 FindMatcher = Callable[["GarmentEnv"], Matcher]
-"""Gives the matcher for the garment of an environment as it is now."""
+"""Function that makes the matcher for the present garment of an environment."""
 
 
 def make_find_matcher(name: str, demo_garment: Garment) -> FindMatcher:
@@ -41,10 +40,10 @@ def make_find_matcher(name: str, demo_garment: Garment) -> FindMatcher:
 
 
 class ExactMatcher:
-    """Finds the same places on another garment of the category, for simulated garments.
+    """Finds the same points on another simulated garment of the category.
 
-    It knows both garments' meshes and where the target's particles are, so it is a stand-in that
-    an observed cloud alone does not allow; `dgl_gam` learns the same map from clouds.
+    It uses both garments' meshes and the target's particles, which no camera sees; `dgl_gam` learns
+    the same map from clouds.
 
     Implements `dgl_gam.Matcher`.
     """
@@ -62,7 +61,8 @@ class ExactMatcher:
         """
         if isinstance(target, ImportedGarment):
             raise ValueError(
-                f"matcher exact knows garments of the catalogue alone; take matcher gam for {target.name}"
+                f"matcher exact knows garments of the catalogue only; take matcher gam for "
+                f"{target.name}"
             )
         if target_particles.shape != target.vertices.shape:
             raise ValueError(
@@ -78,8 +78,8 @@ class ExactMatcher:
         """Find points of the source in a cloud of the target.
 
         Args:
-            source_cloud: Not needed here; the source garment is known. Shape (N, 3).
-            source_points: Places on the source lying flat [m], shape (K, 3), garment frame.
+            source_cloud: Not used. Shape (N, 3).
+            source_points: Points on the source lying flat [m], shape (K, 3), garment frame.
             target_cloud: Observed points of the target [m], shape (M, 3), world frame.
 
         Returns:
@@ -87,10 +87,10 @@ class ExactMatcher:
             point in (0, 1], shape (K, M), float32.
         """
         del source_cloud
-        places = correspond(self._source, np.asarray(source_points, np.float64), self._target)
-        # each observed point is where its nearest particle is on the flat garment
+        known = correspond(self._source, np.asarray(source_points, np.float64), self._target)
+        # position of each observed point on the flat garment: that of its nearest particle
         nearest = self._tree.query(np.asarray(target_cloud))[1]
         flat = self._target.vertices[nearest].astype(np.float64)  # (M, 3)
-        distance = np.linalg.norm(flat[None] - places[:, None], axis=2)  # (K, M)
+        distance = np.linalg.norm(flat[None] - known[:, None], axis=2)  # (K, M)
         similarity = np.exp(-0.5 * (distance / self.SIMILARITY_SCALE) ** 2)
         return distance.argmin(axis=1), similarity.astype(np.float32)

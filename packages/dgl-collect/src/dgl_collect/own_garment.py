@@ -1,4 +1,4 @@
-"""Garments of one's own in a task: imported from a file, with the places on them that the task's rule needs."""
+"""Garments from users' files, prepared for a task with the landmarks that its rule needs."""
 
 import hashlib
 import json
@@ -31,7 +31,7 @@ from dgl_tasks.soft_body import SoftBody
 __all__ = ["OwnGarment", "prepare_garment"]
 
 FOLDER = DEFAULT_ROBOT_DIRECTORY.parent / "garments"
-"""Where garments are kept that were prepared for tasks; they can be made again."""
+"""Folder of prepared garments; they can be made again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,27 +39,28 @@ class OwnGarment:
     """A garment that is ready for a task."""
 
     folder: Path
-    """Its folder, to be given as option "garment"."""
+    """Its folder, for the option "garment"."""
     notes: tuple[str, ...]
-    """What was assumed, and which places were found by the affordance model, to be told."""
+    """Assumptions of the import, and landmarks found by the affordance model, for the user."""
 
 
 def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGarment:
-    """Make a garment of a file or of an imported folder ready for a task.
+    """Prepare a garment, from a file or an imported folder, for a task.
 
-    A file is imported as a garment of the task's category and, but for hats and gloves, laid flat in a short simulation.
-    Places that the task's rule judges by are the garment's own key points; those that it lacks are found by the affordance
-    model on the garment lying flat.
+    A file is imported as a garment of the task's category and, except hats and gloves, laid flat in
+    a short simulation. Landmarks that the task's rule needs and the garment lacks are found by the
+    affordance model on the garment lying flat.
 
     Args:
         source: A mesh file, or the folder of an imported garment.
-        task: What it is for.
-        folder: Where prepared garments are kept; one that is there is not made again.
+        task: To prepare it for.
+        folder: Of prepared garments; one that is there is not made again.
 
     Raises:
-        ValueError: If there is nothing at `source`, or the garment is of another category or cannot be simulated.
+        ValueError: If there is nothing at `source`, or the garment is of another category or
+            cannot be simulated.
         AssetError: If the file cannot be imported.
-        GamError: If places have to be found, and no model is there for the category.
+        GamError: If landmarks have to be found, and the category has no model.
     """
     if not source.exists():
         raise ValueError(
@@ -71,7 +72,8 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
     garment = load_asset(source)
     if garment.category != task.category:
         raise ValueError(
-            f"garment must be of category {task.category}, which {task.id} is about; {source} is of {garment.category}"
+            f"garment must be of category {task.category}, which {task.id} is about; "
+            f"{source} is of {garment.category}"
         )
     try:
         SoftBody(garment, task.material, task.stiffness).add_to(ModelBuilder(), garment.vertices)
@@ -79,13 +81,13 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
         raise ValueError(f"garment {given} cannot be simulated: {err}") from err
     missing = [name for name in task.success.landmarks if name not in garment.landmarks]
     if missing:
-        notes += (f"judged by places that the affordance model has found: {', '.join(missing)}",)
+        notes += (f"judged by landmarks that the affordance model has found: {', '.join(missing)}",)
         source = _complete(source, garment, task, missing, folder)
     return OwnGarment(folder=source.resolve(), notes=notes)
 
 
 def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """Import a file, or give what was made of it before."""
+    """Import a file, or return an earlier import of it."""
     root = folder / _digest(source, task.category)
     made = sorted(root.glob(f"{task.category}/*/{META_FILE}"))
     if made:
@@ -100,7 +102,7 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
 
 
 def _digest(source: Path, category: str) -> str:
-    """Name what a garment is made of: its name, and all files of a folder, or a file and what it refers to.
+    """Compute a digest of a garment: its name and all files, or a file and the files it refers to.
 
     Raises:
         AssetError: If there is no mesh, or it cannot be read.
@@ -128,8 +130,9 @@ def _digest(source: Path, category: str) -> str:
 def _complete(
     source: Path, garment: ImportedGarment, task: Task, missing: list[str], folder: Path
 ) -> Path:
-    """Give a copy of an imported garment that has the places that it lacks."""
-    found = find_places(garment, load_garment(load_demonstration(task.id).garment), missing)
+    """Copy an imported garment, and add the landmarks that it lacks."""
+    known = load_garment(load_demonstration(task.id).garment)
+    found = find_landmarks(garment, known, missing)
     landmarks = {**garment.landmarks, **found}
     key = _digest(source, garment.category) + json.dumps(landmarks, sort_keys=True)
     digest = hashlib.sha256(key.encode()).hexdigest()[:16]
@@ -146,16 +149,16 @@ def _complete(
     return target
 
 
-def find_places(garment: ImportedGarment, known: Garment, names: list[str]) -> dict[str, int]:
-    """Find places of a known garment on another one of its category, both lying flat.
+def find_landmarks(garment: ImportedGarment, known: Garment, names: list[str]) -> dict[str, int]:
+    """Find landmarks of a known garment on another one of its category, both lying flat.
 
     Args:
         garment: The other one.
-        known: Has the places as landmarks.
-        names: Of them.
+        known: Has the landmarks.
+        names: Of the landmarks.
 
     Returns:
-        Vertex of each place.
+        Vertex of each landmark.
 
     Raises:
         GamError: If there is no affordance model for the category.

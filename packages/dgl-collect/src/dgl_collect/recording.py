@@ -1,4 +1,4 @@
-"""Recording what a course does in its stages: one frame at every fifth control step."""
+"""Recording of stages: one frame at every fifth control step."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ if TYPE_CHECKING:
 class StageRecorder:
     """Accumulate the frames of one stage.
 
-    Call `before_step` before every control step, of the approach too where it is to be recorded, and
-    `begin` between the approach and the stage. At every fifth step it observes; the target in force at the
-    last of the five steps becomes that frame's action: the target that the expert was heading for, and that
-    a policy reaches within five steps.
+    Call `before_step` before every control step (of the approach too, to record it), and `begin`
+    between the approach and the stage. It observes at every fifth step. The target in force at the
+    last of the five steps becomes that frame's action: a policy reaches it within five steps.
 
     Args:
-        start: What does not change within the stage.
+        start: Data that does not change within the stage.
         points: The named points, for people.
     """
 
@@ -47,24 +46,25 @@ class StageRecorder:
         return len(self._observations)
 
     def begin(self, step: int) -> None:
-        """Begin the stage itself: what has been recorded before is the approach.
+        """Begin the stage itself; the frames so far are the approach.
 
         Args:
             step: Control steps since the reset.
         """
         if self._step_count % STEPS_PER_ACTION:
             raise ValueError(
-                f"an approach must have whole frames of {STEPS_PER_ACTION} steps; got {self._step_count}"
+                f"an approach must have whole frames of {STEPS_PER_ACTION} steps; "
+                f"got {self._step_count}"
             )
         self._approach_frames = self.frame_count
         self._first_step = step - self._step_count
 
     def before_step(self, target: np.ndarray, observe: Callable[[], Observation]) -> None:
-        """Record what has to be recorded before the next control step.
+        """Record the next control step.
 
         Args:
             target: Commanded joint targets of this step [rad], shape (D,).
-            observe: Gives the observation; called at every fifth step only, since it renders.
+            observe: Makes the observation, which renders; called at every fifth step only.
         """
         shape = self._actions[0].shape if self._actions else target.shape
         if target.ndim != 1 or target.shape != shape:
@@ -80,13 +80,10 @@ class StageRecorder:
         self._step_count += 1
 
     def finish(self) -> StageRecord:
-        """Give what was recorded.
-
-        Returns:
-            The stage, checked.
+        """Return the recording, checked.
 
         Raises:
-            ValueError: If nothing was recorded, or an array is not as the format wants it.
+            ValueError: If nothing was recorded, or an array does not fit the format.
         """
         if not self._observations:
             raise ValueError(f"stage {self._start.name!r} must have at least one frame; got 0")
@@ -111,17 +108,17 @@ class StageRecorder:
 
 
 class EpisodeRecorder:
-    """Records every stage of a course; implements `dgl_tasks.driver.Listener`."""
+    """Records every stage of an attempt; implements `dgl_tasks.driver.Listener`."""
 
     def __init__(self, env: GarmentEnv, *, with_approach: bool = False) -> None:
         """Prepare an episode.
 
         Args:
             env: Says where the cameras stand.
-            with_approach: Whether the hands' ways to the grasp points are recorded too.
+            with_approach: Record the hands' approach to the grasp points, too.
         """
         self.records: dict[str, StageRecord] = {}
-        """How each stage was carried out the last time, by name."""
+        """The last recording of each stage, by name."""
         self.seconds: dict[str, float] = {}
         """Wall-clock time by stage [s]."""
         self._began_at = 0.0
@@ -148,7 +145,7 @@ class EpisodeRecorder:
             self._has_begun = False
             self._began_at = time.perf_counter()
         elif isinstance(mark, StageEnds):
-            # of a further try that could not even begin, what the one before has done counts
+            # where a retry could not even begin, the recording before it counts
             now, self._now = self._now or self._lost, None
             self._lost = None if mark.counts else now
             ended = time.perf_counter()

@@ -69,8 +69,8 @@ class AttemptResult:
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall-clock time by stage name [s], in order."""
     files: Mapping[str, str] = field(default_factory=dict)
-    """Kind (`episode`, `video`, `picture`) to path: relative to the attempt's own folder, and to the
-    run's folder once the run has taken the file over."""
+    """Kind (`episode`, `video`, `picture`) to path, relative to the attempt's own folder; relative
+    to the run's folder once the run has taken the file over."""
     checksums: Mapping[str, str] = field(default_factory=dict)
     """Kind to SHA-256 of the file, in hexadecimal digits, once the run has taken it over."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
@@ -115,7 +115,7 @@ def read_results(path: Path) -> list[AttemptResult]:
     """Read every result, in the order of the attempts.
 
     Args:
-        path: `attempts.jsonl`. A last line without a line end is left by a power cut: it is ignored.
+        path: `attempts.jsonl`. A last line without a line end, left by a power cut, is ignored.
 
     Raises:
         OutputFolderError: If a whole line is not a result, or an attempt is there twice.

@@ -1,4 +1,4 @@
-"""Films and pictures, written so that a file that exists is whole."""
+"""Films and pictures, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _ENCODER = {"preset": "veryfast", "crf": "23"}
 class VideoWriter:
     """Write an H.264 film (yuv420p, which every browser plays), one video frame per recorded frame.
 
-    Used as a context manager. Leaving the block normally finishes the file; leaving it by an exception,
-    or without a frame, leaves nothing.
+    Used as a context manager. The file is written when the block ends normally; after an exception,
+    or without a frame, there is none.
 
     Args:
-        path: Where the film belongs, ending in `.mp4`.
+        path: The film, ending in `.mp4`.
         frame_rate: Frames a second [Hz].
     """
 
@@ -74,7 +74,7 @@ class VideoWriter:
         self.frame_count += 1
 
     def _encode(self, frame: av.VideoFrame | None) -> None:
-        """Hand a frame to the encoder; None for what it still holds back."""
+        """Hand a frame to the encoder; None makes it write the frames that it still holds."""
         assert self._file is not None
         assert self._stream is not None
         self._file.mux(self._stream.encode(frame))
@@ -104,7 +104,7 @@ def save_png(path: Path | str, image: np.ndarray) -> Path:
     """Save a picture.
 
     Args:
-        path: Where the picture belongs, ending in `.png`.
+        path: The picture, ending in `.png`.
         image: RGB, shape (H, W, 3), uint8.
 
     Returns:
@@ -117,11 +117,11 @@ def save_png(path: Path | str, image: np.ndarray) -> Path:
 
 
 def encode_picture(image: np.ndarray, suffix: str) -> bytes:
-    """Give a picture as the content of a file.
+    """Encode a picture as the content of a file.
 
     Args:
         image: RGB or, with transparency, RGBA, shape (H, W, 3) or (H, W, 4), uint8.
-        suffix: `.png`, or `.webp` for photographs that may lose what no eye sees.
+        suffix: `.png`, or `.webp` for photographs, with a small loss.
     """
     if suffix == ".webp":
         return iio.imwrite("<bytes>", image, extension=suffix, quality=82)

@@ -117,7 +117,7 @@ class LocalEngine:
 
 
 def end_unguarded_import() -> None:
-    """End this process if it is a worker that imports an unguarded script; call before a run begins.
+    """End this process if it is a worker that imports an unguarded script; call before a run.
 
     `LocalWorker.receive` tells the user to guard the script.
     """
