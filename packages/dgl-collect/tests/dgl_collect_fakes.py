@@ -139,6 +139,7 @@ class FakeRunner:
 
 
 def make_runner(task, options):
+    options = options if isinstance(options, dict) else {}  # without any, those of a real task
     if options.get("exit_when_built"):
         end_worker(4)
     if options.get("fail_when_built"):
