@@ -168,8 +168,8 @@ def test_mistakes_in_the_declaration_are_told():
         return dataclasses.replace(BAR, name="rail", position=position, x_range=(0.0, 0.1))
 
     far = SceneObject(name="bar", prop="hanger", position=(0.0, 2.2, 0.0))
-    middle = dataclasses.replace(TASK.success, place="bar.middle")
-    rail = dataclasses.replace(TASK.success, place="rail.target")
+    middle = dataclasses.replace(TASK.success, frame="bar.middle")
+    rail = dataclasses.replace(TASK.success, frame="rail.target")
     shelf = dataclasses.replace(TASK.start, on="bar.shelf")
     cases: dict[str, dict[str, object]] = {
         r"task HangVest-v1: 'bar\.middle': bar has no \w+ 'middle'; it has .*'target'": {

@@ -1,7 +1,7 @@
 """Fold Scarf: both ends to the middle."""
 
-from dgl_tasks import get_task
 from dgl_tasks.declaration import Start, Task
+from dgl_tasks.layouts import FOLD_CAMERAS
 from dgl_tasks.success import ShareInBox
 
 TASK = Task(
@@ -11,7 +11,7 @@ TASK = Task(
     description="Fold a scarf that lies flat: both ends to the middle.",
     success_text="at least 85 % of the visible area lies between the quarters (+- 0.06 m)",
     start=Start(x_range=(-0.1, 0.1), y_range=(0.7, 0.9)),
-    cameras=get_task("FoldTops-v1").cameras,
+    cameras=FOLD_CAMERAS,
     success=ShareInBox(
         left=("left_quarter",),
         right=("right_quarter",),

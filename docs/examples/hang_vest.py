@@ -1,8 +1,8 @@
 """Hang Vest: a sleeveless top over a low bar."""
 
 from dgl_assets.props import HangerParameters
-from dgl_tasks import get_task
 from dgl_tasks.declaration import HandFriction, SceneObject, Start, Task
+from dgl_tasks.layouts import FLING_CAMERAS
 from dgl_tasks.success import HangsOver
 
 TASK = Task(
@@ -21,8 +21,8 @@ TASK = Task(
             friction=1.0,
         ),
     ),
-    cameras=get_task("FlingTops-v1").cameras,
+    cameras=FLING_CAMERAS,
     # the thumb lies inside the garment when the hand leaves
     hand_friction=HandFriction(fingers=25.0, thumb=0.6),
-    success=HangsOver(place="bar.target", sideways=0.08),
+    success=HangsOver(frame="bar.target", sideways=0.08),
 )
