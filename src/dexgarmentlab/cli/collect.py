@@ -85,7 +85,7 @@ def prepare_run(options: O, task: "Task") -> O:
 def run(options: CollectOptions) -> int:
     """Collect, write the report, and say how many attempts succeeded."""
     from dgl_collect import CollectConfig
-    from dgl_tasks import get_task
+    from dgl_tasks import load_task
 
     command = tell_command("collect", options)
     config = CollectConfig(
@@ -95,7 +95,7 @@ def run(options: CollectOptions) -> int:
         workers=options.workers.make(),
         out=options.out,
         resume=options.resume,
-        options=prepare_run(options.run, get_task(options.task)),
+        options=prepare_run(options.run, load_task(options.task)),
         command=command + (" --resume" if options.resume else ""),
     )
     with told_how_to_continue(command):
@@ -129,10 +129,10 @@ def collect_with_progress(
     """
     from dexgarmentlab.reports.collection import write_report
     from dgl_collect import WorkerError, collect
-    from dgl_tasks import get_task
+    from dgl_tasks import load_task
     from dgl_tasks.scene_check import check_scene
 
-    check_scene(get_task(config.task))  # before there is a folder
+    check_scene(load_task(config.task))  # before there is a folder
     shown = 0
     with console.progress(f"collecting {config.task}", config.episodes) as bar:
 

@@ -80,10 +80,10 @@ def run(options: EvalOptions) -> int:
     from dgl_collect.results import ATTEMPTS_FILE, read_results
     from dgl_collect.run_folder import RUN_FILE
     from dgl_files.whole import write_json
-    from dgl_tasks import get_task
+    from dgl_tasks import load_task
 
     seeds = parse_seeds(options.seeds)
-    task, policy = get_task(options.task), options.run.policy
+    task, policy = load_task(options.task), options.run.policy
     if ":" in policy and (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
     check_method(task, options.run, METHODS)
@@ -158,9 +158,11 @@ def _configure(
 
 
 def _asked(options: EvalOptions, command: str) -> dict[str, object]:
+    from dgl_tasks import load_task
+
     asked = {item.name: getattr(options.run, item.name) for item in fields(options.run)}
     return {
-        "task": options.task,
+        "task": load_task(options.task).id,
         **{name: str(v) if isinstance(v, Path) else v for name, v in asked.items()},
         "episodes": options.episodes,
         "seeds": list(parse_seeds(options.seeds)),

@@ -34,6 +34,8 @@ class RelabelOptions:
     """Weights of the model, ending in .safetensors; those that come with it when not given."""
     within: float = 0.15
     """Farthest that a matched point may be from where the hand took hold [m]."""
+    task: str | None = None
+    """Python file or module of the task, for episodes of a task of your own."""
     json: bool = False
     """Write the result as JSON."""
 
@@ -41,10 +43,13 @@ class RelabelOptions:
 def run(options: RelabelOptions) -> int:
     """Relabel, and say what was left out."""
     from dgl_collect.relabel import Relabeller, relabel_episodes
+    from dgl_tasks import load_task
 
     paths = sorted(options.data.glob("*.h5"))
     if not paths:
         raise ValueError(f"no episodes (*.h5) in {options.data}")
+    if options.task is not None:
+        load_task(options.task)  # makes its id known
     relabeller = Relabeller(_find_task(paths), weights=options.weights)
     with console.progress("relabelling", len(paths)) as bar:
         result = relabel_episodes(

@@ -36,6 +36,8 @@ class ReplayOptions:
     """File .mp4 to write a film of the replay to."""
     robots: Path | None = None
     """Folder of imported robots, for episodes of a robot that is not built in."""
+    task: str | None = None
+    """Python file or module of the task, for episodes of a task of your own."""
     json: bool = False
     """Write the comparison as JSON."""
 
@@ -44,11 +46,14 @@ def run(options: ReplayOptions) -> int:
     """Replay, and say how far what came is from what was recorded."""
     from dgl_collect import RunOptions, VideoWriter, read_episode
     from dgl_collect.replay import replay_episode
+    from dgl_tasks import load_task
 
     if not 0 <= options.tolerance < math.inf:
         raise ValueError(
             f"--tolerance must be a finite number of at least 0; got {options.tolerance:g}"
         )
+    if options.task is not None:
+        load_task(options.task)  # makes its id known
     episode = read_episode(options.episode)
     steps = None if episode.commands is None else len(episode.commands)
     with ExitStack() as stack:

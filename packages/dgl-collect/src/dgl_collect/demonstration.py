@@ -30,6 +30,7 @@ from dgl_collect.steps import (
 from dgl_files.fields import decode_json, from_plain, show
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
+from dgl_tasks.tasks import find_demonstration
 
 FORMAT_VERSION = 2
 OFF_GARMENT = 0.05
@@ -44,7 +45,7 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
 
     Args:
         task: Environment id or declaration.
-        path: A file; the one that comes with this package when None.
+        path: A file; when None, the one beside the declaration or in this package.
 
     Raises:
         DemonstrationError: If there is none, the file is damaged, or it does not fit the task.
@@ -64,10 +65,11 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
 
 
 def _find_file(task: Task) -> Path:
-    file = Path(__file__).parent / "demonstrations" / f"{task.id.partition('-')[0]}.json"
+    own = find_demonstration(task.id)
+    file = own or Path(__file__).parent / "demonstrations" / f"{task.id.partition('-')[0]}.json"
     if not file.is_file():
         raise DemonstrationError(
-            f"there is no demonstration of {task.id!r} (looked for {file.name})"
+            f"there is no demonstration of {task.id!r} (looked for {own or file.name})"
         )
     return file
 

@@ -27,7 +27,7 @@ from dgl_collect.workers import (
     end_unguarded_import,
     stop_signals,
 )
-from dgl_tasks import get_task
+from dgl_tasks import load_task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class CollectConfig:
     """
 
     task: str
-    """Environment id, such as `FoldTops-v1`."""
+    """Environment id, or Python file or module of a task; see `dgl_tasks.load_task`."""
     episodes: int
     """Attempts to make, at least 1; how many of them succeed is a result."""
     out: Path
@@ -74,7 +74,7 @@ class CollectConfig:
     def identity(self) -> dict[str, object]:
         """Values that must be equal for a run to be continued."""
         return {
-            "task": self.task,
+            "task": load_task(self.task).id,
             "seed": self.seed,
             "attempt_factory": self.attempt_factory,
             "options": json.loads(json.dumps(self._plain_options)),
@@ -149,7 +149,7 @@ def collect(
         MachineError: If a disk is full or fails. The summary is written if there is room.
     """
     end_unguarded_import()
-    get_task(config.task)
+    load_task(config.task)
     check_workers(config.workers)
     folder = RunFolder(
         config.out, identity=config.identity, resume=config.resume, command=config.command
@@ -203,7 +203,7 @@ def collect(
 
 
 def _make_job(config: CollectConfig, index: int) -> Job:
-    episode_id = make_episode_id(config.task, config.seed, index)
+    episode_id = make_episode_id(load_task(config.task).id, config.seed, index)
     seed = make_attempt_seed(config.seed, index)
     request = AttemptRequest(index=index, seed=seed, episode_id=episode_id)
     return Job(name=episode_id, request=request)

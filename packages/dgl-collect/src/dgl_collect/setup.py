@@ -21,7 +21,7 @@ from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
 from dgl_collect.options import RunOptions
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
-from dgl_tasks import get_task
+from dgl_tasks import load_task
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.env import GarmentEnv
@@ -102,7 +102,7 @@ def make_setup(
         demonstration: Of that task; the one that the options or the task name when None.
     """
     options = options or RunOptions()
-    declared = task if isinstance(task, Task) else get_task(task)
+    declared = task if isinstance(task, Task) else load_task(task)
     if demonstration is None:
         demonstration = load_demonstration(declared, options.demonstration)
     else:

@@ -10,7 +10,7 @@ from dgl_collect.actors import Actor, Expert, LiftAndDrop
 from dgl_collect.attempt import Attempts
 from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.setup import Setup, make_setup
-from dgl_tasks import get_task
+from dgl_tasks import load_task
 from dgl_tasks.declaration import Task
 from dgl_tasks.policy import FromStart, Method, Nothing, Policy
 
@@ -44,7 +44,7 @@ def make_evaluation_attempts(
     task: str, options: EvaluationOptions, learned: LearnedMethods
 ) -> Attempts:
     """Build the attempts of an evaluation; see `dgl_collect.attempt_jobs.AttemptFactory`."""
-    declared = get_task(task)
+    declared = load_task(task)
     material = declared.material
     material = dataclasses.replace(
         material,
