@@ -5,6 +5,7 @@ import dataclasses
 import json
 import re
 import runpy
+import shutil
 from pathlib import Path
 
 import gymnasium
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import dgl_tasks  # registers the environments
+from dexgarmentlab.cli import main
 from dgl_assets import load_garment
 from dgl_assets.props import make_prop
 from dgl_assets.robots import HAND_POSES
@@ -190,3 +192,21 @@ def test_mistakes_in_the_declaration_are_told():
 
 def make(task):
     return gymnasium.make("FoldTops-v1", task=task, obs_mode="none", render_backend="none")
+
+
+# From outside ------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.render
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_dgl_collects_an_example_from_a_folder_of_its_own(name, tmp_path, monkeypatch):
+    for end in ("py", "json"):
+        shutil.copy(DOCS / f"examples/{name}.{end}", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(["collect", f"{name}.py", "--episodes", "1", "--seed", "1", "--out", "out"]) == 0
+    summary = json.loads((tmp_path / "out/summary.json").read_text(encoding="utf-8"))
+    assert summary["task"] == read_example(name)[0].id
+    assert summary["succeeded"] == 1
+    (episode,) = (tmp_path / "out/episodes").glob("*.h5")
+    assert main(["replay", str(episode), "--task", f"{name}.py"]) == 0
