@@ -66,7 +66,7 @@ def test_what_does_not_is_named_and_fails(monkeypatch, path, capsys, change, fau
 def test_a_tolerance_lets_small_differences_pass(monkeypatch, path):
     use(monkeypatch, joints=0.02)
     assert verb.run(verb.ReplayOptions(episode=path, tolerance=0.05)) == 0
-    with pytest.raises(ValueError, match="--tolerance must be at least 0; got -1"):
+    with pytest.raises(ValueError, match="must be a finite number of at least 0; got -1"):
         verb.run(verb.ReplayOptions(episode=path, tolerance=-1.0))
 
 
