@@ -139,9 +139,9 @@ def test_a_missing_file_is_a_domain_error(failing, capsys):
 
 
 def test_errors_of_our_packages_are_domain_errors(failing, capsys):
-    from dgl_sadp import CorruptEpisodeError
+    from dgl_sadp import DamagedEpisodeError
 
-    failing.run = raises(CorruptEpisodeError(Path("a.h5"), "torn"))
+    failing.run = raises(DamagedEpisodeError(Path("a.h5"), "torn"))
     assert main(["fail"]) == 1
     assert "a.h5: torn" in capsys.readouterr().err
 

@@ -65,7 +65,7 @@ def test_pictures_arrive_too(tmp_path, episodes):
 def test_the_reader_refuses_what_the_writer_does_not_write(tmp_path, episodes):
     with h5py.File(tmp_path / "0.h5", "r+") as file:
         file.attrs["format_version"] = 2
-    with pytest.raises(dgl_sadp.CorruptEpisodeError, match="format version 2"):
+    with pytest.raises(dgl_sadp.DamagedEpisodeError, match="format version 2"):
         dgl_sadp.EpisodeDataset(tmp_path, stage=1)
 
 

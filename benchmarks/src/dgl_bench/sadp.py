@@ -15,7 +15,7 @@ from dgl_bench.rows import Row
 from dgl_sadp import (
     DiffusionPolicy,
     PolicyRunner,
-    Progress,
+    TrainProgress,
     get_policy_config,
     get_train_config,
     train_policy,
@@ -151,7 +151,7 @@ def _measure_training(
     )
     times: list[float] = []
 
-    def note_time(_: Progress) -> None:
+    def note_time(_: TrainProgress) -> None:
         times.append(time.perf_counter())
         if len(times) == _WARM_UP + repeats + 1:
             raise _EnoughError

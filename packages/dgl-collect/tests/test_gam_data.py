@@ -13,8 +13,8 @@ from dgl_collect.errors import OutputFolderError
 from dgl_collect.gam_data import DataConfig, Made, generate, generate_data, list_garments
 from dgl_collect.gam_data import garment as garment_module
 from dgl_collect.gam_data.garment import Entry, find_path, make_garment_data
-from dgl_collect.gam_data.handling import Handling, find_grip
 from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
+from dgl_collect.gam_data.simulation import GarmentSimulation, find_grip
 from dgl_collect.gam_data.views import TOLERANCE, make_direction, see_surface
 from dgl_collect.workers import JobOutcome
 from dgl_gam.data import read_garment
@@ -169,7 +169,7 @@ def test_held_vertices_stay_and_the_rest_hangs_below():
     scarf = load_garment(SCARF, spacing=0.025)
     grip = find_grip(scarf, "left_end")
     start = scarf.vertices[:, [2, 1, 0]] * [1.0, 1.0, -1.0] + [0.0, 0.0, 1.5]
-    end = Handling(scarf).settle(start.astype(np.float64), frames=20, pinned=grip)
+    end = GarmentSimulation(scarf).settle(start.astype(np.float64), frames=20, pinned=grip)
     np.testing.assert_allclose(end[grip], start[grip], atol=1e-6)
     assert end[:, 2].max() < start[grip, 2].max() + 0.1
 

@@ -7,13 +7,13 @@ import torch
 from dgl_gam import GarmentAffordanceModel
 from dgl_gam.adapt import AdaptConfig, AnnotatedPair, adapt
 from dgl_gam.checkpoint import Checkpoint
-from dgl_gam.config import LevelConfig, NetworkConfig
+from dgl_gam.config import GamLevelConfig, NetworkConfig
 from dgl_gam.network import GarmentNetwork
 
 TINY = NetworkConfig(
     levels=(
-        LevelConfig(centres=48, radius=0.3, neighbours=8, widths=(16, 32)),
-        LevelConfig(centres=12, radius=0.6, neighbours=8, widths=(64,)),
+        GamLevelConfig(centres=48, radius=0.3, neighbours=8, widths=(16, 32)),
+        GamLevelConfig(centres=12, radius=0.6, neighbours=8, widths=(64,)),
     ),
     up=((48,), (32,)),
     attention_blocks=1,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
+from dgl_files.tensors import seal
 from dgl_gam import DataError
-from dgl_gam._tensor_file import seal
 from dgl_gam.data import GarmentFolder, read_garment, read_header, write_garment
 
 

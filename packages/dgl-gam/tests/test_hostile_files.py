@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from dgl_gam import Calibration, CheckpointError, DataError
-from dgl_gam._tensor_file import seal
+from dgl_files.tensors import seal
+from dgl_gam import Calibration, DataError, GamCheckpointError
 from dgl_gam.card import format_card
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from dgl_gam.config import LevelConfig, NetworkConfig, YawConfig
+from dgl_gam.config import GamLevelConfig, NetworkConfig, YawConfig
 from dgl_gam.data import read_garment, read_header, write_garment
 from dgl_gam.network import GarmentNetwork
 
@@ -30,8 +30,8 @@ MANY = settings(FEW, max_examples=400)
 
 CONFIG = NetworkConfig(
     levels=(
-        LevelConfig(centres=16, radius=0.3, neighbours=4, widths=(8,)),
-        LevelConfig(centres=8, radius=0.6, neighbours=4, widths=(8,)),
+        GamLevelConfig(centres=16, radius=0.3, neighbours=4, widths=(8,)),
+        GamLevelConfig(centres=8, radius=0.6, neighbours=4, widths=(8,)),
     ),
     up=((8,), (8,)),
     attention_blocks=1,
@@ -123,7 +123,7 @@ def check_network_file(path: Path, content: bytes, checkpoint: Checkpoint) -> No
     path.write_bytes(content)
     try:
         found = load_checkpoint(path)
-    except CheckpointError as error:
+    except GamCheckpointError as error:
         check_told(error, path)
         return
     assert found.network.config == checkpoint.network.config
@@ -152,7 +152,7 @@ def test_arbitrary_bytes_are_neither_network_nor_garment(tmp_path, header, data)
     path = tmp_path / "a.safetensors"
     for content in (data, len(header).to_bytes(8, "little") + header + data):
         path.write_bytes(content)
-        with pytest.raises(CheckpointError, match=r"a\.safetensors"):
+        with pytest.raises(GamCheckpointError, match=r"a\.safetensors"):
             load_checkpoint(path)
         for read in (read_header, read_garment):
             with pytest.raises(DataError, match=r"a\.safetensors"):
@@ -192,7 +192,7 @@ def test_calibration_and_card_of_any_values_are_refused_or_usable(
     save_file(arrays, path, metadata=seal(metadata, arrays))
     try:
         found = load_checkpoint(path)
-    except CheckpointError as error:
+    except GamCheckpointError as error:
         check_told(error)
         return
     probability = found.calibration.apply(np.zeros((1, 4)))

@@ -8,8 +8,8 @@ import torch
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from dgl_gam import CheckpointError, GarmentAffordanceModel, Matcher, WeightsNotFoundError
-from dgl_gam._tensor_file import seal
+from dgl_files.tensors import seal
+from dgl_gam import GamCheckpointError, GarmentAffordanceModel, Matcher, WeightsNotFoundError
 from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.confidence import Calibration, compute_auroc, compute_evidence, fit_calibration
 from dgl_gam.config import PRESETS
@@ -162,6 +162,11 @@ def test_averaging_over_views_is_repeatable(checkpoint, cloud):
         (lambda c: c[:, :2], r"target_cloud must have shape \(N, 3\); got \(600, 2\)"),
         (lambda c: np.where(c == c[5, 0], np.nan, c), "target_cloud must be finite"),
         (np.zeros_like, "extent above"),
+        (lambda c: c[:, :1] * [[0.3, 0.5, 0.1]], "target_cloud must not lie on a straight line"),
+        (
+            lambda c: np.broadcast_to(c[:1], (2**21 + 1, 3)),
+            "target_cloud must have at most 2097152",
+        ),
         (lambda c: c * 1e30, "extent below 1e[+]06 m; got"),
         (lambda c: c + 1j, "target_cloud must be real numbers .*: they are complex"),
         (lambda c: c.astype(str).astype(object) + "?", "target_cloud must be real numbers"),
@@ -188,7 +193,7 @@ def test_unknown_categories_and_missing_weights_are_refused(checkpoint, tmp_path
         GarmentAffordanceModel.load("trousers")
     with pytest.raises(ValueError, match="category must be 'Scarf' or left out; got 'Glove'"):
         GarmentAffordanceModel.load("Scarf", category="Glove")
-    with pytest.raises(CheckpointError, match=r"none\.safetensors cannot be read"):
+    with pytest.raises(GamCheckpointError, match=r"none\.safetensors cannot be read"):
         GarmentAffordanceModel.load(tmp_path / "none.safetensors")
     with pytest.raises(ValueError, match="source_views must be at least 1"):
         GarmentAffordanceModel(checkpoint, source_views=0)
@@ -271,7 +276,7 @@ def test_damaged_and_foreign_checkpoints_are_refused_by_name(checkpoint, tmp_pat
         save_file(arrays, path, metadata=seal({**metadata, **changes}, arrays))
 
     def refuse(message):
-        with pytest.raises(CheckpointError, match=message) as caught:
+        with pytest.raises(GamCheckpointError, match=message) as caught:
             load_checkpoint(path)
         assert "a.safetensors" in str(caught.value)
         assert "\n" not in str(caught.value)
@@ -345,11 +350,11 @@ def test_flipped_bits_of_weights_are_found(checkpoint, tmp_path):
         content = bytearray(whole)
         content[header + int(share * (len(content) - header))] ^= 1
         path.write_bytes(content)
-        with pytest.raises(CheckpointError, match=r"a\.safetensors is damaged: its checksum"):
+        with pytest.raises(GamCheckpointError, match=r"a\.safetensors is damaged: its checksum"):
             load_checkpoint(path)
     path.write_bytes(whole.replace(b'bias\\": -3.0', b'bias\\": -4.0'))
     assert path.read_bytes() != whole
-    with pytest.raises(CheckpointError, match="metadata are damaged: their checksum"):
+    with pytest.raises(GamCheckpointError, match="metadata are damaged: their checksum"):
         load_checkpoint(path)
 
 
@@ -362,7 +367,7 @@ def test_weights_of_float8_are_refused(checkpoint, tmp_path):
         metadata = file.metadata()
     state = checkpoint.network.state_dict()
     save_tensors({name: t.to(torch.float8_e4m3fn) for name, t in state.items()}, path, metadata)
-    with pytest.raises(CheckpointError, match="must be of type F16 or F32; got F8_E4M3"):
+    with pytest.raises(GamCheckpointError, match="must be of type F16 or F32; got F8_E4M3"):
         load_checkpoint(path)
 
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dgl_gam._yaw import YawNetwork, rotate_yaw
-from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig, YawConfig, get_network_config
+from dgl_gam.config import PRESETS, GamLevelConfig, NetworkConfig, YawConfig, get_network_config
 from dgl_gam.network import GarmentNetwork, center_clouds
 
 
@@ -195,7 +195,7 @@ def test_levels_beyond_their_bounds_are_refused():
 
 
 def test_wrong_configurations_are_refused():
-    level = LevelConfig(centres=8, radius=0.1, neighbours=4, widths=(8,))
+    level = GamLevelConfig(centres=8, radius=0.1, neighbours=4, widths=(8,))
     with pytest.raises(ValueError, match="centres must fall"):
         dataclasses.replace(
             PRESETS["small"],

@@ -4,23 +4,23 @@ import json
 import pytest
 import torch
 
-from dgl_gam import CheckpointError
+from dgl_gam import GamCheckpointError
 from dgl_gam.checkpoint import load_checkpoint
-from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
+from dgl_gam.config import PRESETS, GamLevelConfig, NetworkConfig
 from dgl_gam.data import GarmentFolder
 from dgl_gam.data.batches import BatchConfig
-from dgl_gam.schedule import SCHEDULES, Schedule, Stage, get_schedule, train_schedule
-from dgl_gam.train import TrainConfig, get_train_config
+from dgl_gam.schedule import SCHEDULES, Schedule, ScheduleStage, get_schedule, train_schedule
+from dgl_gam.train import GamTrainConfig, get_train_config
 
 TINY = NetworkConfig(
-    levels=(LevelConfig(centres=32, radius=0.4, neighbours=8, widths=(16,)),),
+    levels=(GamLevelConfig(centres=32, radius=0.4, neighbours=8, widths=(16,)),),
     up=((16,),),
     attention_blocks=0,
     attention_heads=1,
     head_width=16,
     features=16,
 )
-BASE = TrainConfig(
+BASE = GamTrainConfig(
     network="tiny",
     warmup=1,
     save_every=1,
@@ -29,9 +29,9 @@ BASE = TrainConfig(
 SCHEDULE = Schedule(
     base=BASE,
     stages=(
-        Stage(name="1_wide", steps=3, lr=1e-3, groups=1),
-        Stage(name="2_narrow", steps=2, lr=5e-4, groups=1, margin=0.03, max_distance=0.015),
-        Stage(name="3_yaw", steps=2, lr=1e-3, groups=2, parts="yaw", mirrored_share=0.5),
+        ScheduleStage(name="1_wide", steps=3, lr=1e-3, groups=1),
+        ScheduleStage(name="2_narrow", steps=2, lr=5e-4, groups=1, margin=0.03, max_distance=0.015),
+        ScheduleStage(name="3_yaw", steps=2, lr=1e-3, groups=2, parts="yaw", mirrored_share=0.5),
     ),
 )
 
@@ -89,17 +89,22 @@ def test_a_resumed_schedule_ends_as_one_without_interruption(folder, tmp_path, c
 
 
 def test_what_is_no_run_or_another_one_is_refused(folder, tmp_path):
-    with pytest.raises(CheckpointError, match="holds no run to resume"):
+    with pytest.raises(GamCheckpointError, match="holds no run to resume"):
         train_schedule(folder, tmp_path / "none", SCHEDULE, is_resumed=True)
     train_schedule(folder, tmp_path / "run", SCHEDULE, stop_after=1)
     with pytest.raises(FileExistsError, match="holds a run already"):
         train_schedule(folder, tmp_path / "run", SCHEDULE)
-    with pytest.raises(CheckpointError, match="begun with other stages"):
+    with pytest.raises(GamCheckpointError, match="begun with other stages"):
         train_schedule(folder, tmp_path / "run", SCHEDULE, seed=1, is_resumed=True)
     with pytest.raises(ValueError, match=r"named, each in its own way; got \['a', 'a'\]"):
-        Schedule(stages=(Stage(name="a", steps=1, lr=1e-3), Stage(name="a", steps=1, lr=1e-3)))
+        Schedule(
+            stages=(
+                ScheduleStage(name="a", steps=1, lr=1e-3),
+                ScheduleStage(name="a", steps=1, lr=1e-3),
+            )
+        )
     with pytest.raises(ValueError, match="margin and near must be positive and grow"):
-        Schedule(stages=(Stage(name="a", steps=1, lr=1e-3, margin=0.01),))
+        Schedule(stages=(ScheduleStage(name="a", steps=1, lr=1e-3, margin=0.01),))
 
 
 def test_a_shorter_schedule_has_all_stages_in_proportion():

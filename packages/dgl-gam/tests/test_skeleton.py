@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from dgl_gam import DataError
-from dgl_gam.config import PRESETS, LevelConfig, NetworkConfig
+from dgl_gam.config import PRESETS, GamLevelConfig, NetworkConfig
 from dgl_gam.data import GarmentFolder, read_garment
 from dgl_gam.data.batches import BatchConfig, BatchMaker
 from dgl_gam.skeleton import (
@@ -21,8 +21,8 @@ from dgl_gam.skeleton.dataset import get_flat_cloud
 
 TINY = NetworkConfig(
     levels=(
-        LevelConfig(centres=48, radius=0.3, neighbours=8, widths=(16, 32)),
-        LevelConfig(centres=12, radius=0.6, neighbours=8, widths=(64,)),
+        GamLevelConfig(centres=48, radius=0.3, neighbours=8, widths=(16, 32)),
+        GamLevelConfig(centres=12, radius=0.6, neighbours=8, widths=(64,)),
     ),
     up=((48,), (32,)),
     attention_blocks=1,

@@ -11,9 +11,9 @@ import torch
 from dgl_sadp.config import (
     ARM_JOINTS,
     DiffusionConfig,
+    EncoderLevelConfig,
     GarmentConfig,
     ImageConfig,
-    LevelConfig,
     PointsConfig,
     PolicyConfig,
     UNetConfig,
@@ -86,8 +86,8 @@ def make_tiny_config(method: str, **changes) -> PolicyConfig:
     garment = GarmentConfig(
         points=32,
         levels=(
-            LevelConfig(centres=8, radius=0.4, neighbours=6, widths=(16,)),
-            LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(16,)),
+            EncoderLevelConfig(centres=8, radius=0.4, neighbours=6, widths=(16,)),
+            EncoderLevelConfig(centres=0, radius=0.0, neighbours=0, widths=(16,)),
         ),
         features=8,
     )

@@ -8,6 +8,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
+from dgl_files.tensors import seal
 from dgl_sadp import CheckpointError, DiffusionPolicy, load_policy, read_card, save_policy
 from dgl_sadp.normalizer import Range
 
@@ -26,12 +27,12 @@ def path(tmp_path, policy):
 
 
 def rewrite(path, *, tensors=None, **metadata):
+    """Write the file again with checksums that fit, as another program might."""
     with safe_open(path, framework="pt") as file:
-        before = file.metadata()
-    after = {**before, **metadata}
-    if "values_checksum" not in metadata:
-        after["values_checksum"] = f"{zlib.crc32(after['values'].encode()):08x}"
-    save_file(load_file(path) if tensors is None else tensors, path, after)
+        after = {**file.metadata(), **metadata}
+    tensors = load_file(path) if tensors is None else tensors
+    plain = {n: t.numpy() for n, t in tensors.items() if t.dtype != torch.float8_e4m3fn}
+    save_file(tensors, path, seal(after, plain))
 
 
 def test_a_policy_is_read_as_it_was_written(path, policy, random_batch):
@@ -59,7 +60,7 @@ def test_a_failed_write_leaves_the_former_file(path, policy, monkeypatch):
     def fail(*_, **__):
         raise OSError("disk full")
 
-    monkeypatch.setattr("dgl_sadp._tensor_file.save_file", fail)
+    monkeypatch.setattr("dgl_files.tensors.save_file", fail)
     with pytest.raises(OSError, match="disk full"):
         save_policy(path, policy)
     assert path.read_bytes() == before
@@ -98,11 +99,11 @@ def test_foreign_files_are_refused(tmp_path, path):
 
 
 def test_other_versions_and_wrong_metadata_are_refused(path):
-    rewrite(path, version="3")
-    with pytest.raises(CheckpointError, match="version must be '2'; got '3'"):
+    rewrite(path, version="4")
+    with pytest.raises(CheckpointError, match="version must be '3'; got '4'"):
         load_policy(path)
     for values in ("{", "[1]"):
-        rewrite(path, version="2", values=values)
+        rewrite(path, version="3", values=values)
         with pytest.raises(CheckpointError, match="its metadata are damaged"):
             read_card(path)
 
@@ -236,9 +237,35 @@ def test_a_changed_configuration_is_found_by_its_checksum(path):
             read(path)
 
 
-def test_files_of_the_first_version_are_read(path, policy):
-    rewrite(path, version="1", values_checksum="")
-    assert load_policy(path).config == policy.config
+def test_files_of_earlier_versions_are_read_and_checked(path, policy):
+    """Their checksum names types as torch does; version 2 has a checksum of the plain values."""
+    tensors = load_file(path)
+    with safe_open(path, framework="pt") as file:
+        values = file.metadata()["values"]
+    checksum = 0
+    for name, tensor in sorted(tensors.items()):
+        head = f"{name} {tensor.dtype} {tuple(tensor.shape)}"
+        checksum = zlib.crc32(head.encode(), checksum)
+        checksum = zlib.crc32(tensor.numpy().tobytes(), checksum)
+    old = {
+        "format": "dgl_sadp.policy",
+        "version": "2",
+        "checksum": f"{checksum:08x}",
+        "values": values,
+        "values_checksum": f"{zlib.crc32(values.encode()):08x}",
+    }
+    without = {name: text for name, text in old.items() if name != "values_checksum"}
+    for metadata in (old, {**without, "version": "1"}):
+        save_file(tensors, path, metadata)
+        found = load_policy(path)
+        assert found.config == policy.config
+        assert all(torch.equal(t, tensors[name]) for name, t in found.state_dict().items())
+        save_file(tensors, path, {**metadata, "checksum": "00000000"})
+        with pytest.raises(CheckpointError, match="is damaged: its checksum"):
+            load_policy(path)
+    save_file(tensors, path, {**old, "values": values.replace("0.02", "0.03")})
+    with pytest.raises(CheckpointError, match="metadata are damaged: their checksum"):
+        load_policy(path)
 
 
 def test_what_is_no_file_is_refused(tmp_path):

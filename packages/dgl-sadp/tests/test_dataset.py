@@ -1,4 +1,6 @@
+import fcntl
 import pickle
+import shutil
 
 import h5py
 import numpy as np
@@ -7,8 +9,14 @@ from torch.utils.data import DataLoader
 
 import dgl_sadp._episode_file
 import dgl_sadp.dataset
-from dgl_sadp import CorruptEpisodeError, EpisodeDataset, UnsuitableEpisodeError
+from dgl_sadp import (
+    DamagedEpisodeError,
+    EpisodeAccessError,
+    EpisodeDataset,
+    UnsuitableEpisodeError,
+)
 from dgl_sadp._episode_file import FRAME_KEYS
+from dgl_sadp.ranges import measure_episodes
 
 POINTS = 5  # In the clouds of `make_episode`.
 
@@ -64,7 +72,7 @@ def test_an_approach_that_was_not_recorded_is_named(tmp_path, make_episode):
 
 def test_an_approach_as_long_as_the_stage_is_refused(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5", frames=14, approach_frames=14)
-    with pytest.raises(CorruptEpisodeError, match=r"approach_frames .* \[0, 14\); got 14"):
+    with pytest.raises(DamagedEpisodeError, match=r"approach_frames .* \[0, 14\); got 14"):
         EpisodeDataset(tmp_path, 1)
 
 
@@ -134,23 +142,55 @@ def test_files_that_are_being_written_are_not_read(tmp_path, make_episode):
 def test_an_empty_folder_is_refused_and_its_subfolder_suggested(tmp_path, make_episode):
     with pytest.raises(FileNotFoundError, match=r"no episode files \(\*\.h5\)"):
         EpisodeDataset(tmp_path, 1)
-    (tmp_path / "episodes").mkdir()
-    make_episode(tmp_path / "episodes" / "0.h5")
-    with pytest.raises(FileNotFoundError, match=r"did you mean .*episodes"):
+    (tmp_path / "folds").mkdir()
+    make_episode(tmp_path / "folds" / "0.h5")
+    with pytest.raises(FileNotFoundError, match=r"did you mean .*/folds\?"):
         EpisodeDataset(tmp_path, 1)
 
 
 def test_a_truncated_file_is_refused_by_name(tmp_path, make_episode):
     path = make_episode(tmp_path / "0.h5")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(CorruptEpisodeError, match=r"0\.h5: cannot be read.*collect"):
+    with pytest.raises(DamagedEpisodeError, match=r"0\.h5: cannot be read.*collect"):
         EpisodeDataset(tmp_path, 1)
 
 
 def test_a_file_that_is_no_hdf5_is_refused(tmp_path):
     (tmp_path / "0.h5").write_text("episode")
-    with pytest.raises(CorruptEpisodeError, match=r"cannot be read"):
+    with pytest.raises(DamagedEpisodeError, match=r"cannot be read"):
         EpisodeDataset(tmp_path, 1)
+
+
+def test_an_episode_that_another_process_holds_stops_the_reading(tmp_path, make_episode):
+    path = make_episode(tmp_path / "0.h5")
+    make_episode(tmp_path / "1.h5")
+    with path.open("rb+") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*another process holds") as caught:
+            EpisodeDataset(tmp_path, 1, skip_corrupt=True)
+    assert "remove" not in str(caught.value)
+    assert len(EpisodeDataset(tmp_path, 1).episodes) == 2
+
+
+def test_an_episode_that_may_not_be_read_stops_the_reading(tmp_path, make_episode, monkeypatch):
+    make_episode(tmp_path / "0.h5")
+
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(h5py, "File", refuse)
+    with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*may not be read by this user"):
+        EpisodeDataset(tmp_path, 1, skip_corrupt=True)
+
+
+def test_a_copy_of_an_episode_is_left_out(tmp_path, make_episode):
+    for name, offset in {"a": 0.0, "b": 1.0}.items():
+        make_episode(tmp_path / f"{name}.h5", offset=offset)
+    shutil.copy(tmp_path / "a.h5", tmp_path / "c.h5")
+    found = measure_episodes(EpisodeDataset(tmp_path, 1), ("action", "garment_point_cloud"))
+    assert [episode.path.name for episode in found.dataset.episodes] == ["a.h5", "b.h5"]
+    (refused,) = found.refused
+    assert str(refused).endswith("c.h5: it is the same episode as a.h5")
 
 
 def _delete(key):
@@ -282,7 +322,7 @@ def test_files_of_another_form_are_refused(tmp_path, make_episode, change, messa
     path = make_episode(tmp_path / "0.h5")
     with h5py.File(path, "a") as file:
         change(file)
-    with pytest.raises(CorruptEpisodeError, match=message) as caught:
+    with pytest.raises(DamagedEpisodeError, match=message) as caught:
         EpisodeDataset(tmp_path, 1)
     assert caught.value.path == path
 
@@ -297,7 +337,7 @@ def test_damage_inside_an_array_is_found_by_its_checksum_when_read(tmp_path, mak
     content[content.index(marker.tobytes()) + 100] ^= 0xFF
     path.write_bytes(content)
     dataset = EpisodeDataset(tmp_path, 1)
-    with pytest.raises(CorruptEpisodeError, match=r"0\.h5"):
+    with pytest.raises(DamagedEpisodeError, match=r"0\.h5"):
         dataset[0]
 
 
@@ -376,7 +416,7 @@ def test_dataset_and_its_error_travel_between_processes(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5")
     dataset = pickle.loads(pickle.dumps(EpisodeDataset(tmp_path, 1)))
     assert len(dataset) == 14
-    error = pickle.loads(pickle.dumps(CorruptEpisodeError(tmp_path, "torn")))
+    error = pickle.loads(pickle.dumps(DamagedEpisodeError(tmp_path, "torn")))
     assert error.reason == "torn"
 
 
@@ -496,5 +536,5 @@ def test_a_link_put_in_after_the_scan_is_refused(tmp_path, make_episode):
     dataset = EpisodeDataset(tmp_path, 1)
     with h5py.File(path, "a") as file:
         _link("stage_1", h5py.ExternalLink("other.h5", "/stage_1"))(file)
-    with pytest.raises(CorruptEpisodeError, match="link to another file"):
+    with pytest.raises(DamagedEpisodeError, match="link to another file"):
         dataset[0]

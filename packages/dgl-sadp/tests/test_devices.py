@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from dgl_sadp import (
-    CorruptEpisodeError,
+    DamagedEpisodeError,
     DiffusionPolicy,
     TrainConfig,
     TrainingProcessError,
@@ -22,8 +22,8 @@ from dgl_sadp import (
 )
 from dgl_sadp._clouds import Augmentation
 from dgl_sadp._random import Draws, Share
-from dgl_sadp._tensor_file import open_tensors
 from dgl_sadp._train_data import Batches
+from dgl_sadp._values_file import open_values, read_tensors
 from dgl_sadp.synthetic import write_synthetic_episodes
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -52,8 +52,8 @@ def train(episodes, tmp_path, tiny_config):
 
 
 def read_state(folder):
-    with open_tensors(folder / "state.safetensors", kind="dgl_sadp.training") as file:
-        return {name: tensor.clone() for name, tensor in file.read().items()}
+    with open_values(folder / "state.safetensors", kind="dgl_sadp.training") as (file, _):
+        return read_tensors(file)
 
 
 def shares_of(total, processes):
@@ -225,7 +225,7 @@ def test_what_goes_wrong_in_a_process_is_raised_and_ends_all(train, tmp_path):
         for path in paths:
             path.write_bytes(path.read_bytes()[:5000])
 
-    with pytest.raises(CorruptEpisodeError, match="remove the file"):
+    with pytest.raises(DamagedEpisodeError, match="remove the file"):
         train("damaged", directory=folder, devices=2, keep_bytes=0, on_progress=damage)
     assert not multiprocessing.active_children()
 

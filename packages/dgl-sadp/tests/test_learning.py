@@ -8,8 +8,8 @@ import torch
 from dgl_sadp import DiffusionPolicy, EpisodeDataset, TrainConfig, load_policy, train_policy
 from dgl_sadp.config import (
     DiffusionConfig,
+    EncoderLevelConfig,
     GarmentConfig,
-    LevelConfig,
     PointsConfig,
     UNetConfig,
 )
@@ -28,8 +28,8 @@ def test_four_episodes_are_learned_to_less_than_a_degree(tmp_path, tiny_config):
     garment = GarmentConfig(
         points=32,
         levels=(
-            LevelConfig(centres=8, radius=0.4, neighbours=8, widths=(32,)),
-            LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(64,)),
+            EncoderLevelConfig(centres=8, radius=0.4, neighbours=8, widths=(32,)),
+            EncoderLevelConfig(centres=0, radius=0.0, neighbours=0, widths=(64,)),
         ),
         features=32,
     )

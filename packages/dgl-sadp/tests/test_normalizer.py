@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import torch
 
-from dgl_sadp import CorruptEpisodeError, EpisodeDataset
+from dgl_sadp import DamagedEpisodeError, EpisodeDataset
 from dgl_sadp.normalizer import Normalizer, Range, RangeScaler
 from dgl_sadp.ranges import join_ranges, measure_episodes
 
@@ -101,7 +101,7 @@ def test_values_that_are_not_finite_are_refused_by_name_and_the_rest_goes_on(
     assert [episode.path.name for episode in measured.dataset.episodes] == ["0.h5", "2.h5"]
     assert len(measured.ranges) == 2
     (error,) = measured.refused
-    assert isinstance(error, CorruptEpisodeError)
+    assert isinstance(error, DamagedEpisodeError)
     assert error.path.name == "1.h5"
     assert f"stage_1/{key} has values that are not finite" in str(error)
 

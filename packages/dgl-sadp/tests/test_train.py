@@ -20,7 +20,7 @@ from dgl_sadp import (
     read_card,
     train_policy,
 )
-from dgl_sadp._tensor_file import open_tensors
+from dgl_sadp._values_file import open_values, read_tensors, write_values
 from dgl_sadp.normalizer import Range
 from dgl_sadp.synthetic import write_synthetic_episodes
 from dgl_sadp.validation import compute_validation
@@ -119,8 +119,9 @@ def test_a_resumed_run_ends_as_if_it_had_not_been_interrupted(train, whole, at):
 @pytest.mark.parametrize("rate", [None, 0.02])
 def test_muon_trains_the_matrices_where_it_is_asked_for_and_adamw_the_rest(train, tmp_path, rate):
     result = train(config=dataclasses.replace(CONFIG, epochs=1, muon_learning_rate=rate))
-    with open_tensors(tmp_path / "run" / "state.safetensors", kind="dgl_sadp.training") as file:
-        kept = set(file.shapes)
+    state = tmp_path / "run" / "state.safetensors"
+    with open_values(state, kind="dgl_sadp.training") as (file, _):
+        kept = set(file.found)
     parts = {name: tensor.ndim for name, tensor in weights(result).items() if "range" not in name}
     by_muon = {name.partition("/")[2] for name in kept if name.startswith("momentum_buffer/")}
     by_adamw = {name.partition("/")[2] for name in kept if name.startswith("exp_avg/")}
@@ -346,38 +347,32 @@ def test_paper_presets_are_the_published_ones():
     ],
 )
 def test_a_state_of_wrong_values_is_refused_in_one_line(train, tmp_path, changes, message):
-    from dgl_sadp._tensor_file import write_tensors
-
     train(config=dataclasses.replace(CONFIG, epochs=1))
     path = tmp_path / "run" / "state.safetensors"
-    with open_tensors(path, kind="dgl_sadp.training") as file:
-        tensors = {name: tensor.clone() for name, tensor in file.read().items()}
-        values = file.values
+    with open_values(path, kind="dgl_sadp.training") as (file, values):
+        tensors = read_tensors(file)
     if callable(changes):
         changes(values["schedules"][0])
     else:
         values |= changes
-    write_tensors(path, tensors, kind="dgl_sadp.training", values=values)
+    write_values(path, tensors, kind="dgl_sadp.training", values=values)
     with pytest.raises(CheckpointError, match=message) as caught:
         train(config=dataclasses.replace(CONFIG, epochs=1), is_resumed=True)
     assert str(caught.value).startswith(str(path))
 
 
 def test_a_state_of_other_shapes_is_refused(train, tmp_path):
-    from dgl_sadp._tensor_file import write_tensors
-
     train(config=dataclasses.replace(CONFIG, epochs=1))
     path = tmp_path / "run" / "state.safetensors"
-    with open_tensors(path, kind="dgl_sadp.training") as file:
-        tensors = {name: tensor.clone() for name, tensor in file.read().items()}
-        values = file.values
+    with open_values(path, kind="dgl_sadp.training") as (file, values):
+        tensors = read_tensors(file)
     for kind, message in (
         ("weight", "do not fit its configuration"),
         ("exp_avg", "must have shape"),
     ):
         name = next(name for name in tensors if name.startswith(f"{kind}/"))
         changed = {**tensors, name: torch.zeros(3, 3, 3)}
-        write_tensors(path, changed, kind="dgl_sadp.training", values=values)
+        write_values(path, changed, kind="dgl_sadp.training", values=values)
         with pytest.raises(CheckpointError, match=message):
             train(config=dataclasses.replace(CONFIG, epochs=1), is_resumed=True)
 

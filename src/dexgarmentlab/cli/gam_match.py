@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MIN_POINTS", "MatchOptions", "match"]
 
-MIN_POINTS = 16
-"""Of a cloud, as `dgl_gam.model` has it; repeated here, since that takes seconds to import."""
+MIN_POINTS, MAX_POINTS = 16, 2**21
+"""Limits of a cloud, repeated from `dgl_gam.model`, which takes seconds to import."""
 
 _SPREAD = 8
 
@@ -132,9 +132,10 @@ def _load(which: str, what: str, *, seed: int, up: "Up | None", category: str | 
         cloud = load_cloud(what, seed=seed, up=up, category=category)
     except MemoryError as err:
         raise ValueError(f"{which}, {what}, must fit into memory; it declares more") from err
-    if len(cloud.points) < MIN_POINTS:
+    if not MIN_POINTS <= len(cloud.points) <= MAX_POINTS:
         raise ValueError(
-            f"{which}, {what}, must have at least {MIN_POINTS} points; got {len(cloud.points)}"
+            f"{which}, {what}, must have {MIN_POINTS} to {MAX_POINTS} points; "
+            f"got {len(cloud.points)}"
         )
     bad = np.flatnonzero(~np.isfinite(cloud.points).all(axis=1))
     if len(bad):

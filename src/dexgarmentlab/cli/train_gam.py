@@ -10,7 +10,7 @@ from dexgarmentlab.cli import EXIT_OK, console
 if TYPE_CHECKING:
     from dgl_gam.data import GarmentFolder
     from dgl_gam.schedule import Schedule
-    from dgl_gam.train import Progress, TrainConfig
+    from dgl_gam.train import GamTrainConfig, GamTrainProgress
 
 __all__ = ["TrainGamOptions", "train_gam", "use_threads"]
 
@@ -121,7 +121,7 @@ def _is_yaw_alone(loss: float) -> bool:
     return loss == 0.0
 
 
-def _configure(options: TrainGamOptions) -> "TrainConfig | Schedule":
+def _configure(options: TrainGamOptions) -> "GamTrainConfig | Schedule":
     """Return the preset, of one stage or several, with the options' steps and seed."""
     from dgl_gam.schedule import SCHEDULES
     from dgl_gam.train import get_train_config
@@ -135,7 +135,7 @@ def _configure(options: TrainGamOptions) -> "TrainConfig | Schedule":
 
 def _train_one(
     options: TrainGamOptions,
-    config: "TrainConfig | Schedule",
+    config: "GamTrainConfig | Schedule",
     name: str,
     garments: "GarmentFolder",
 ) -> dict[str, Any]:
@@ -147,7 +147,7 @@ def _train_one(
     is_resumed = options.resume and (options.out / name / CONFIG_FILE).exists()
     with console.progress(f"training {name}", config.steps) as bar:
 
-        def show(progress: "Progress") -> None:
+        def show(progress: "GamTrainProgress") -> None:
             nonlocal shown
             if recent and _is_yaw_alone(recent[-1].loss) != _is_yaw_alone(progress.loss):
                 recent.clear()

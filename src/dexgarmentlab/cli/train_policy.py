@@ -11,7 +11,7 @@ from dexgarmentlab.cli import EXIT_OK, console
 from dexgarmentlab.cli.train_gam import use_threads
 
 if TYPE_CHECKING:
-    from dgl_sadp import Progress, TrainResult
+    from dgl_sadp import TrainProgress, TrainResult
     from dgl_sadp.validation import Validation
 
 __all__ = [
@@ -145,7 +145,7 @@ def train_policy(options: TrainPolicyOptions) -> int:
     shown = 0
     with console.progress(f"training {options.method}") as bar:
 
-        def show(progress: "Progress") -> None:
+        def show(progress: "TrainProgress") -> None:
             nonlocal shown
             bar.advance(progress.step - shown, note=_describe(progress), total=progress.steps)
             shown = progress.step
@@ -211,7 +211,7 @@ def _drop(words: list[str], *names: str) -> list[str]:
     ]
 
 
-def _describe(progress: "Progress") -> str:
+def _describe(progress: "TrainProgress") -> str:
     left = round(progress.seconds_left)
     note = f"epoch {progress.epoch}/{progress.epochs}, loss {progress.loss:.4f}, "
     note += f"{left // 3600}:{left % 3600 // 60:02}:{left % 60:02} left"

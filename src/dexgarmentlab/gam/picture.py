@@ -1,11 +1,11 @@
 """A picture of matches: both clouds with the matched points, and where one of them fits."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
 from dexgarmentlab.gam.clouds import Cloud
+from dgl_files.whole import written_beside
 from dgl_gam import Matches, compute_affordance
 
 __all__ = ["draw_matches"]
@@ -55,10 +55,5 @@ def draw_matches(
     for panel in panels:
         panel.set_aspect("equal")
         panel.set_axis_off()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        FigureCanvasAgg(figure).print_png(str(beside))
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with written_beside(path) as partial:
+        FigureCanvasAgg(figure).print_png(str(partial))

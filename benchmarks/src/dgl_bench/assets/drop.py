@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_assets import Garment
-from dgl_collect.gam_data.handling import add_garment
+from dgl_collect.gam_data.simulation import add_garment
 from dgl_physics import ModelBuilder, PhysicsError
 from dgl_physics.measure import find_intersections
 from dgl_physics.scene import Scene

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -12,6 +13,17 @@ from pathlib import Path
 
 PARTIAL_MARK = ".partial"
 """Part of the name of every file that is still being written."""
+
+_ACCESS_FAULTS = {
+    errno.EACCES: "it may not be read by this user",
+    errno.EPERM: "it may not be read by this user",
+    errno.EAGAIN: "another process holds it open",
+    errno.ENOLCK: "its file system gives no locks",
+    errno.EMFILE: "too many files are open; raise `ulimit -n`",
+    errno.ENFILE: "too many files are open on this machine",
+    errno.EIO: "the disk cannot be read",
+    errno.ESTALE: "its file system has gone away",
+}
 
 
 @contextmanager
@@ -92,6 +104,17 @@ def drop_unfinished_line(path: Path) -> None:
     whole = content.rfind(b"\n") + 1
     if whole < len(content):
         os.truncate(path, whole)
+
+
+def describe_access_fault(err: BaseException) -> str | None:
+    """Describe why a file could not be opened although it may be whole; None for other errors.
+
+    Such a file is locked or open for writing by another process, or may not be read, or the process
+    or the disk cannot open files at present.
+    """
+    if "already open for write" in str(err):  # HDF5 gives no number for it.
+        return "another process has it open for writing, or was ended while it had"
+    return _ACCESS_FAULTS.get(err.errno or 0) if isinstance(err, OSError) else None
 
 
 def sync_folder(folder: Path) -> None:

@@ -6,8 +6,8 @@ similarities, and the files that it is trained on (`dgl_gam.data`).
 
 from dgl_gam.affordance import compute_affordance as compute_affordance
 from dgl_gam.confidence import Calibration as Calibration
-from dgl_gam.errors import CheckpointError as CheckpointError
 from dgl_gam.errors import DataError as DataError
+from dgl_gam.errors import GamCheckpointError as GamCheckpointError
 from dgl_gam.errors import GamError as GamError
 from dgl_gam.errors import WeightsNotFoundError as WeightsNotFoundError
 from dgl_gam.matcher import Matcher as Matcher
@@ -20,8 +20,8 @@ from dgl_gam.tracking import restrict_to_places as restrict_to_places
 
 __all__ = [
     "Calibration",
-    "CheckpointError",
     "DataError",
+    "GamCheckpointError",
     "GamError",
     "GarmentAffordanceModel",
     "Matcher",

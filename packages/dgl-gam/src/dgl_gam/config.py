@@ -14,7 +14,7 @@ from dgl_files.fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "PRESETS",
-    "LevelConfig",
+    "GamLevelConfig",
     "NetworkConfig",
     "YawConfig",
     "check_category",
@@ -34,7 +34,7 @@ def _check_activations(name: str, count: int) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LevelConfig:
+class GamLevelConfig:
     """One set-abstraction level: points are grouped around centres, and each group becomes one feature."""
 
     __pydantic_config__ = STRICT
@@ -89,7 +89,7 @@ class NetworkConfig:
 
     __pydantic_config__ = STRICT
 
-    levels: Annotated[tuple[LevelConfig, ...], Len(1, 8)]
+    levels: Annotated[tuple[GamLevelConfig, ...], Len(1, 8)]
     """Set-abstraction levels, fine to coarse."""
     up: Annotated[tuple[Widths, ...], Len(1, 8)]
     """Widths of the layers on the way back, coarse to fine, one entry for each level."""
@@ -157,9 +157,9 @@ def check_category(name: str) -> None:
 PRESETS: Mapping[str, NetworkConfig] = {
     "small": NetworkConfig(
         levels=(
-            LevelConfig(centres=384, radius=0.2, neighbours=16, widths=(32, 64)),
-            LevelConfig(centres=96, radius=0.4, neighbours=24, widths=(96, 128)),
-            LevelConfig(centres=32, radius=0.8, neighbours=16, widths=(128, 128)),
+            GamLevelConfig(centres=384, radius=0.2, neighbours=16, widths=(32, 64)),
+            GamLevelConfig(centres=96, radius=0.4, neighbours=24, widths=(96, 128)),
+            GamLevelConfig(centres=32, radius=0.8, neighbours=16, widths=(128, 128)),
         ),
         up=((128,), (128,), (128,)),
         attention_blocks=2,
@@ -170,9 +170,9 @@ PRESETS: Mapping[str, NetworkConfig] = {
     # Source: DexGarmentLab's code, PointNet++ with single-scale grouping; no dropout, layer norm for batch norm.
     "paper": NetworkConfig(
         levels=(
-            LevelConfig(centres=512, radius=0.2, neighbours=32, widths=(64, 64, 128)),
-            LevelConfig(centres=128, radius=0.4, neighbours=64, widths=(128, 128, 256)),
-            LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(256, 512, 1024)),
+            GamLevelConfig(centres=512, radius=0.2, neighbours=32, widths=(64, 64, 128)),
+            GamLevelConfig(centres=128, radius=0.4, neighbours=64, widths=(128, 128, 256)),
+            GamLevelConfig(centres=0, radius=0.0, neighbours=0, widths=(256, 512, 1024)),
         ),
         up=((256, 256), (256, 128), (128, 128, 128)),
         attention_blocks=0,

@@ -1,13 +1,13 @@
 """Exceptions that a caller may want to catch."""
 
-__all__ = ["CheckpointError", "DataError", "GamError", "WeightsNotFoundError"]
+__all__ = ["DataError", "GamCheckpointError", "GamError", "WeightsNotFoundError"]
 
 
 class GamError(Exception):
     """Base of the errors of this package. Wrong arguments raise `ValueError` instead."""
 
 
-class CheckpointError(GamError):
+class GamCheckpointError(GamError):
     """A file is not a checkpoint of this package, is damaged, or does not fit."""
 
 

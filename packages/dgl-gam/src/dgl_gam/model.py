@@ -27,13 +27,14 @@ from dgl_gam.network import center_clouds
 
 __all__ = ["Encoded", "GarmentAffordanceModel", "Matches", "check_garment_cloud"]
 
-MIN_POINTS = 16
+MIN_POINTS, MAX_POINTS = 16, 2**21
 NETWORK_POINTS = 2048
 """Larger clouds are reduced to so many points, and the features interpolated back."""
 WEIGHTS = Path(__file__).parent / "weights"
 _TOGETHER = "garments"  # name of weights for several categories
 _SOURCES_HELD = 8
 _MIN_EXTENT_M = 1e-6
+_MIN_WIDTH = 1e-3  # of a cloud, as a share of its length; below it the cloud is a line
 _MAX_EXTENT_M = 1e6  # far above a garment in any unit; squares still fit into 32 bits
 _RIVAL = 0.15  # share of the best yaw's probability from which the second best is tried too
 _BETTER = 0.01  # by which the second best must explain the demonstrated garment better
@@ -136,7 +137,7 @@ class GarmentAffordanceModel:
 
         Raises:
             WeightsNotFoundError: If no weights for the category come with this package.
-            CheckpointError: If a file is missing, damaged or foreign.
+            GamCheckpointError: If a file is missing, damaged or foreign.
             ValueError: If the category is not one of the network's, or two different ones are named.
         """
         if isinstance(what, Path) or what.endswith(".safetensors"):
@@ -388,22 +389,28 @@ class GarmentAffordanceModel:
 
 
 def check_garment_cloud(cloud: np.ndarray, name: str) -> np.ndarray:
-    """Return the cloud of a garment as float64 after checking it: shape (N, 3) [m], N >= 16, finite, of some extent.
+    """Return a garment's cloud as float64 after checking it.
 
     Args:
-        cloud: Points, any real dtype.
-        name: What to call it in a message.
+        cloud: Points [m], shape (N, 3), any real dtype.
+        name: Name of the argument for messages.
 
     Raises:
-        ValueError: If it is none.
+        ValueError: If N is not in [16, 2^21], a value is not finite, or the points are too close
+            together, too far apart or on one line.
     """
     points = check_cloud(cloud, name, min_points=MIN_POINTS)
+    if len(points) > MAX_POINTS:
+        raise ValueError(f"{name} must have at most {MAX_POINTS} points; got {len(points)}")
     with np.errstate(over="ignore"):  # Of numbers near the largest; it is then infinite.
         extent = float(np.ptp(points, axis=0).max())
     if extent < _MIN_EXTENT_M:
         raise ValueError(f"{name} must have an extent above {_MIN_EXTENT_M} m; got {extent} m")
     if extent > _MAX_EXTENT_M:
         raise ValueError(f"{name} must have an extent below {_MAX_EXTENT_M:g} m; got {extent:g} m")
+    length, width = np.sqrt(np.linalg.eigvalsh(np.cov(points.T)).clip(0.0)[:0:-1])
+    if width < _MIN_WIDTH * length:
+        raise ValueError(f"{name} must not lie on a straight line; its points do")
     return points
 
 

@@ -1,26 +1,25 @@
 """The files of a training's folder: its configuration, its log, and the state that it goes on from."""
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import torch
 from annotated_types import Interval
-from safetensors.numpy import save_file
 from torch import Tensor
 
-from dgl_files.fields import check_value, decode_json, show
-from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
-from dgl_gam.errors import CheckpointError
+from dgl_files.fields import check_value, decode_json
+from dgl_files.tensors import TensorFile, open_tensors, write_tensors
+from dgl_files.whole import write_text
+from dgl_gam.errors import GamCheckpointError
 
-__all__ = ["CONFIG_FILE", "LOG_FILE", "begin_run", "read_config", "save_state", "write_whole"]
+__all__ = ["CONFIG_FILE", "LOG_FILE", "begin_run", "read_config", "save_state"]
 
 CONFIG_FILE = "config.json"
 LOG_FILE = "log.jsonl"
 STATE_FILE = "state.safetensors"
-_FORMAT = "dgl_gam.training"
+_FORMAT, _VERSION = "dgl_gam.training", "2"
 _MAX_BYTES = 2**32
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -36,14 +35,14 @@ def begin_run(
     """Make a run's folder, or put back what the run in it has learned; returns the steps done.
 
     Raises:
-        CheckpointError: If there is nothing to resume, or the run was begun as another.
+        GamCheckpointError: If there is nothing to resume, or the run was begun as another.
     """
     if not is_resumed:
         out.mkdir(parents=True, exist_ok=True)
-        write_whole(out / CONFIG_FILE, json.dumps(described, indent=1))
+        write_text(out / CONFIG_FILE, json.dumps(described, indent=1))
         return 0
     if not (out / CONFIG_FILE).exists():
-        raise CheckpointError(f"{out} holds no run to resume")
+        raise GamCheckpointError(f"{out} holds no run to resume")
     _compare(out, read_config(out), described)
     done = 0
     if (out / STATE_FILE).exists():  # or else it was interrupted before its first state
@@ -68,28 +67,26 @@ def save_state(
             if parameter in optimizer.state:
                 moment = optimizer.state[parameter][key].detach().cpu().contiguous()
                 arrays[f"{key}/{name}"] = moment.numpy()
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     meta = {
         "format": _FORMAT,
-        "version": SEALED,
+        "version": _VERSION,
         "step": str(step),
         "described": json.dumps(described),
     }
-    save_file(arrays, beside, metadata=seal(meta, arrays))
-    beside.replace(path)
+    write_tensors(path, arrays, meta)
 
 
 def read_config(out: Path) -> Any:
     """Read what a run was begun as.
 
     Raises:
-        CheckpointError: If its file is damaged.
+        GamCheckpointError: If its file is damaged.
     """
     path = out / CONFIG_FILE
     try:
         return decode_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as err:
-        raise CheckpointError(f"{path} cannot be read: {err}") from err
+        raise GamCheckpointError(f"{path} cannot be read: {err}") from err
 
 
 def _load_state(
@@ -99,18 +96,16 @@ def _load_state(
     optimizer: torch.optim.Optimizer,
 ) -> int:
     """Put weights and moments back; returns the steps done."""
-    with open_arrays(path, what="a state of a training", error=CheckpointError) as file:
-        found_format = file.metadata.get("format")
-        if found_format != _FORMAT:
-            raise CheckpointError(f"{path} is no state of a training; got {show(found_format)}")
-        if "version" in file.metadata:  # States from before there were checksums have none.
-            file.check_version("version")
+    with open_tensors(path, what="a state of a training", error=GamCheckpointError) as file:
+        file.check_format(_FORMAT)
+        if "version" in file.metadata:  # The first states have none.
+            file.check_version(wanted=_VERSION, earlier=("1",))
         try:
             before = decode_json(file.metadata.get("described", ""))
             step = decode_json(file.metadata.get("step", ""))
             check_value("step", step, Annotated[int, Interval(ge=0, le=2**40)])
         except ValueError as err:
-            raise CheckpointError(f"{path}: its metadata are damaged: {err}") from err
+            raise GamCheckpointError(f"{path}: its metadata are damaged: {err}") from err
         _compare(path.parent, before, described)
         _check_arrays(file, parameters)
         tensors = {name: torch.from_numpy(array) for name, array in file.read().items()}
@@ -125,7 +120,7 @@ def _load_state(
     return step
 
 
-def _check_arrays(file: ArrayFile, parameters: Mapping[str, Tensor]) -> None:
+def _check_arrays(file: TensorFile, parameters: Mapping[str, Tensor]) -> None:
     """Compare a state's arrays with the network's parameters, before any is read."""
     file.check_types(("F32",), max_bytes=_MAX_BYTES)
     for name, parameter in parameters.items():
@@ -135,9 +130,9 @@ def _check_arrays(file: ArrayFile, parameters: Mapping[str, Tensor]) -> None:
             wanted[f"step/{name}"] = ()
         for key, shape in wanted.items():
             if key not in file.found:
-                raise CheckpointError(f"{file.path} lacks {key}, of the network")
+                raise GamCheckpointError(f"{file.path} lacks {key}, of the network")
             if file.found[key][0] != shape:
-                raise CheckpointError(
+                raise GamCheckpointError(
                     f"{file.path}: {key} must have shape {shape}; got {file.found[key][0]}"
                 )
 
@@ -147,7 +142,7 @@ def _compare(out: Path, before: Any, described: Mapping[str, Any]) -> None:
     now = json.loads(json.dumps(described))
     for part in now:
         if not isinstance(before, dict) or before.get(part) != now[part]:
-            raise CheckpointError(
+            raise GamCheckpointError(
                 f"{out} was begun with another {part}; resume it with the same, or start anew"
             )
 
@@ -156,11 +151,4 @@ def _trim_log(path: Path, step: int) -> None:
     """Keep the lines of the steps that are not done again."""
     if path.exists():
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-        write_whole(path, "".join(line + "\n" for line in lines[:step]))
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file beside its place, then rename it."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+        write_text(path, "".join(line + "\n" for line in lines[:step]))

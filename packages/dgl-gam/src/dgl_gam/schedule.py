@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,25 +10,26 @@ from typing import Any, Literal
 
 import torch
 
+from dgl_files.whole import write_text, written_beside
 from dgl_gam.checkpoint import load_checkpoint
 from dgl_gam.config import YawConfig
 from dgl_gam.data.batches import BatchConfig
 from dgl_gam.data.folder import GarmentFolder
-from dgl_gam.errors import CheckpointError
-from dgl_gam.run_files import CONFIG_FILE, read_config, write_whole
+from dgl_gam.errors import GamCheckpointError
+from dgl_gam.run_files import CONFIG_FILE, read_config
 from dgl_gam.train import (
     NETWORK_FILE,
     TRAIN_PRESETS,
-    Progress,
-    TrainConfig,
+    GamTrainConfig,
+    GamTrainProgress,
     train,
 )
 
-__all__ = ["SCHEDULES", "Schedule", "Stage", "get_schedule", "train_schedule"]
+__all__ = ["SCHEDULES", "Schedule", "ScheduleStage", "get_schedule", "train_schedule"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stage:
+class ScheduleStage:
     """What one stage does differently from the configuration that its schedule is built on."""
 
     name: str
@@ -61,7 +61,7 @@ class Stage:
     least_yaw_weight: float = 0.0
     """Smallest weight of a cloud in the loss of the yaw."""
 
-    def configure(self, base: TrainConfig, *, seed: int) -> TrainConfig:
+    def configure(self, base: GamTrainConfig, *, seed: int) -> GamTrainConfig:
         """Put the stage's values into a configuration."""
         own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "name"}
         of_batch = {f.name for f in dataclasses.fields(BatchConfig)} & set(own)
@@ -74,9 +74,9 @@ class Stage:
 class Schedule:
     """Stages in their order."""
 
-    stages: tuple[Stage, ...]
+    stages: tuple[ScheduleStage, ...]
     """The first begins from the start, each other one from the weights of the one before."""
-    base: TrainConfig = field(default_factory=TrainConfig)
+    base: GamTrainConfig = field(default_factory=GamTrainConfig)
     """What all stages have in common."""
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class Schedule:
         """Steps of all stages together."""
         return sum(stage.steps for stage in self.stages)
 
-    def configure(self, *, seed: int) -> list[TrainConfig]:
+    def configure(self, *, seed: int) -> list[GamTrainConfig]:
         """The stages' configurations. Each draws other batches: its number is added to the seed."""
         return [s.configure(self.base, seed=seed + n) for n, s in enumerate(self.stages)]
 
@@ -114,7 +114,7 @@ class Schedule:
         return dataclasses.replace(self, stages=tuple(stages))
 
 
-def _refine(stage: Stage) -> Stage:
+def _refine(stage: ScheduleStage) -> ScheduleStage:
     """Give a stage narrower margins, and nearer negatives."""
     return dataclasses.replace(stage, margin=0.03, max_distance=0.015, near_share=0.5)
 
@@ -136,17 +136,19 @@ SCHEDULES: Mapping[str, Schedule] = {
         base=dataclasses.replace(TRAIN_PRESETS["cpu"], save_every=100),
         stages=(
             # The first run was to go on for 12,000 steps; more garments had been made by step 1,900.
-            Stage(name="1_begin", steps=1900, lr=1.5e-3, decay=12_000),
-            Stage(name="2_long", steps=3600, lr=1.5e-3),
-            _refine(Stage(name="3_narrow", steps=1500, lr=1e-3)),
-            _refine(Stage(name="4_fine", steps=750, lr=6e-4)),
+            ScheduleStage(name="1_begin", steps=1900, lr=1.5e-3, decay=12_000),
+            ScheduleStage(name="2_long", steps=3600, lr=1.5e-3),
+            _refine(ScheduleStage(name="3_narrow", steps=1500, lr=1e-3)),
+            _refine(ScheduleStage(name="4_fine", steps=750, lr=6e-4)),
             # Once more, with more garments; the yaw, which shares nothing with the features, by itself at the end.
-            Stage(name="5_more", steps=3300, lr=1.2e-3, parts="features"),
-            _refine(Stage(name="6_narrow", steps=1400, lr=9e-4, parts="features")),
-            _refine(Stage(name="7_fine", steps=700, lr=5e-4, parts="features")),
-            _refine(Stage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5)),
+            ScheduleStage(name="5_more", steps=3300, lr=1.2e-3, parts="features"),
+            _refine(ScheduleStage(name="6_narrow", steps=1400, lr=9e-4, parts="features")),
+            _refine(ScheduleStage(name="7_fine", steps=700, lr=5e-4, parts="features")),
+            _refine(
+                ScheduleStage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5)
+            ),
             # Five times as many garments with all their states, and the hard ones among these more often.
-            Stage(
+            ScheduleStage(
                 name="9_states",
                 steps=3200,
                 lr=1.2e-3,
@@ -155,9 +157,11 @@ SCHEDULES: Mapping[str, Schedule] = {
                 state_weights=_STATES,
             ),
             _refine(
-                Stage(name="10_fine", steps=1400, lr=6e-4, parts="features", state_weights=_STATES)
+                ScheduleStage(
+                    name="10_fine", steps=1400, lr=6e-4, parts="features", state_weights=_STATES
+                )
             ),
-            Stage(
+            ScheduleStage(
                 name="11_yaw",
                 steps=9000,
                 lr=_YAW.lr,
@@ -191,7 +195,7 @@ def train_schedule(
     seed: int = 0,
     is_resumed: bool = False,
     device: str | torch.device = "cpu",
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[GamTrainProgress], None] | None = None,
     stop_after: int | None = None,
 ) -> Path:
     """Train a network in stages.
@@ -212,7 +216,7 @@ def train_schedule(
         The network's file; the last stage's when stopped before the end.
 
     Raises:
-        CheckpointError: If there is nothing to resume, the run had another schedule, or `start` does not fit.
+        GamCheckpointError: If there is nothing to resume, the run had another schedule, or `start` does not fit.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
         FloatingPointError: If the loss is not finite.
     """
@@ -244,7 +248,9 @@ def train_schedule(
     assert path is not None
     if stop_after is not None and stop_after < done:
         return path
-    return _copy_whole(path, out / NETWORK_FILE)
+    with written_beside(out / NETWORK_FILE) as partial:
+        shutil.copyfile(path, partial)
+    return out / NETWORK_FILE
 
 
 def _open_run(out: Path, described: Mapping[str, Any], *, is_resumed: bool) -> None:
@@ -252,14 +258,14 @@ def _open_run(out: Path, described: Mapping[str, Any], *, is_resumed: bool) -> N
     path = out / CONFIG_FILE
     if not path.exists():
         if is_resumed:
-            raise CheckpointError(f"{out} holds no run to resume")
+            raise GamCheckpointError(f"{out} holds no run to resume")
         out.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(described, indent=1))
+        write_text(path, json.dumps(described, indent=1))
         return
     if not is_resumed:
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
     if read_config(out) != json.loads(json.dumps(described)):
-        raise CheckpointError(
+        raise GamCheckpointError(
             f"{out} was begun with other stages; resume it with the same preset, steps and seed, or start anew"
         )
 
@@ -269,16 +275,9 @@ def _is_whole(path: Path, steps: int) -> bool:
 
 
 def _count_on(
-    on_progress: Callable[[Progress], None] | None, done: int, steps: int
-) -> Callable[[Progress], None] | None:
+    on_progress: Callable[[GamTrainProgress], None] | None, done: int, steps: int
+) -> Callable[[GamTrainProgress], None] | None:
     """Count the steps of one stage on from those of the stages before."""
     if on_progress is None:
         return None
     return lambda p: on_progress(dataclasses.replace(p, step=p.step + done, steps=steps))
-
-
-def _copy_whole(source: Path, target: Path) -> Path:
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    shutil.copyfile(source, beside)
-    beside.replace(target)
-    return target

@@ -21,12 +21,12 @@ from dgl_gam.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from dgl_gam.config import NetworkConfig, YawConfig, get_network_config
 from dgl_gam.data.batches import Batch, BatchConfig, BatchMaker
 from dgl_gam.data.folder import GarmentFolder
-from dgl_gam.errors import CheckpointError
+from dgl_gam.errors import GamCheckpointError
 from dgl_gam.loss import compute_info_nce
 from dgl_gam.network import GarmentNetwork
 from dgl_gam.run_files import CONFIG_FILE, LOG_FILE, begin_run, save_state
 
-__all__ = ["TRAIN_PRESETS", "Progress", "TrainConfig", "get_train_config", "train"]
+__all__ = ["TRAIN_PRESETS", "GamTrainConfig", "GamTrainProgress", "get_train_config", "train"]
 
 logger = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ Positive = Annotated[int, Interval(ge=1, le=10**9)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class GamTrainConfig:
     """How a network is trained."""
 
     __pydantic_config__ = STRICT
@@ -85,17 +85,17 @@ class TrainConfig:
         return dataclasses.asdict(self)
 
 
-TRAIN_PRESETS: Mapping[str, TrainConfig] = {
+TRAIN_PRESETS: Mapping[str, GamTrainConfig] = {
     # Half of the points and more pairs of them: more is learned in the same time.
-    "cpu": TrainConfig(batch=BatchConfig(points=1024, positives=48)),
+    "cpu": GamTrainConfig(batch=BatchConfig(points=1024, positives=48)),
     # Refines what another run has learned: near negatives, narrower margins, a small learning rate.
-    "tune": TrainConfig(
+    "tune": GamTrainConfig(
         steps=600,
         lr=3e-4,
         batch=BatchConfig(positives=48, near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
     ),
     # The yaw alone: many clouds, also mirrored ones, and more of the states whose yaw is hard to see.
-    "yaw": TrainConfig(
+    "yaw": GamTrainConfig(
         steps=3500,
         lr=2e-3,
         parts="yaw",
@@ -117,7 +117,7 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
         ),
     ),
     # Source: paper, section on GAM: 32 pairs, 20 positives, 150 negatives, 40,000 batches.
-    "paper": TrainConfig(
+    "paper": GamTrainConfig(
         network="paper",
         steps=40_000,
         lr=1e-3,
@@ -129,7 +129,7 @@ TRAIN_PRESETS: Mapping[str, TrainConfig] = {
 """Ways to train by name: "cpu" from the start on a CPU, "tune" and "yaw" from other weights, "paper" for a GPU."""
 
 
-def get_train_config(name: str) -> TrainConfig:
+def get_train_config(name: str) -> GamTrainConfig:
     """Return a preset; a `ValueError` lists them."""
     if name not in TRAIN_PRESETS:
         raise ValueError(f"preset must be one of {sorted(TRAIN_PRESETS)}; got {name!r}")
@@ -137,7 +137,7 @@ def get_train_config(name: str) -> TrainConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
+class GamTrainProgress:
     """How training goes."""
 
     step: int
@@ -157,12 +157,12 @@ class Progress:
 def train(
     folder: GarmentFolder,
     out: Path,
-    config: TrainConfig,
+    config: GamTrainConfig,
     *,
     start: Path | None = None,
     is_resumed: bool = False,
     device: str | torch.device = "cpu",
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[GamTrainProgress], None] | None = None,
     stop_after: int | None = None,
 ) -> Path:
     """Train a network for all categories of a folder.
@@ -182,7 +182,7 @@ def train(
         The network's file.
 
     Raises:
-        CheckpointError: If there is nothing to resume, the run had another configuration, or `start` does not fit.
+        GamCheckpointError: If there is nothing to resume, the run had another configuration, or `start` does not fit.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
         ValueError: If the device is not there.
         FloatingPointError: If the loss is not finite.
@@ -236,9 +236,9 @@ class _Losses(NamedTuple):
     accuracy: Tensor
     yaw: Tensor
 
-    def report(self, step: int, config: TrainConfig, *, seconds: float) -> Progress:
+    def report(self, step: int, config: GamTrainConfig, *, seconds: float) -> GamTrainProgress:
         """What is said of the step."""
-        return Progress(
+        return GamTrainProgress(
             step=step + 1,
             steps=config.steps,
             loss=self.match.item(),
@@ -248,14 +248,14 @@ class _Losses(NamedTuple):
         )
 
 
-def _choose_parameters(network: GarmentNetwork, config: TrainConfig) -> dict[str, Tensor]:
+def _choose_parameters(network: GarmentNetwork, config: GamTrainConfig) -> dict[str, Tensor]:
     """Parameters that are trained, by name."""
     wanted = {"all": (True, False), "yaw": (True,), "features": (False,)}[config.parts]
     return {n: p for n, p in network.named_parameters() if n.startswith("yaw.") in wanted}
 
 
 def _compute_losses(
-    network: GarmentNetwork, batch: Batch, category: Tensor, config: TrainConfig
+    network: GarmentNetwork, batch: Batch, category: Tensor, config: GamTrainConfig
 ) -> _Losses:
     match = accuracy = yaw = batch.points.new_zeros(())
     if config.parts != "yaw":
@@ -269,7 +269,7 @@ def _compute_losses(
 
 
 def _descend(
-    loss: Tensor, optimizer: torch.optim.Optimizer, config: TrainConfig, step: int
+    loss: Tensor, optimizer: torch.optim.Optimizer, config: GamTrainConfig, step: int
 ) -> None:
     """Make one step of the optimiser."""
     parameters = []
@@ -285,7 +285,7 @@ def _descend(
 
 
 def _make_card(
-    folder: GarmentFolder, config: TrainConfig, start: Path | None, *, steps_done: int
+    folder: GarmentFolder, config: GamTrainConfig, start: Path | None, *, steps_done: int
 ) -> dict[str, Any]:
     """What the model card says of a run."""
     return {
@@ -319,12 +319,14 @@ def _describe_earlier(start: Path) -> list[dict[str, Any]]:
     return [*card.get("earlier", []), last]
 
 
-def _make_network(folder: GarmentFolder, config: TrainConfig, start: Path | None) -> GarmentNetwork:
+def _make_network(
+    folder: GarmentFolder, config: GamTrainConfig, start: Path | None
+) -> GarmentNetwork:
     if start is not None:
         network = load_checkpoint(start).network
         unknown = sorted(set(folder.categories) - set(network.config.categories))
         if unknown:
-            raise CheckpointError(
+            raise GamCheckpointError(
                 f"{start} is for {', '.join(network.config.categories)}; "
                 f"the data have {', '.join(unknown)}"
             )
@@ -347,7 +349,7 @@ def _make_seeded(sizes: NetworkConfig, seed: int) -> GarmentNetwork:
         return GarmentNetwork(sizes)
 
 
-def _get_lr(config: TrainConfig, step: int) -> float:
+def _get_lr(config: GamTrainConfig, step: int) -> float:
     if step < config.warmup:
         return config.lr * (step + 1) / config.warmup
     last = config.decay or config.steps

@@ -8,7 +8,8 @@ from dgl_sadp.config import get_policy_config as get_policy_config
 from dgl_sadp.dataset import EpisodeDataset as EpisodeDataset
 from dgl_sadp.dataset import split_episodes as split_episodes
 from dgl_sadp.errors import CheckpointError as CheckpointError
-from dgl_sadp.errors import CorruptEpisodeError as CorruptEpisodeError
+from dgl_sadp.errors import DamagedEpisodeError as DamagedEpisodeError
+from dgl_sadp.errors import EpisodeAccessError as EpisodeAccessError
 from dgl_sadp.errors import ObservationError as ObservationError
 from dgl_sadp.errors import SadpError as SadpError
 from dgl_sadp.errors import TrainingDivergedError as TrainingDivergedError
@@ -16,7 +17,7 @@ from dgl_sadp.errors import TrainingProcessError as TrainingProcessError
 from dgl_sadp.errors import UnsuitableEpisodeError as UnsuitableEpisodeError
 from dgl_sadp.policy import DiffusionPolicy as DiffusionPolicy
 from dgl_sadp.runner import PolicyRunner as PolicyRunner
-from dgl_sadp.train import Progress as Progress
+from dgl_sadp.train import TrainProgress as TrainProgress
 from dgl_sadp.train import TrainResult as TrainResult
 from dgl_sadp.train import train_policy as train_policy
 from dgl_sadp.train_config import TrainConfig as TrainConfig
@@ -24,15 +25,16 @@ from dgl_sadp.train_config import get_train_config as get_train_config
 
 __all__ = [
     "CheckpointError",
-    "CorruptEpisodeError",
+    "DamagedEpisodeError",
     "DiffusionPolicy",
+    "EpisodeAccessError",
     "EpisodeDataset",
     "ObservationError",
     "PolicyConfig",
     "PolicyRunner",
-    "Progress",
     "SadpError",
     "TrainConfig",
+    "TrainProgress",
     "TrainResult",
     "TrainingDivergedError",
     "TrainingProcessError",

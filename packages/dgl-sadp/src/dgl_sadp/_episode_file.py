@@ -13,7 +13,8 @@ import h5py
 import numpy as np
 
 from dgl_files.fields import show, tell
-from dgl_sadp.errors import CorruptEpisodeError, UnsuitableEpisodeError
+from dgl_files.whole import describe_access_fault
+from dgl_sadp.errors import DamagedEpisodeError, EpisodeAccessError, UnsuitableEpisodeError
 
 __all__ = [
     "FORMAT_VERSION",
@@ -127,7 +128,7 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
         What is there, or None if the episode did not succeed.
 
     Raises:
-        CorruptEpisodeError: If the file is not a whole episode of the known format, or lacks the stage.
+        DamagedEpisodeError: If the file is not a whole episode of the known format, or lacks the stage.
         ValueError: If the approach is wanted and was not recorded.
     """
     try:
@@ -148,19 +149,19 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
             if f"stage_{stage}" not in file:
                 stages = _list_stages(file)
                 if not stages:
-                    raise CorruptEpisodeError(path, f"no stage_{stage}; it has no stages")
+                    raise DamagedEpisodeError(path, f"no stage_{stage}; it has no stages")
                 raise MissingStageError(path, stage, stages, task)
             group = _find_group(path, file, f"stage_{stage}")
             frames = _check_frames(path, group)
             approach = _read_integer(path, group, "approach_frames", 0)
             if not 0 <= approach < frames:
-                raise CorruptEpisodeError(
+                raise DamagedEpisodeError(
                     path,
                     f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}",
                 )
             static_keys = _check_static(path, group)
     except FileNotFoundError as error:
-        raise CorruptEpisodeError(path, "there is no such file, or it is a link to none") from error
+        raise DamagedEpisodeError(path, "there is no such file, or it is a link to none") from error
     if with_approach and approach == 0:
         raise ValueError(
             f"{path.name}: stage {stage} must have its approach recorded; it has not: "
@@ -188,7 +189,7 @@ def read_frames(file: StageFile, wanted: dict[str, FrameSlice]) -> dict[str, np.
         Arrays of the dtypes of the file, shape (stop - start, ...).
 
     Raises:
-        CorruptEpisodeError: If the file has been damaged since it was scanned.
+        DamagedEpisodeError: If the file has been damaged since it was scanned.
     """
     arrays: dict[str, np.ndarray] = {}
     with _open(file.path) as opened:
@@ -211,7 +212,7 @@ def measure_frames(file: StageFile, keys: Sequence[str]) -> int:
     """Return how much memory all frames of these arrays take [byte].
 
     Raises:
-        CorruptEpisodeError: If the file has been damaged since it was scanned.
+        DamagedEpisodeError: If the file has been damaged since it was scanned.
     """
     with _open(file.path) as opened:
         group = _find_group(file.path, opened, f"stage_{file.stage}")
@@ -223,7 +224,7 @@ def read_static(file: StageFile) -> dict[str, np.ndarray]:
     """Read the arrays that are stored once in the stage.
 
     Raises:
-        CorruptEpisodeError: If the file has been damaged since it was scanned.
+        DamagedEpisodeError: If the file has been damaged since it was scanned.
     """
     with _open(file.path) as opened:
         group = _find_group(file.path, opened, f"stage_{file.stage}")
@@ -235,15 +236,17 @@ def _open(path: Path) -> Iterator[h5py.File]:
     """Open a file for reading, and name it in whatever HDF5 has to complain about."""
     try:
         if path.exists() and not path.is_file():  # To open a pipe would wait for ever.
-            raise CorruptEpisodeError(path, "cannot be read as an episode (it is no file)")
+            raise DamagedEpisodeError(path, "cannot be read as an episode (it is no file)")
         with h5py.File(path, "r") as file:
             yield file
     except FileNotFoundError:
         raise
     except _HDF5_ERRORS as error:
+        if fault := describe_access_fault(error):
+            raise EpisodeAccessError(path, fault) from error
         reason = " ".join(str(error.args[0] if error.args else "").split())
         reason = reason[:200] or type(error).__name__
-        raise CorruptEpisodeError(path, f"cannot be read as an episode ({reason})") from error
+        raise DamagedEpisodeError(path, f"cannot be read as an episode ({reason})") from error
 
 
 def _list_stages(file: h5py.File) -> tuple[int, ...]:
@@ -256,10 +259,10 @@ def _check_frames(path: Path, group: h5py.Group) -> int:
         _check_array(path, found[key], (None, *shape), dtype)
     counts = {key: dataset.shape[0] for key, dataset in found.items()}
     if len(set(counts.values())) != 1:
-        raise CorruptEpisodeError(path, f"{group.name} has arrays of different lengths: {counts}")
+        raise DamagedEpisodeError(path, f"{group.name} has arrays of different lengths: {counts}")
     frames = counts["joint_state"]
     if not 1 <= frames <= MAX_FRAMES:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"{group.name} must have 1 ... {MAX_FRAMES} frames; got {frames}"
         )
     pixels, points = math.prod(found["image"].shape[1:3]), found["env_point_cloud"].shape[1]
@@ -268,7 +271,7 @@ def _check_frames(path: Path, group: h5py.Group) -> int:
         ("environment points", points, MAX_POINTS),
     ):
         if not 1 <= count <= limit:
-            raise CorruptEpisodeError(
+            raise DamagedEpisodeError(
                 path, f"{group.name} must have 1 ... {limit} {what} a frame; got {count}"
             )
     for dataset in found.values():
@@ -285,12 +288,12 @@ def _check_static(path: Path, group: h5py.Group) -> tuple[str, ...]:
         _check_array(path, dataset, shape, dtype)
         points[key] = dataset.shape[0]
         if points[key] > MAX_POINTS:
-            raise CorruptEpisodeError(
+            raise DamagedEpisodeError(
                 path, f"{dataset.name} must have at most {MAX_POINTS} points; got {points[key]}"
             )
         _check_stored(path, dataset)
     if points["garment_point_cloud"] != points["points_affordance_feature"]:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path,
             f"{group.name} has {points['garment_point_cloud']} garment points; "
             f"{points['points_affordance_feature']} affordance rows",
@@ -301,7 +304,7 @@ def _check_static(path: Path, group: h5py.Group) -> tuple[str, ...]:
 def _find_group(path: Path, parent: h5py.Group, key: str) -> h5py.Group:
     node = _follow(path, parent, key)
     if not isinstance(node, h5py.Group):
-        raise CorruptEpisodeError(path, f"{key} must be a group; got {type(node).__name__}")
+        raise DamagedEpisodeError(path, f"{key} must be a group; got {type(node).__name__}")
     return node
 
 
@@ -309,9 +312,9 @@ def _find_dataset(path: Path, group: h5py.Group, key: str) -> h5py.Dataset:
     """Return an array that lies in the file itself."""
     dataset = _follow(path, group, key) if key in group else None
     if not isinstance(dataset, h5py.Dataset):
-        raise CorruptEpisodeError(path, f"no array {str(group.name).rstrip('/')}/{key}")
+        raise DamagedEpisodeError(path, f"no array {str(group.name).rstrip('/')}/{key}")
     if dataset.is_virtual or dataset.external:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"{dataset.name} must be in the file itself; got data of other files"
         )
     return dataset
@@ -321,7 +324,7 @@ def _follow(path: Path, parent: h5py.Group, key: str) -> object:
     """Return a member of a group, unless it is a link, which may lead out of the file."""
     link = parent.get(key, getlink=True)
     if not isinstance(link, h5py.HardLink):
-        raise CorruptEpisodeError(path, f"{key} must be in the file itself; got {_name(link)}")
+        raise DamagedEpisodeError(path, f"{key} must be in the file itself; got {_name(link)}")
     return parent.get(key)
 
 
@@ -340,7 +343,7 @@ def _check_array(
     )
     if not is_shape or dataset.dtype != np.dtype(dtype):
         wanted = tuple("any" if size is None else size for size in shape)
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path,
             f"{dataset.name} must be {dtype} of shape {wanted}; got {dataset.dtype} of {found}",
         )
@@ -350,11 +353,11 @@ def _check_stored(path: Path, dataset: h5py.Dataset) -> None:
     """Refuse what was declared, but never written: it takes no place in the file, and much memory when read."""
     stored, chunk = int(dataset.id.get_storage_size()), math.prod(dataset.chunks or (0,))
     if chunk * dataset.dtype.itemsize > MAX_CHUNK_BYTES:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"{dataset.name} must have chunks of at most {MAX_CHUNK_BYTES} bytes"
         )
     if dataset.nbytes > MAX_COMPRESSION * stored:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path,
             f"{dataset.name} declares {dataset.nbytes} bytes, of shape {dataset.shape}, but holds {stored}",
         )
@@ -363,7 +366,7 @@ def _check_stored(path: Path, dataset: h5py.Dataset) -> None:
 def _read_integer(path: Path, node: h5py.Group, name: str, default: int | None = None) -> int:
     value = _read_attribute(path, node, name, default)
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"attribute {name} must be a whole number; got {_tell(value)}"
         )
     return int(value)
@@ -372,7 +375,7 @@ def _read_integer(path: Path, node: h5py.Group, name: str, default: int | None =
 def _read_truth(path: Path, node: h5py.Group, name: str) -> bool:
     value = _read_attribute(path, node, name, None)
     if not isinstance(value, (bool, np.bool_)):
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"attribute {name} must be true or false; got {_tell(value)}"
         )
     return bool(value)
@@ -381,7 +384,7 @@ def _read_truth(path: Path, node: h5py.Group, name: str) -> bool:
 def _read_text(path: Path, node: h5py.Group, name: str, default: str) -> str:
     value = _read_attribute(path, node, name, default)
     if not isinstance(value, str) or len(value) > MAX_TEXT:
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path,
             f"attribute {name} must be a text of at most {MAX_TEXT} characters; got {_tell(value)}",
         )
@@ -391,11 +394,11 @@ def _read_text(path: Path, node: h5py.Group, name: str, default: str) -> str:
 def _read_attribute(path: Path, node: h5py.Group, name: str, default: object) -> object:
     if name not in node.attrs:
         if default is None:
-            raise CorruptEpisodeError(path, f"no attribute {name}")
+            raise DamagedEpisodeError(path, f"no attribute {name}")
         return default
     shape = node.attrs.get_id(name).shape
     if shape != ():
-        raise CorruptEpisodeError(
+        raise DamagedEpisodeError(
             path, f"attribute {name} must be one value; got an array of shape {shape}"
         )
     return node.attrs[name]

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import torch
 from torch import Tensor, nn
 
-from dgl_sadp.config import GarmentConfig, LevelConfig, PointsConfig
+from dgl_sadp.config import EncoderLevelConfig, GarmentConfig, PointsConfig
 
 __all__ = ["GarmentNet", "PointsNet", "find_neighbours", "gather_points", "sample_farthest"]
 
@@ -67,7 +67,7 @@ class GarmentNet(nn.Module):
 class _SetAbstraction(nn.Module):
     """Groups points around centres; a centre's feature is the maximum over its group."""
 
-    def __init__(self, width: int, config: LevelConfig) -> None:
+    def __init__(self, width: int, config: EncoderLevelConfig) -> None:
         super().__init__()
         self.config = config
         # Relative positions are scaled to about [-1, 1]: they would be lost beside the features else.

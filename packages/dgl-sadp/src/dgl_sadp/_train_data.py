@@ -10,7 +10,7 @@ import numpy as np
 from dgl_sadp._random import ORDER, Share
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.dataset import EpisodeDataset, split_episodes
-from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.errors import DamagedEpisodeError
 from dgl_sadp.ranges import join_ranges, measure_episodes
 from dgl_sadp.train_config import TrainConfig
 
@@ -24,7 +24,7 @@ class TrainData:
     train: EpisodeDataset
     validation: EpisodeDataset | None
     ranges: Mapping[str, Any]
-    refused: tuple[CorruptEpisodeError, ...]
+    refused: tuple[DamagedEpisodeError, ...]
     tasks: tuple[str, ...]
 
     @classmethod

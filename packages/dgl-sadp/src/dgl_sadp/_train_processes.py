@@ -13,7 +13,7 @@ import torch
 from torch import distributed
 from torch.multiprocessing.spawn import ProcessException, ProcessRaisedException, start_processes
 
-from dgl_sadp._train_result import Progress, TrainResult
+from dgl_sadp._train_result import TrainProgress, TrainResult
 from dgl_sadp._train_run import PATIENCE, TrainJob, run_job
 from dgl_sadp._train_state import hold_interrupts
 from dgl_sadp.errors import TrainingProcessError
@@ -22,7 +22,7 @@ __all__ = ["run_in_processes"]
 
 
 def run_in_processes(
-    job: TrainJob, on_progress: Callable[[Progress], None] | None
+    job: TrainJob, on_progress: Callable[[TrainProgress], None] | None
 ) -> TrainResult | None:
     """Do a job in a process for each device; return None if it was interrupted; raise what one of them raised."""
     context = multiprocessing.get_context("spawn")

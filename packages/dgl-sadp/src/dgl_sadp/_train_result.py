@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.errors import DamagedEpisodeError
 from dgl_sadp.validation import Validation
 
-__all__ = ["Progress", "TrainResult"]
+__all__ = ["TrainProgress", "TrainResult"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
+class TrainProgress:
     """How training goes, after a step."""
 
     step: int
@@ -47,5 +47,5 @@ class TrainResult:
     """Episodes validated on."""
     windows: int
     """Windows in an epoch."""
-    refused: tuple[CorruptEpisodeError, ...]
+    refused: tuple[DamagedEpisodeError, ...]
     """What is wrong with the files that were left out."""

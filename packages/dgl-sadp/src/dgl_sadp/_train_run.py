@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
@@ -17,9 +16,10 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader
 
+from dgl_files.whole import write_text
 from dgl_sadp._random import STEP, draw_seed
 from dgl_sadp._train_data import Batches, TrainData
-from dgl_sadp._train_result import Progress, TrainResult
+from dgl_sadp._train_result import TrainProgress, TrainResult
 from dgl_sadp._train_state import TrainState
 from dgl_sadp.checkpoint import save_policy
 from dgl_sadp.config import PolicyConfig
@@ -62,7 +62,7 @@ class TrainJob:
 
 def run_job(
     job: TrainJob,
-    on_progress: Callable[[Progress], None] | None,
+    on_progress: Callable[[TrainProgress], None] | None,
     is_asked_to_stop: Callable[[], bool],
 ) -> TrainResult | None:
     """Do the part of this process; return None if it was asked to stop, and did when everything was saved."""
@@ -134,13 +134,13 @@ class TrainRun:
         if not is_resumed:
             if self.accelerator.is_main_process:
                 self.out.mkdir(parents=True, exist_ok=True)
-                _write_whole(self.out / CONFIG_FILE, json.dumps(self.described, indent=1))
+                write_text(self.out / CONFIG_FILE, json.dumps(self.described, indent=1))
         elif (self.out / STATE_FILE).exists():  # Or else it was interrupted before its first state.
             self.state.load(self.out / STATE_FILE, self.described)
 
     def train(
         self,
-        on_progress: Callable[[Progress], None] | None,
+        on_progress: Callable[[TrainProgress], None] | None,
         stop_after: int | None,
         is_asked_to_stop: Callable[[], bool],
     ) -> bool:
@@ -283,9 +283,9 @@ class TrainRun:
         with self.state.averaged() as policy:
             save_policy(path, policy, card)
 
-    def _tell(self, loss: float, seconds: float) -> Progress:
+    def _tell(self, loss: float, seconds: float) -> TrainProgress:
         step = self.state.step
-        return Progress(
+        return TrainProgress(
             step=step,
             steps=self.steps,
             epoch=min(self.config.epochs, (step - 1) // self.in_epoch + 1),
@@ -298,9 +298,3 @@ class TrainRun:
 
 def _to(batch: Mapping[str, Tensor], device: torch.device) -> dict[str, Tensor]:
     return {key: tensor.to(device, non_blocking=True) for key, tensor in batch.items()}
-
-
-def _write_whole(path: Path, text: str) -> None:
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)

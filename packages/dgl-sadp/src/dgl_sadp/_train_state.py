@@ -14,7 +14,7 @@ from annotated_types import Interval
 from torch import Tensor
 
 from dgl_files.fields import check_value
-from dgl_sadp._tensor_file import open_tensors, write_tensors
+from dgl_sadp._values_file import check_shapes, open_values, read_tensors, write_values
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
 from dgl_sadp.validation import Validation
@@ -88,7 +88,7 @@ class TrainState:
             "schedules": [each.state_dict() for each in self.schedules],
             "described": described,
         }
-        write_tensors(path, tensors, kind=_KIND, values=values)
+        write_values(path, tensors, kind=_KIND, values=values)
 
     def load(self, path: Path, described: Mapping[str, Any]) -> None:
         """Put everything back.
@@ -96,8 +96,7 @@ class TrainState:
         Raises:
             CheckpointError: If the file is damaged, or of a training that was begun with something else.
         """
-        with open_tensors(path, kind=_KIND) as file:
-            values = file.values
+        with open_values(path, kind=_KIND) as (file, values):
             try:
                 _check_values(values, schedules=[each.state_dict() for each in self.schedules])
             except ValueError as err:
@@ -117,9 +116,8 @@ class TrainState:
                 for kind in ("weight", "average")
                 for name, parameter in parameters.items()
             }
-            file.check({**wanted, **buffers}, allow_more=True)
-            # Cloned: the file is mapped, and will be replaced while these are in use.
-            tensors = {name: tensor.clone() for name, tensor in file.read().items()}
+            check_shapes(file, {**wanted, **buffers}, has_more=True)
+            tensors = read_tensors(file)
         for name, buffer in buffers.items():
             if not torch.equal(buffer.cpu(), tensors[name]):
                 raise CheckpointError(

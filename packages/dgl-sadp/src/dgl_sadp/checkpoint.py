@@ -9,7 +9,7 @@ import torch
 from annotated_types import Interval, Len
 
 from dgl_files.fields import check_value, from_plain
-from dgl_sadp._tensor_file import open_tensors, read_header, write_tensors
+from dgl_sadp._values_file import check_shapes, open_values, read_tensors, write_values
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
@@ -51,7 +51,7 @@ def save_policy(
         ValueError: If the path has another ending.
     """
     values = {"policy": dataclasses.asdict(policy.config), "card": dict(card or {})}
-    write_tensors(Path(path), policy.state_dict(), kind=_KIND, values=values)
+    write_values(Path(path), policy.state_dict(), kind=_KIND, values=values)
 
 
 def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> DiffusionPolicy:
@@ -63,10 +63,10 @@ def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> Diff
         CheckpointError: If the file is missing, damaged, of another format, or does not fit its own configuration.
     """
     path = Path(path)
-    with open_tensors(path, kind=_KIND) as file:
-        _read_card(path, file.values)
+    with open_values(path, kind=_KIND) as (file, values):
+        _read_card(path, values)
         try:
-            config = from_plain(PolicyConfig, file.values.get("policy"))
+            config = from_plain(PolicyConfig, values.get("policy"))
         except ValueError as err:
             raise CheckpointError(f"{path}: its configuration is wrong: {err}") from err
         with torch.device("meta"):  # Whatever sizes it claims, nothing is allocated.
@@ -76,8 +76,8 @@ def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> Diff
             raise CheckpointError(
                 f"{path}: it must have at most {MAX_WEIGHTS} weights; got {count}"
             )
-        file.check(wanted)
-        found = file.read()
+        check_shapes(file, wanted)
+        found = read_tensors(file)
         policy = DiffusionPolicy.make(config, seed=0)
         policy.load_state_dict(found)
     return policy.to(device).eval()
@@ -89,7 +89,8 @@ def read_card(path: str | Path) -> dict[str, Any]:
     Raises:
         CheckpointError: If the file is no whole policy, or a field of the card is of a wrong type.
     """
-    return _read_card(Path(path), read_header(Path(path), kind=_KIND))
+    with open_values(Path(path), kind=_KIND) as (_, values):
+        return _read_card(Path(path), values)
 
 
 def _read_card(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:

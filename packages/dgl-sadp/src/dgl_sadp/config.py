@@ -13,9 +13,9 @@ from dgl_files.fields import STRICT, check_fields, decode_json, from_plain
 
 __all__ = [
     "DiffusionConfig",
+    "EncoderLevelConfig",
     "GarmentConfig",
     "ImageConfig",
-    "LevelConfig",
     "Method",
     "PointsConfig",
     "PolicyConfig",
@@ -118,7 +118,7 @@ class PointsConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LevelConfig:
+class EncoderLevelConfig:
     """One level of PointNet++: centres, and a network over the neighbours of each."""
 
     __pydantic_config__ = STRICT
@@ -153,7 +153,7 @@ class GarmentConfig:
 
     points: Points
     """Points taken from the cloud."""
-    levels: Annotated[tuple[LevelConfig, ...], Len(1, 8)]
+    levels: Annotated[tuple[EncoderLevelConfig, ...], Len(1, 8)]
     """Levels, fine to coarse; the last one, and it alone, has no centres."""
     features: Width
     """Length of the garment's feature."""
@@ -342,9 +342,9 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
         return GarmentConfig(
             points=2048,
             levels=(
-                LevelConfig(centres=512, radius=0.2, neighbours=32, widths=(64, 64, 128)),
-                LevelConfig(centres=128, radius=0.4, neighbours=64, widths=(128, 128, 256)),
-                LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(256, 256, 512)),
+                EncoderLevelConfig(centres=512, radius=0.2, neighbours=32, widths=(64, 64, 128)),
+                EncoderLevelConfig(centres=128, radius=0.4, neighbours=64, widths=(128, 128, 256)),
+                EncoderLevelConfig(centres=0, radius=0.0, neighbours=0, widths=(256, 256, 512)),
             ),
             features=features,
         )
@@ -399,9 +399,9 @@ def _small_presets() -> Mapping[str, PolicyConfig]:
         return GarmentConfig(
             points=512,
             levels=(
-                LevelConfig(centres=64, radius=0.2, neighbours=16, widths=(32, 64)),
-                LevelConfig(centres=16, radius=0.5, neighbours=16, widths=(64, 128)),
-                LevelConfig(centres=0, radius=0.0, neighbours=0, widths=(128, 256)),
+                EncoderLevelConfig(centres=64, radius=0.2, neighbours=16, widths=(32, 64)),
+                EncoderLevelConfig(centres=16, radius=0.5, neighbours=16, widths=(64, 128)),
+                EncoderLevelConfig(centres=0, radius=0.0, neighbours=0, widths=(128, 256)),
             ),
             features=features,
         )

@@ -19,7 +19,7 @@ from dgl_sadp._episode_file import (
     scan_stage,
     take_frames,
 )
-from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.errors import DamagedEpisodeError
 
 __all__ = ["EpisodeDataset", "split_episodes"]
 
@@ -82,7 +82,7 @@ class EpisodeDataset:
             ValueError: If an argument is out of range, no episode succeeded or has the stage, only some episodes have an
                 object's cloud, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
-            CorruptEpisodeError: If a file is damaged or of another format.
+            DamagedEpisodeError: If a file is damaged or of another format.
         """
         if keep_bytes < 0:
             raise ValueError(f"keep_bytes must be at least 0; got {keep_bytes}")
@@ -129,7 +129,7 @@ class EpisodeDataset:
 
         Raises:
             IndexError: If there is no such window.
-            CorruptEpisodeError: If the file has been damaged since it was scanned.
+            DamagedEpisodeError: If the file has been damaged since it was scanned.
         """
         count = len(self)
         if not -count <= index < count:
@@ -249,19 +249,20 @@ def _scan(
     *,
     skip_corrupt: bool,
     with_approach: bool,
-) -> tuple[tuple[StageFile, ...], tuple[Path, ...], tuple[CorruptEpisodeError, ...]]:
+) -> tuple[tuple[StageFile, ...], tuple[Path, ...], tuple[DamagedEpisodeError, ...]]:
     # Hidden files are those that a writer has not finished.
     paths = sorted(path for path in directory.glob("*.h5") if not path.name.startswith("."))
     if not paths:
-        hint = f"; did you mean {directory / 'episodes'}?" if any(directory.glob("*/*.h5")) else ""
+        below = sorted({path.parent for path in directory.glob("*/*.h5")})
+        hint = f"; did you mean {below[0]}?" if below else ""
         raise FileNotFoundError(f"no episode files (*.h5) in {directory}{hint}")
     episodes: list[StageFile] = []
     failed: list[Path] = []
-    refused: list[CorruptEpisodeError] = []
+    refused: list[DamagedEpisodeError] = []
     for path in paths:
         try:
             episode = scan_stage(path, stage, with_approach=with_approach)
-        except CorruptEpisodeError as error:
+        except DamagedEpisodeError as error:
             # That no episode has the stage is said once, below.
             if not skip_corrupt and not isinstance(error, MissingStageError):
                 raise

@@ -4,7 +4,8 @@ from pathlib import Path
 
 __all__ = [
     "CheckpointError",
-    "CorruptEpisodeError",
+    "DamagedEpisodeError",
+    "EpisodeAccessError",
     "ObservationError",
     "SadpError",
     "TrainingDivergedError",
@@ -33,7 +34,7 @@ class TrainingProcessError(SadpError):
     """A process of a training on several devices has ended without having said why."""
 
 
-class CorruptEpisodeError(SadpError):
+class DamagedEpisodeError(SadpError):
     """A file is damaged, or is not an episode of the format that this package reads."""
 
     advice = "; remove the file or collect the episode again"
@@ -48,7 +49,20 @@ class CorruptEpisodeError(SadpError):
         return type(self), (self.path, self.reason)
 
 
-class UnsuitableEpisodeError(CorruptEpisodeError):
+class EpisodeAccessError(SadpError):
+    """A file may be whole, but cannot be opened now: another process holds it, or it is forbidden."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path} cannot be opened: {reason}")
+        self.path = path
+        self.reason = reason
+
+    def __reduce__(self) -> tuple[type, tuple[Path, str]]:
+        """Keep both arguments when a data loader's worker sends the error to its parent."""
+        return type(self), (self.path, self.reason)
+
+
+class UnsuitableEpisodeError(DamagedEpisodeError):
     """A file is whole as far as is known, but its episode does not fit: of another robot, format version or stages."""
 
     advice = ""

@@ -1,5 +1,6 @@
 """Ranges of recorded data, in one pass over the files, which also finds what is damaged inside of them."""
 
+import hashlib
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +9,7 @@ import numpy as np
 
 from dgl_sadp._episode_file import FRAME_KEYS, FrameSlice, StageFile, read_frames, read_static
 from dgl_sadp.dataset import EpisodeDataset
-from dgl_sadp.errors import CorruptEpisodeError
+from dgl_sadp.errors import DamagedEpisodeError, UnsuitableEpisodeError
 from dgl_sadp.normalizer import Range
 
 __all__ = ["EpisodeRanges", "join_ranges", "measure_episodes"]
@@ -26,7 +27,7 @@ class EpisodeRanges:
     """The episodes that are whole."""
     ranges: tuple[dict[str, Range], ...]
     """Range of each array, an entry for each of its episodes."""
-    refused: tuple[CorruptEpisodeError, ...]
+    refused: tuple[DamagedEpisodeError, ...]
     """What is wrong with the other episodes, by file."""
 
 
@@ -37,7 +38,7 @@ def measure_episodes(
     relative_joints: Sequence[int] = (),
     on_progress: Callable[[int, int], None] | None = None,
 ) -> EpisodeRanges:
-    """Read every episode once, a few frames at a time, and leave out the damaged ones.
+    """Read every episode once, a few frames at a time; leave out damaged ones and copies of others.
 
     Args:
         dataset: Episodes of one stage.
@@ -49,16 +50,20 @@ def measure_episodes(
         ValueError: If no episode is whole, or a key is not recorded.
     """
     whole: list[int] = []
+    names: dict[bytes, str] = {}
     ranges: list[dict[str, Range]] = []
-    refused: list[CorruptEpisodeError] = []
+    refused: list[DamagedEpisodeError] = []
     for number, episode in enumerate(dataset.episodes):
         try:
-            found = _measure_episode(episode, keys)
+            found, digest = _measure_episode(episode, keys)
+            first = names.setdefault(digest, episode.path.name)
+            if first != episode.path.name:
+                raise UnsuitableEpisodeError(episode.path, f"it is the same episode as {first}")
             if relative_joints and "action" in keys:
                 found["action"] = _measure_relative(episode, list(relative_joints))
             ranges.append(found)
             whole.append(number)
-        except CorruptEpisodeError as error:
+        except DamagedEpisodeError as error:
             logger.warning("left out: %s", error)
             refused.append(error)
         if on_progress is not None:
@@ -78,16 +83,19 @@ def join_ranges(ranges: Sequence[dict[str, Range]]) -> dict[str, Range]:
     return joined
 
 
-def _measure_episode(episode: StageFile, keys: Sequence[str]) -> dict[str, Range]:
+def _measure_episode(episode: StageFile, keys: Sequence[str]) -> tuple[dict[str, Range], bytes]:
+    """Measure the ranges of arrays, and the digest of their values."""
     found: dict[str, Range] = {}
+    digest = hashlib.blake2b()
 
     def measure(key: str, values: np.ndarray) -> None:
+        digest.update(np.ascontiguousarray(values).data)
         if key == "image":
             return
         if values.size == 0:
-            raise CorruptEpisodeError(episode.path, f"stage_{episode.stage}/{key} is empty")
+            raise DamagedEpisodeError(episode.path, f"stage_{episode.stage}/{key} is empty")
         if not np.isfinite(values).all():
-            raise CorruptEpisodeError(
+            raise DamagedEpisodeError(
                 episode.path, f"stage_{episode.stage}/{key} has values that are not finite"
             )
         part = Range.of(values)
@@ -107,7 +115,7 @@ def _measure_episode(episode: StageFile, keys: Sequence[str]) -> dict[str, Range
                 f"{episode.path.name} has no {key}, which this policy observes; it has {sorted(static)}"
             )
         measure(key, static[key])
-    return found
+    return found, digest.digest()
 
 
 def _measure_relative(episode: StageFile, joints: list[int]) -> Range:

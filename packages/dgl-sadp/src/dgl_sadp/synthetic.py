@@ -8,7 +8,6 @@ It is no physics: joints follow their targets with a lag, and nothing is grasped
 """
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
@@ -17,6 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from dgl_files.whole import written_beside
 from dgl_sadp._episode_file import FORMAT_VERSION, JOINTS, ROBOT
 
 __all__ = ["SyntheticEnvironment", "SyntheticMatcher", "write_synthetic_episodes"]
@@ -290,39 +290,34 @@ def _write_episode(path: Path, environment: SyntheticEnvironment, *, seed: int) 
         name: {"xyz": goal.tolist()}
         for name, goal in zip(("left", "right"), environment.goals, strict=True)
     }
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(beside, "w") as file:
-            file.attrs.update(
-                {
-                    "format_version": FORMAT_VERSION,
-                    "task": "Synthetic-v1",
-                    "seed": seed,
-                    "garment_id": "sheet",
-                    "robot": ROBOT,
-                    "matcher": "exact",
-                    "randomisation": "{}",
-                    "stage_names": json.dumps(["reach"]),
-                    "success": True,
-                    "success_value": error,
-                    "measurements": "{}",
-                    "package_versions": json.dumps({"dgl-sadp": metadata.version("dgl-sadp")}),
-                }
+    with written_beside(path) as partial, h5py.File(partial, "w") as file:
+        file.attrs.update(
+            {
+                "format_version": FORMAT_VERSION,
+                "task": "Synthetic-v1",
+                "seed": seed,
+                "garment_id": "sheet",
+                "robot": ROBOT,
+                "matcher": "exact",
+                "randomisation": "{}",
+                "stage_names": json.dumps(["reach"]),
+                "success": True,
+                "success_value": error,
+                "measurements": "{}",
+                "package_versions": json.dumps({"dgl-sadp": metadata.version("dgl-sadp")}),
+            }
+        )
+        group = file.create_group("stage_1", track_order=True)
+        group.attrs.update({"name": "reach", "points": json.dumps(points)})
+        for key, values in {**frames, **static}.items():
+            chunks = (min(8, len(values)), *values.shape[1:]) if key in frames else values.shape
+            group.create_dataset(
+                key,
+                data=values,
+                chunks=chunks,
+                compression="gzip",
+                compression_opts=1,
+                shuffle=True,
+                fletcher32=True,
+                track_times=False,
             )
-            group = file.create_group("stage_1", track_order=True)
-            group.attrs.update({"name": "reach", "points": json.dumps(points)})
-            for key, values in {**frames, **static}.items():
-                chunks = (min(8, len(values)), *values.shape[1:]) if key in frames else values.shape
-                group.create_dataset(
-                    key,
-                    data=values,
-                    chunks=chunks,
-                    compression="gzip",
-                    compression_opts=1,
-                    shuffle=True,
-                    fletcher32=True,
-                    track_times=False,
-                )
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

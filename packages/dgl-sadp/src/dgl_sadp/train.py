@@ -10,14 +10,14 @@ import torch
 
 from dgl_sadp._train_data import TrainData
 from dgl_sadp._train_processes import run_in_processes
-from dgl_sadp._train_result import Progress, TrainResult
+from dgl_sadp._train_result import TrainProgress, TrainResult
 from dgl_sadp._train_run import CONFIG_FILE, TrainJob, run_job
 from dgl_sadp._train_state import hold_interrupts
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.train_config import TrainConfig
 
-__all__ = ["Progress", "TrainResult", "train_policy"]
+__all__ = ["TrainProgress", "TrainResult", "train_policy"]
 
 
 def train_policy(
@@ -32,7 +32,7 @@ def train_policy(
     devices: int | Literal["auto"] = 1,
     workers: int = 0,
     keep_bytes: int = 2**30,
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[TrainProgress], None] | None = None,
     stop_after: int | None = None,
 ) -> TrainResult:
     """Train a policy for one stage.

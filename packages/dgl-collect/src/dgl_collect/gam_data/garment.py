@@ -19,7 +19,7 @@ __all__ = [
     "FILE",
     "SPACING",
     "Entry",
-    "GarmentData",
+    "GarmentMaker",
     "Made",
     "find_path",
     "get_versions",
@@ -75,7 +75,7 @@ class Entry:
     """Whether only its flat state is made, which needs no simulation."""
 
 
-class GarmentData:
+class GarmentMaker:
     """Makes garments' files as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
 
     def __init__(self, *, seed: int) -> None:

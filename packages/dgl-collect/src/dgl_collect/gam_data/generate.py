@@ -132,7 +132,7 @@ def generate_data(
         dispatcher = Dispatcher(
             (Job(name=entry.id.replace("/", "-"), request=entry) for entry in left),
             work=Work(
-                factory="dgl_collect.gam_data.garment:GarmentData", arguments={"seed": config.seed}
+                factory="dgl_collect.gam_data.garment:GarmentMaker", arguments={"seed": config.seed}
             ),
             workers=workers or Workers(),
             folder=folder,

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 
 from dgl_assets import Garment
-from dgl_collect.gam_data.handling import SPEED, Handling, find_grip
 from dgl_collect.gam_data.motions import FOLDS, PAIRS, make_arc, make_fling
+from dgl_collect.gam_data.simulation import SPEED, GarmentSimulation, find_grip
 from dgl_physics import FABRICS, PhysicsError, Shape, get_fabric
 
 __all__ = ["HANGING", "make_rng", "make_states"]
@@ -49,11 +49,11 @@ def make_states(garment: Garment, seed: int, *, is_flat: bool = False) -> dict[s
     if garment.wall_thickness is None:
         names = sorted(FABRICS)
         fabric = get_fabric(names[make_rng(seed, garment.name, "fabric").integers(len(names))])
-    handling = Handling(garment, fabric)
+    simulation = GarmentSimulation(garment, fabric)
     for name, function in make.items():
         rng = make_rng(seed, garment.name, name)
         try:
-            kind, positions = function(handling, states, rng)
+            kind, positions = function(simulation, states, rng)
         except PhysicsError as err:
             raise PhysicsError(f"{name}: {type(err).__name__}: {err}") from err
         states[kind] = positions
@@ -63,29 +63,29 @@ def make_states(garment: Garment, seed: int, *, is_flat: bool = False) -> dict[s
 def _drop(
     name: str, tilts: tuple[float, float], heights: tuple[float, float]
 ) -> Callable[..., tuple[str, np.ndarray]]:
-    def make(handling, states, rng):
+    def make(simulation, states, rng):
         tilted = _tilt(states["flat"], rng, np.radians(rng.uniform(*tilts)))
-        return name, handling.settle(_lift(tilted, rng.uniform(*heights)), frames=CALM)
+        return name, simulation.settle(_lift(tilted, rng.uniform(*heights)), frames=CALM)
 
     return make
 
 
-def _hang_one(handling: Handling, states: dict, rng: np.random.Generator):
-    garment = handling.garment
+def _hang_one(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
+    garment = simulation.garment
     grip = find_grip(garment, list(garment.landmarks)[rng.integers(len(garment.landmarks))])
     start = _lift(_roughen(_make_upright(states["flat"], [grip]), rng), 0.5)
-    return "hung_one", handling.settle(start, frames=HANG, pinned=grip)
+    return "hung_one", simulation.settle(start, frames=HANG, pinned=grip)
 
 
-def _drop_hung(handling: Handling, states: dict, rng: np.random.Generator):
+def _drop_hung(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
     # Cloth that falls exactly upright is compressed where it should buckle.
     leaning = _tilt(_roughen(states["hung_one"], rng), rng, np.radians(rng.uniform(15.0, 40.0)))
     start = _lift(leaning, rng.uniform(0.02, 0.2))
-    return "crumpled_1", handling.settle(start, frames=CALM)
+    return "crumpled_1", simulation.settle(start, frames=CALM)
 
 
-def _hang_two(handling: Handling, states: dict, rng: np.random.Generator):
-    garment = handling.garment
+def _hang_two(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
+    garment = simulation.garment
     pairs = PAIRS[garment.category]
     grips = [find_grip(garment, name) for name in pairs[rng.integers(len(pairs))]]
     start = _make_upright(states["flat"], grips)
@@ -93,12 +93,12 @@ def _hang_two(handling: Handling, states: dict, rng: np.random.Generator):
     apart = np.array([start[grip].mean(axis=0) for grip in grips])
     nearer = (apart.mean(axis=0) - apart) * rng.uniform(0.05, 0.4)
     paths = np.linspace(0.0, 1.0, 31)[:, None, None] * nearer
-    moved = handling.carry(start, grips, paths)
-    return "hung_two", handling.settle(moved, frames=HANG, pinned=np.concatenate(grips))
+    moved = simulation.carry(start, grips, paths)
+    return "hung_two", simulation.settle(moved, frames=HANG, pinned=np.concatenate(grips))
 
 
-def _fold(handling: Handling, states: dict, rng: np.random.Generator):
-    garment = handling.garment
+def _fold(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
+    garment = simulation.garment
     folds = FOLDS[garment.category]
     fold = folds[rng.integers(len(folds))]
     side = ("left", "right")[rng.integers(2)]
@@ -109,22 +109,22 @@ def _fold(handling: Handling, states: dict, rng: np.random.Generator):
     middle = held.mean(axis=0)
     hinge = middle + rng.uniform(fold.nearest, 1.0) * (end - middle)
     turn = np.radians(rng.uniform(-25.0, 25.0) if len(grips) == 1 else rng.uniform(-8.0, 8.0))
-    moved = handling.carry(start, grips, make_arc(held, hinge, turn, speed=SPEED))
-    return fold.state, handling.settle(moved, frames=CALM)
+    moved = simulation.carry(start, grips, make_arc(held, hinge, turn, speed=SPEED))
+    return fold.state, simulation.settle(moved, frames=CALM)
 
 
-def _fling(handling: Handling, states: dict, rng: np.random.Generator):
-    garment = handling.garment
+def _fling(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
+    garment = simulation.garment
     grips = [find_grip(garment, name) for name in PAIRS[garment.category][0]]
     held = np.concatenate(grips)
     start = _lift(_roughen(_make_upright(states["flat"], grips), rng), 0.05)
     height = float(start[held, 2].mean())
     path = make_fling(height, height - 0.05, forward=rng.uniform(0.3, 0.6))
-    moved = handling.carry(start, grips, np.repeat(path, 2, axis=1))
-    return "flung", handling.settle(moved, frames=CALM)
+    moved = simulation.carry(start, grips, np.repeat(path, 2, axis=1))
+    return "flung", simulation.settle(moved, frames=CALM)
 
 
-def _hang_over(handling: Handling, states: dict, rng: np.random.Generator):
+def _hang_over(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
     flat = states["flat"]
     turn = np.radians(rng.choice([0.0, 90.0]) + rng.uniform(-20.0, 20.0))
     start = _turn(flat - flat.mean(axis=0), np.array([0.0, 0.0, 1.0]), turn)
@@ -136,14 +136,14 @@ def _hang_over(handling: Handling, states: dict, rng: np.random.Generator):
         friction=3.0,
     )
     start = _lift(start, _BAR_HEIGHT + _BAR + 0.02)
-    end = handling.settle(start, frames=HANG, shapes=(bar,))
+    end = simulation.settle(start, frames=HANG, shapes=(bar,))
     if end[:, 2].max() < _BAR_HEIGHT:
         raise PhysicsError("it slid off the bar")
     return "over_bar", end
 
 
-def _press(handling: Handling, states: dict, rng: np.random.Generator):
-    return "pressed", handling.press(_lift(states["flat"], _REST), rng.uniform(0.05, 0.2))
+def _press(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
+    return "pressed", simulation.press(_lift(states["flat"], _REST), rng.uniform(0.05, 0.2))
 
 
 _CLOTH: dict[str, Callable[..., tuple[str, np.ndarray]]] = {

@@ -1,7 +1,6 @@
 """The file of one garment: its states, and views of them whose every point knows its vertex."""
 
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,10 +9,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Len
-from safetensors.numpy import save_file
 
 from dgl_files.fields import check_value, decode_json, show, tell
-from dgl_gam._tensor_file import SEALED, ArrayFile, open_arrays, seal
+from dgl_files.tensors import TensorFile, open_tensors, write_tensors
 from dgl_gam.config import check_category
 from dgl_gam.errors import DataError
 
@@ -29,7 +27,7 @@ __all__ = [
     "write_garment",
 ]
 
-FORMAT_VERSION = SEALED
+FORMAT_VERSION = "2"
 MAX_BYTES = 2**30
 """Of a file's arrays."""
 VIEW_POINTS = 2048
@@ -140,11 +138,11 @@ def read_header(path: Path) -> GarmentHeader:
     Raises:
         DataError: If the file is missing, damaged, of another format, or contradicts itself.
     """
-    with open_arrays(Path(path), what="a garment's data", error=DataError) as file:
+    with open_tensors(Path(path), what="a garment's data", error=DataError) as file:
         return _read_header(file)
 
 
-def _read_header(file: ArrayFile) -> GarmentHeader:
+def _read_header(file: TensorFile) -> GarmentHeader:
     path, metadata = file.path, file.metadata
     _check_metadata(file)
     shapes = _check_shapes(path, file.found)
@@ -187,7 +185,7 @@ def read_garment(path: Path) -> GarmentData:
     Raises:
         DataError: If the file is missing, damaged, of another format, or an index or a value in it is wrong.
     """
-    with open_arrays(Path(path), what="a garment's data", error=DataError) as file:
+    with open_tensors(Path(path), what="a garment's data", error=DataError) as file:
         header = _read_header(file)
         arrays = {name: array for name, array in file.read().items() if name in _TENSORS}
     arrays["states"] = arrays["states"].astype(np.float32)
@@ -238,8 +236,13 @@ def write_garment(
         DataError: If what was given contradicts itself; nothing is left behind then.
     """
     path = Path(path)
-    if path.suffix != ".safetensors":
-        raise ValueError(f"path must end in .safetensors; got {path}")
+
+    def check(partial: Path) -> None:
+        try:
+            read_garment(partial)
+        except DataError as err:
+            raise DataError(str(err).replace(str(partial), str(path))) from err
+
     given = {
         "canonical": canonical,
         "states": states,
@@ -265,25 +268,15 @@ def write_garment(
         "view_directions": json.dumps(np.asarray(view_directions, dtype=np.float64).tolist()),
         "generator_versions": json.dumps(dict(generator_versions)),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        save_file(arrays, beside, metadata=seal(metadata, arrays))
-        try:
-            read_garment(beside)
-        except DataError as err:
-            raise DataError(str(err).replace(str(beside), str(path))) from err
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_tensors(path, arrays, metadata, check=check)
 
 
-def _check_metadata(file: ArrayFile) -> None:
+def _check_metadata(file: TensorFile) -> None:
     path, metadata = file.path, file.metadata
     missing = [name for name in (*_STRINGS, *_JSON) if name not in metadata]
     if missing:
         raise DataError(f"{path} is not a garment's data: its metadata lack {', '.join(missing)}")
-    file.check_version("format_version")
+    file.check_version("format_version", wanted=FORMAT_VERSION, earlier=("1",))
     if metadata["split"] not in _SPLITS:
         raise DataError(f"{path}: split must be train or test; got {show(metadata['split'])}")
     if not re.fullmatch(r"-?[0-9]{1,18}", metadata["seed"]):

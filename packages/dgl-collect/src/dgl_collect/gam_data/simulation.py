@@ -16,7 +16,7 @@ from dgl_physics import (
 from dgl_physics.measure import compute_strain
 from dgl_physics.scene import Scene
 
-__all__ = ["GLOVE", "Handling", "add_garment", "find_grip"]
+__all__ = ["GLOVE", "GarmentSimulation", "add_garment", "find_grip"]
 
 GLOVE = SolidMaterial(thickness=0.004)
 """The two layers of a glove lie only 10 to 25 mm apart, so its contact thickness is smaller than the default."""
@@ -67,7 +67,7 @@ def find_grip(garment: Garment, landmark: str) -> np.ndarray:
     return np.flatnonzero(np.linalg.norm(away, axis=1) < GRIP)
 
 
-class Handling:
+class GarmentSimulation:
     """Simulations of one garment, each from given positions; cheap rather than exact."""
 
     def __init__(self, garment: Garment, material: ClothMaterial | None = None) -> None:
