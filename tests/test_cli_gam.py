@@ -166,7 +166,7 @@ def find_crotch(words, capsys):
 
 
 def test_points_say_which_axis_is_taken_to_be_up(tmp_path, capsys):
-    """A cloud in centimetres whose y is up is wrong unless --up says so, and a message tells it."""
+    """A cloud in centimetres with y up is matched after --up y."""
     shown, seen = "Trousers/008000", load_cloud("Trousers/008001")
     file = tmp_path / "y_up.npy"
     np.save(file, 100 * seen.points[:, [0, 2, 1]] * [1, 1, -1])

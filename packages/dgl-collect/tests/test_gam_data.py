@@ -1,4 +1,4 @@
-"""Training data of the affordance model: what cameras see, states, and runs that can be interrupted."""
+"""Training data of the affordance model: views, states and resumed runs."""
 
 import json
 import re
@@ -44,7 +44,7 @@ def data(tmp_path_factory):
 
 
 def find_depths(vertices, faces, eye, points):
-    """Distances from the eye at which its rays through points meet triangles, shape (N, F); infinite where they miss.
+    """Compute distances along rays to triangles, shape (N, F); infinite for a miss.
 
     By Moeller and Trumbore's test.
     """
@@ -90,7 +90,8 @@ def test_a_visible_point_is_on_its_triangle_and_nothing_is_before_it(top, azimut
     eye = (vertices.min(axis=0) + vertices.max(axis=0)) / 2 + 6.75 * direction
     depths = find_depths(vertices, top.faces, eye, view.points)
     ahead = np.linalg.norm(view.points - eye, axis=1) - depths.min(axis=1)
-    # Along the ray, what is before a point is the inside of a layer that a seam joins to the point's.
+    # Along the ray, what is before a point is the inside of a layer that a seam joins to the
+    # point's.
     assert ahead.max() < 1.01 * TOLERANCE
     towards = (normals * (eye - view.points)).sum(axis=1)
     assert (towards > 0).mean() > 0.85  # the rest is the inside, seen through openings

@@ -1,4 +1,4 @@
-"""A matcher needs no network: match two towels by their normalised positions, and make the affordance channels.
+"""Match two towels by their normalised positions, without a network.
 
 Example: python examples/affordance_of_a_rule.py
 """
@@ -34,7 +34,7 @@ def make_towel(rng: np.random.Generator, *, width: float, length: float) -> np.n
 
 
 def main(seed: int = 0) -> dict[str, float]:
-    """Match two corners between towels of different size and place; return the largest error [m]."""
+    """Match corners of two different towels; return the largest error [m]."""
     rng = np.random.default_rng(seed)
     source = make_towel(rng, width=0.4, length=0.6)
     shift = np.array([1.0, 0.5, 0.2])

@@ -1,7 +1,8 @@
-"""How well the weights do on garments that the generator never drew: outlines drawn by hand, with their corners named.
+"""Errors of the weights on hand-drawn outlines with named corners.
 
-Each outline is the right half of a garment lying flat, from the middle of the neck or waist to the middle of the hem or the
-crotch, [m]. Its corners are found from those of the garments that come along.
+Each outline is the right half of a garment lying flat, from the middle of the neck or waist to the
+middle of the hem or the crotch, [m]. Its corners are found from those of the garments that come
+along.
 
 Example: python examples/drawn_garments.py
 """
@@ -69,7 +70,7 @@ OUTLINES: dict[str, dict[str, Half]] = {
 
 
 def fill(half: Half, rng: np.random.Generator, count: int = 2048) -> np.ndarray:
-    """Draw points [m], shape (count, 3), inside of an outline and its mirror image, within 4 mm of height."""
+    """Draw points [m], shape (count, 3), inside an outline and its mirror image."""
     corners = np.array([corner[:2] for corner in half])
     low, high = corners.min(axis=0), corners.max(axis=0)
     places = rng.uniform([0, low[1]], high, (20 * count, 2))
@@ -95,7 +96,7 @@ def get_corners(half: Half) -> dict[str, np.ndarray]:
 
 
 def measure(category: str, half: Half, rng: np.random.Generator) -> np.ndarray:
-    """Errors of the corners as shares of the diagonal, shape (demonstrated garments * corners,), turned by up to 30 degrees."""
+    """Compute errors of corners, as shares of the diagonal, turned by up to 30 degrees."""
     model = GarmentAffordanceModel.load(category)
     cloud, corners = fill(half, rng), get_corners(half)
     wanted = np.array(list(corners.values()))
@@ -112,7 +113,7 @@ def measure(category: str, half: Half, rng: np.random.Generator) -> np.ndarray:
 
 
 def main(seed: int = 0) -> dict[str, dict[str, float]]:
-    """Mean error of each outline, as a share of its diagonal, by category; "all" is the mean of the category."""
+    """Compute mean errors of outlines by category; "all" is a category's mean."""
     rng = np.random.default_rng(seed)
     results = {}
     for category, outlines in OUTLINES.items():

@@ -77,7 +77,7 @@ def deform(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def see(vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = 2048):
-    """Points on the front layer, (N, 3), and the nearest vertex of each, (N,): corners by weight."""
+    """Draw points on the front layer, (N, 3), with their nearest vertices, (N,)."""
     front = faces[: len(faces) // 2]
     corners = vertices[front]
     area = np.linalg.norm(

@@ -90,7 +90,7 @@ def test_batches_depend_on_seed_and_step_alone(folder):
 
 
 def make_plain_batch(shirts, config):
-    """A batch of views as they are, and of each cloud the canonical coordinates, which the batch itself does not hold."""
+    """Make a batch of unchanged views, and the canonical coordinates of each cloud."""
     config = dataclasses.replace(config, missing=0.0, bend=0.0, stretch=0.0, noise=0.0, yaw=0.0)
     folder = GarmentFolder(shirts)
     batch = BatchMaker(folder, config, seed=0).make(0)
@@ -154,7 +154,8 @@ def test_deformed_views_are_as_many_however_many_garments_are_flat_only(tmp_path
     rng = np.random.default_rng(0)
     drawn = [row for _ in range(100) for row in maker._draw_group("Shirt", rng)]
     is_flat = [np.ptp(member.points[:, 2]) < 0.01 for member in drawn]
-    # Half of them, and of the others two states of three: 1/3, not the 1/18 of drawing among all garments.
+    # Half of them, and of the others two states of three: 1/3, not the 1/18 of drawing among all
+    # garments.
     assert np.mean(is_flat) == pytest.approx(2 / 3, abs=0.1)
     assert len({member.garment.header.garment_id for member in drawn}) == 6
 

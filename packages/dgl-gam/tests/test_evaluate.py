@@ -106,7 +106,7 @@ def test_a_round_hat_is_judged_by_one_turn_for_all_points(tmp_path, rng, monkeyp
     first = hats.load(0)
 
     def measure(turn, mirror=1.0):
-        """Errors where the answer is the true place turned about the axis, or also mirrored, which no turn does."""
+        """Errors of answers turned about the axis, or also mirrored."""
         vertices, current = [], hats.load(1)
         plane = first.canonical[:, :2]
         cos, sin = np.cos(turn), np.sin(turn)
@@ -175,7 +175,7 @@ def test_a_condition_has_all_its_pairs_where_few_garments_have_the_state(
 
 
 def test_errors_of_a_matcher_that_knows_and_of_one_that_mirrors(model, folder, monkeypatch):
-    """Within one garment lying flat, at the same yaw, the true point is the nearest; mirrored is -x."""
+    """Match flat views of one garment: the true point is nearest; mirrored is -x."""
     garment = folder.load(0)
     monkeypatch.setattr("dgl_gam.trials._make_turn", lambda angle: np.eye(3))
 

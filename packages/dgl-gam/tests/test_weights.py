@@ -1,4 +1,4 @@
-"""The weights and clouds that come with the package: everything here runs with nothing but its wheel installed."""
+"""Weights and clouds in the wheel; these tests need nothing else."""
 
 import importlib.util
 import re
@@ -22,7 +22,7 @@ HAT = "Bowl_Hat"
 
 
 def find_landmarks(category):
-    """Errors of the landmarks that are seen on both samples lying flat, as shares of the diagonal."""
+    """Errors of landmarks visible on both flat samples, as shares of the diagonal."""
     shown, seen = load_samples(category)
     model = GarmentAffordanceModel.load(category)
     source, target = shown.view_points[0], seen.view_points[0]

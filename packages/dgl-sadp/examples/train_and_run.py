@@ -1,4 +1,4 @@
-"""Train a policy on a made-up task, and let it act where a matcher says, as HALO does: no simulator, some minutes on a CPU.
+"""Train a policy on a synthetic task and let it act with a matcher, as HALO does.
 
 Example: python examples/train_and_run.py runs/made_up
 """
@@ -12,7 +12,7 @@ from dgl_sadp.synthetic import SyntheticEnvironment, SyntheticMatcher, write_syn
 
 
 def main(out: Path, *, episodes: int = 40, epochs: int = 30, runs: int = 10) -> dict[str, float]:
-    """Return how far hands are from their goals [m]: before, and after the policy has acted, on new sheets."""
+    """Return the hands' distance from their goals [m], before and after the policy acts."""
     frames, points = 16, 512
     write_synthetic_episodes(out / "episodes", episodes, frames=frames, points=points)
     training = dataclasses.replace(get_train_config("sadp-g"), epochs=epochs)

@@ -42,7 +42,7 @@ def write_episode(
     approach_frames: int = 0,
     offset: float = 0.0,
 ) -> Path:
-    """Write an episode whose arrays count their frames: each value is `offset` plus the frame's number."""
+    """Write an episode whose arrays hold `offset` plus the frame's number."""
     with h5py.File(path, "w") as file:
         file.attrs.update({"format_version": 1, "task": "FoldTops-v1", "success": success})
         for stage in range(1, stages + 1):

@@ -1,4 +1,4 @@
-"""What CUDA computes is what the CPU computes, but for rounding."""
+"""CUDA computes the same as the CPU, but for rounding."""
 
 import pytest
 import torch

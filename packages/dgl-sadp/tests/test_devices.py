@@ -91,7 +91,7 @@ def test_a_share_draws_its_rows_of_what_the_whole_batch_draws(seeded):
 
 @pytest.fixture
 def double_precision():
-    """Sums whose rounding, which differs from one processor to another, is far below any real difference."""
+    """Use float64: rounding is then far below any real difference."""
     before = torch.get_default_dtype()
     torch.set_default_dtype(torch.float64)
     yield
@@ -178,8 +178,8 @@ def test_two_processes_come_to_the_weights_of_one(train, tmp_path):
 
 @pytest.mark.slow
 def test_gradients_of_two_processes_with_muon_are_those_of_one(train, tmp_path):
-    # Of the step itself little can be said: Muon's iterations round to bfloat16, and make a whole direction of what is
-    # next to nothing. Moments after one step are gradients, but for a factor.
+    # Of the step itself little can be said: Muon's iterations round to bfloat16, and make a whole
+    # direction of what is next to nothing. Moments after one step are gradients, but for a factor.
     for out, devices in (("one", 1), ("two", 2)):
         train(out, config=MUON, devices=devices, stop_after=1)
     one, two = (read_state(tmp_path / out) for out in ("one", "two"))
@@ -206,7 +206,8 @@ def test_two_processes_that_are_interrupted_go_on_to_the_same_weights(train, tmp
     told = []
     resumed = train("parts", config=MUON, devices=2, is_resumed=True, on_progress=told.append)
     assert 1 < told[0].step <= 4
-    # The weights of the second process, of which nothing is kept, were those of the first: it took them over.
+    # The weights of the second process, of which nothing is kept, were those of the first: it took
+    # them over.
     states = [read_state(tmp_path / out) for out in ("whole", "parts")]
     assert set(states[0]) == set(states[1])
     assert all(torch.equal(tensor, states[1][name]) for name, tensor in states[0].items())
@@ -247,7 +248,8 @@ def test_processes_of_torchrun_train_as_those_that_are_started_here(train, episo
         "episodes, out, policy, devices = sys.argv[1:]\n"
         "train_policy(\n"
         "    episodes, out, load_policy(policy).config, stage=1, devices=int(devices),\n"
-        "    config=TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, validate_every=1),\n"
+        "    config=TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, "
+        "validate_every=1),\n"
         "    on_progress=lambda progress: print(progress.step),\n"
         ")\n"
     )

@@ -1,4 +1,4 @@
-"""Files that are damaged or made up: what is read is right, or the reader's own error says what is wrong."""
+"""Damaged and invented files: read right, or refused by the reader's own error."""
 
 import dataclasses
 import io
@@ -46,7 +46,7 @@ def check_told(error: Exception, path: Path | None = None) -> None:
 
 @st.composite
 def damages(draw: st.DrawFn) -> list[tuple[str, float, int, int]]:
-    """Changes of a file: what is done, where (from its begin or all over it), to how many bytes, and with which byte."""
+    """Draw changes of a file: kind, place, size and byte."""
     kinds = st.sampled_from(("flip", "set", "cut", "insert", "delete", "repeat"))
     place = st.floats(0, 1, exclude_max=True)
     one = st.tuples(kinds, st.booleans(), place, st.integers(1, 64), st.integers(0, 255))

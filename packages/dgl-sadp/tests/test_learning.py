@@ -63,7 +63,7 @@ def test_four_episodes_are_learned_to_less_than_a_degree(tmp_path, tiny_config):
 
 
 def draw_windows(config, seed: int) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
-    """Windows whose targets are +1 or -1 on all joints, as the affordance marks the right or the left of a garment."""
+    """Make windows with targets +1 or -1 where the affordance marks right or left."""
     generator = torch.Generator().manual_seed(seed)
 
     def draw(*shape):
@@ -84,7 +84,7 @@ def draw_windows(config, seed: int) -> tuple[dict[str, torch.Tensor], torch.Tens
 
 
 def learn_sides(config) -> float:
-    """Train on marked garments; return the share of new ones that the policy goes to the right side of."""
+    """Train on marked garments; return the share of correct sides on new ones."""
     policy = DiffusionPolicy.make(config, seed=0)
     optimizer = torch.optim.AdamW(policy.parameters(), lr=2e-3)
     for step in range(120):

@@ -38,7 +38,7 @@ def test_sampling_and_loss_leave_the_global_generator_alone(policy, random_batch
 
 
 def find_origin(batch) -> torch.Tensor:
-    """What targets are relative to: where the stage began for the arms' joints, written out; 0 for all others."""
+    """Reference of targets: the start of the stage for arm joints, 0 for all others."""
     origin = torch.zeros_like(batch["action"])
     for arm in (slice(0, 6), slice(30, 36)):
         origin[..., arm] = batch["start_joint_state"][:, None, arm]
@@ -125,7 +125,8 @@ def test_without_decay_the_ema_copy_encodes_as_the_trained_model_does(policy, ra
         draws = Draws(seeded(4))
         stage = model.encoder.encode_stage(batch, model.normalizer, draws)
         conditions.append(model.encoder.encode(batch, stage, model.normalizer, draws))
-    # The average is formed as x - (x - y), which rounds; a norm that did not come along would be off by far more.
+    # The average is formed as x - (x - y), which rounds; a norm that did not come along would be
+    # off by far more.
     torch.testing.assert_close(*conditions, rtol=1e-3, atol=1e-3)
 
 

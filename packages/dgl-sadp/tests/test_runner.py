@@ -28,7 +28,7 @@ def runner(method, tiny_config):
 
 @pytest.fixture
 def queue(tiny_config, monkeypatch):
-    """A runner, and the joint states (here the number of the observation) that each prediction saw."""
+    """Make a runner that notes the joint states of each prediction."""
     policy = DiffusionPolicy.make(tiny_config("dp3"), seed=0)
     seen = []
     original = policy.predict

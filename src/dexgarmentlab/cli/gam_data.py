@@ -19,7 +19,7 @@ __all__ = ["DataOptions", "make_data"]
 
 @dataclass(frozen=True, kw_only=True)
 class DataOptions:
-    """Make training data: views of garments flat, dropped, crumpled, folded, hung and flung.
+    """Make training data: simulated states of catalogue garments and camera views.
 
     Every finished garment is on disk: Ctrl-C keeps it, and --resume continues. A garment that
     cannot be simulated has a line with the reason in failures.jsonl, and no file.
@@ -36,8 +36,7 @@ class DataOptions:
     test: int = 40
     """Garments of each category to measure on."""
     flat: int = 600
-    """More garments of each category to train on, of which only the flat state is made: that needs
-    no simulation."""
+    """Further training garments of each category, flat state only, without simulation."""
     flat_test: int = 60
     """More garments of each category to measure on, likewise."""
     resume: bool = False

@@ -23,16 +23,15 @@ class GamEvalOptions:
     category: tuple[str, ...] = ()
     """Only these categories; all of the data when none is named."""
     split: Literal["train", "test"] = "test"
-    """Garments to measure on."""
+    """Split of the garments to measure on."""
     pairs: int = 40
     """Pairs of garments for each category and condition."""
     true_yaw: bool = False
-    """Tell the model how each garment is turned, instead of letting it find that: what the yaw
-    costs."""
+    """Give the model the true yaw, which measures the cost of estimating it."""
     seed: int = 0
     """Of everything drawn."""
     device: str = "cpu"
-    """Device to compute on: cpu or cuda."""
+    """Device: cpu or cuda."""
     markdown: bool = False
     """Write the table in Markdown."""
     json: bool = False
@@ -41,7 +40,7 @@ class GamEvalOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class GamPackOptions:
-    """Pack finished runs into weights: 16-bit, with calibrated confidence and a model card.
+    """Make weights to ship from finished runs: 16 bit, calibrated, with model cards.
 
     The confidence is calibrated on garments of the training split; the card's figures are from the
     others.
@@ -56,8 +55,7 @@ class GamPackOptions:
     out: Path
     """Folder for the weights and cards, named by category."""
     samples: Path | None = None
-    """Folder for two garments of the test split of each category, with a part of their views:
-    clouds to ship."""
+    """Folder for sample clouds: two test garments of each category with a part of their views."""
     pairs: int = 40
     """Pairs of garments for each category and condition, for the card's figures."""
     calibration_pairs: int = 10

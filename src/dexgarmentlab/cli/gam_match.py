@@ -45,17 +45,17 @@ class MatchOptions:
     index: tuple[int, ...] = ()
     """Points of A to find, by their index in its cloud."""
     heat: int = 0
-    """Number of the point whose heat map is drawn."""
+    """Number of the point that the heat map shows."""
     weights: Path | None = None
     """File of weights, or a folder of them; by default the shipped ones."""
     category: str | None = None
-    """Category of the garments, where the files do not tell it, or another one whose network is to
-    be used."""
+    """Category of the garments if the files do not tell it, or to use another category's
+    network."""
     up: tuple[Literal["x", "y", "z", "-x", "-y", "-z"], ...] = ()
-    """Up axis of the files, towards the camera, one for both or one for A and one for B. When not
-    given, z of points; of a mesh it is found from its openings."""
+    """Up axis of the files, towards the camera: one for both, or one for A and one for B. Default:
+    z for points; for a mesh it is found from its openings."""
     device: str = "cpu"
-    """Device to compute on: cpu or cuda."""
+    """Device: cpu or cuda."""
     json: bool = False
     """Write the matches as JSON."""
 
@@ -148,7 +148,7 @@ def _load(which: str, what: str, *, seed: int, up: "Up | None", category: str | 
 
 
 def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> str:
-    """Return the category of both, or the one that the user names."""
+    """Choose the category: the user's, or that of both clouds."""
     known = {cloud.category for cloud in (source, target) if cloud.category is not None}
     if options.category is not None:
         return options.category
@@ -156,15 +156,15 @@ def _find_category(options: MatchOptions, source: "Cloud", target: "Cloud") -> s
         raise ValueError("the files do not tell the category: name it with --category")
     if len(known) > 1:
         raise ValueError(
-            f"A is of {source.category} and B of {target.category}, and places correspond within a "
-            "category only; "
+            f"A is of {source.category} and B of {target.category}, and places correspond within "
+            "a category only; "
             "to try the network of one of them on both, name it with --category"
         )
     return known.pop()
 
 
 def _choose(options: MatchOptions, source: "Cloud") -> tuple[list[str], "np.ndarray"]:
-    """Names and positions of the points to find."""
+    """Choose names and positions of the points to find."""
     import numpy as np
     import torch
 

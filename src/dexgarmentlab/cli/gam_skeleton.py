@@ -14,7 +14,7 @@ __all__ = ["SkeletonOptions", "register_category"]
 
 @dataclass(frozen=True, kw_only=True)
 class SkeletonOptions:
-    """Learn key points of a category from clouds; write its garments with their correspondence.
+    """Learn key points of a category from clouds, and register its garments by them.
 
     The canonical coordinates of the data are not looked at; where there are any, they measure the
     result. What is written can be trained on like any other data.

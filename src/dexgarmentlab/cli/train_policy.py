@@ -26,21 +26,19 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class TrainPolicyOptions:
-    """Options of training that all policies share."""
+    """Options of every policy's training."""
 
     method: ClassVar[str]
 
     data: Path
-    """Folder of collected episodes (*.h5). Some are kept for validation, where there is more than
-    one."""
+    """Folder of collected episodes (*.h5); some are kept for validation if there are several."""
     out: Path
     """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
     stage: int = 1
     """Stage of the task, from 1; each has a policy of its own."""
     gam: bool = True
-    """Bring the hands to matched grasp points before the policy acts. With --no-gam the policy
-    learns the approach too, from episodes collected with --record approaches, and sees no
-    affordance."""
+    """Bring the hands to matched grasp points before the policy acts. --no-gam: the policy learns
+    the approach, too, from episodes collected with --record approaches, and sees no affordance."""
     preset: Literal["small", "paper"] = "small"
     """small: trains on a CPU; paper: the published sizes, for a large GPU."""
     epochs: int | None = None
@@ -50,16 +48,15 @@ class TrainPolicyOptions:
     precision: Literal["no", "bf16"] = "no"
     """Mixed precision."""
     seed: int = 42
-    """Of the weights and of everything drawn."""
+    """Seed of weights and of all random draws."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Device to compute on."""
+    """Device of the computation."""
     devices: int | Literal["auto"] = 1
-    """Devices that share each batch, whose size they must divide; each has its own process. auto:
-    all
-    CUDA devices. On the CPU it is the number of processes. Example: --device cuda --devices 4."""
+    """Number of devices that share each batch, which they must divide; one process each. auto: all
+    CUDA devices. On the CPU: number of processes. Example: --device cuda --devices 4."""
     threads: int | None = None
-    """Threads of the CPU, shared by the devices' processes; torch decides when not given. Resume
-    with the same number."""
+    """CPU threads, shared by the processes; torch decides when not given. Resume with the same
+    number."""
     workers: int = 0
     """Processes that read episodes beside each one that trains."""
     memory: float = 1.0
@@ -72,7 +69,7 @@ class TrainPolicyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSadpOptions(TrainPolicyOptions):
-    """Train SADP: it sees garment with affordance, object, environment and joints.
+    """Train SADP: it observes garment, affordance, object, environment and joints.
 
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
@@ -85,7 +82,7 @@ class TrainSadpOptions(TrainPolicyOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSadpGOptions(TrainPolicyOptions):
-    """Train SADP_G, for tasks without an object: it sees garment, affordance, environment, joints.
+    """Train SADP_G, for tasks without an object: garment, affordance, environment, joints.
 
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
@@ -98,7 +95,7 @@ class TrainSadpGOptions(TrainPolicyOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainDp3Options(TrainPolicyOptions):
-    """Train the baseline DP3: it sees environment and joints.
+    """Train the baseline DP3: it observes environment and joints.
 
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
@@ -111,7 +108,7 @@ class TrainDp3Options(TrainPolicyOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainDpOptions(TrainPolicyOptions):
-    """Train the baseline DP: it sees the environment camera's picture and joints.
+    """Train the baseline DP: it observes the camera picture and joints.
 
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.

@@ -1,1 +1,1 @@
-"""The affordance model on the command line: clouds from files and garments, pictures, runs."""
+"""Affordance model on the command line: clouds, pictures and runs."""

@@ -1,4 +1,4 @@
-"""Up axis of a file of points, which does not name it."""
+"""Up axis of a file of points, which the file does not tell."""
 
 from typing import Literal
 
@@ -33,7 +33,7 @@ def turn_up(points: np.ndarray, up: Up) -> np.ndarray:
 
 
 def describe_axes(points: np.ndarray, up: Up | None) -> tuple[str, ...]:
-    """Say what points are taken for.
+    """Describe the assumed up axis and size.
 
     Args:
         points: Shape (N, 3), z up.

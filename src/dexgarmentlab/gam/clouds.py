@@ -1,4 +1,4 @@
-"""Clouds of garments, from files, imported assets or the catalogue."""
+"""Clouds of garments from files, imported assets or the catalogue."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Cloud:
     landmarks: dict[str, np.ndarray] | None = None
     """Positions of the landmarks [m], each of shape (3,), where they are known."""
     assumptions: tuple[str, ...] = ()
-    """Findings and assumptions about a file: its unit, its up axis, its category."""
+    """Findings and assumptions about a file: its unit, up axis and category."""
 
 
 def load_cloud(
@@ -81,8 +81,8 @@ def load_cloud(
         return _see(path.name, load_asset(path), seed)
     if "/" not in what:
         raise ValueError(
-            f"a cloud must be a file {', '.join((*_POINT_FILES, *_MESH_FILES))}, the folder of an "
-            "imported asset, "
+            f"a cloud must be a file {', '.join((*_POINT_FILES, *_MESH_FILES))}, the folder of "
+            "an imported asset, "
             f"or an id such as Trousers/000003; got {what!r}"
         )
     from dgl_assets import load_garment
@@ -93,7 +93,7 @@ def load_cloud(
 def _see(
     name: str, garment: Garment | ImportedGarment, seed: int, assumptions: tuple[str, ...] = ()
 ) -> Cloud:
-    """Return a garment's cloud as a camera above sees it."""
+    """See a garment from above."""
     from dgl_collect.gam_data import see_surface
 
     vertices = garment.vertices.astype(np.float64)
@@ -108,7 +108,7 @@ def _see(
 
 
 def _import_mesh(path: Path, *, seed: int, up: Up | None, category: str | None) -> Cloud:
-    """Load a mesh file, in metres and the garment frame, as `dgl assets import` does."""
+    """Import a mesh in metres and the garment frame."""
     from dgl_assets.importing import import_garment, load_asset
 
     with tempfile.TemporaryDirectory(prefix="dgl-match-") as folder:

@@ -1,4 +1,4 @@
-"""Contact sheet of training data: a row a garment, its views side by side, coloured by position."""
+"""Contact sheet of training data: a row of views for each garment, coloured by place."""
 
 from pathlib import Path
 
@@ -73,7 +73,7 @@ def _draw_view(garment: GarmentData, view: int) -> np.ndarray:
 
 
 def _colour(garment: GarmentData) -> np.ndarray:
-    """Colour vertices by canonical coordinates, or by flat position, shape (V, 3), uint8."""
+    """Compute vertex colours by canonical coordinates, or by flat position, shape (V, 3)."""
     import matplotlib as mpl
 
     place = garment.canonical if garment.has_canonical else garment.states[0]

@@ -16,7 +16,7 @@ _HEIGHT = 4.2  # of the picture [inch]
 def draw_matches(
     path: Path, source: Cloud, points: np.ndarray, target: Cloud, matches: Matches, *, heat: int
 ) -> None:
-    """Draw three panels from above: points of the source, their matches, the affordance of one.
+    """Draw the source's points, their matches and one affordance, seen from above.
 
     Args:
         path: Picture to write, PNG: beside its place, then renamed.

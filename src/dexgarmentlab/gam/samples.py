@@ -15,7 +15,7 @@ _STATES = ("flat", "dropped", "sleeve_folded", "side_folded", "leg_folded", "end
 
 
 def write_samples(data: Path, out: Path) -> list[Path]:
-    """Write garments of the test split, each with a few states and two views of each state.
+    """Write test garments, each with a few states and two views of each state.
 
     Args:
         data: Folder of training data.

@@ -69,7 +69,7 @@ class TensorFile:
         }
         """Shape and type of each array, with safetensors' names of types."""
         self.type_prefix: str | None = None
-        """Prefix of NumPy's names of types within the checksum; None if the file has no checksum."""
+        """Prefix of the types' names in the checksum; None if the file has no checksum."""
         self._file, self._what, self._error = file, what, error
 
     def check_format(self, wanted: str) -> None:

@@ -1,7 +1,7 @@
 """Garment Affordance Model: where on one garment is the point that was shown on another.
 
-The contract that a matcher fulfils, the normal form of the clouds that it sees, the affordance channels made from its
-similarities, and the files that it is trained on (`dgl_gam.data`).
+The contract that a matcher fulfils, the normal form of the clouds that it sees, the affordance
+channels made from its similarities, and the files that it is trained on (`dgl_gam.data`).
 """
 
 from dgl_gam.affordance import compute_affordance as compute_affordance

@@ -14,7 +14,8 @@ def check_cloud(cloud: np.ndarray, name: str, *, min_points: int = 1) -> np.ndar
         min_points: Smallest number of points that is allowed.
 
     Raises:
-        ValueError: If it holds no real numbers, or the shape, the number of points or a value is wrong.
+        ValueError: If it holds no real numbers, or the shape, the number of points or a value is
+            wrong.
     """
     try:
         given = np.asarray(cloud)

@@ -17,5 +17,6 @@ def find_device(device: str | torch.device) -> torch.device:
     except (RuntimeError, AssertionError, NotImplementedError) as err:
         reason = " ".join(str(err).split())
         raise ValueError(
-            f"device must be one that torch can use here, such as cpu; got {str(device)!r}: {reason}"
+            f"device must be one that torch can use here, such as cpu; got {str(device)!r}: "
+            f"{reason}"
         ) from err

@@ -1,4 +1,4 @@
-"""The parts of the network. All norms are over the channels of one point: the same in training and evaluation."""
+"""Layers of the network; all norms are over the channels of one point."""
 
 import torch
 from torch import Tensor, nn
@@ -21,8 +21,9 @@ def make_mlp(width: int, widths: tuple[int, ...]) -> nn.Sequential:
 class SetAbstraction(nn.Module):
     """Groups points around centres; the feature of a group is the maximum over its points.
 
-    The first layer is linear in (position relative to the centre, feature), so each part of it is applied to a point once
-    and not once in each group. Relative positions are scaled to about [-1, 1]: they would be lost beside features else.
+    The first layer is linear in (position relative to the centre, feature), so each part of it is
+    applied to a point once and not once in each group. Relative positions are scaled to about [-1,
+    1]: they would be lost beside features else.
     """
 
     def __init__(
@@ -64,8 +65,8 @@ class SetAbstraction(nn.Module):
 class FeaturePropagation(nn.Module):
     """Carries features of the centres back to the points, interpolated between the three nearest.
 
-    The first layer is linear in (carried features, the points' own), and interpolation is linear too: so its first part
-    is applied to the few centres, and not to the many points.
+    The first layer is linear in (carried features, the points' own), and interpolation is linear
+    too: so its first part is applied to the few centres, and not to the many points.
     """
 
     def __init__(self, width: int, skip_width: int, widths: tuple[int, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Which points of a cloud stand for it, and which are near them. Permuting a cloud permutes the answers."""
+"""Sampling and neighbours of points; permuting a cloud permutes the answers."""
 
 import numpy as np
 import torch
@@ -20,16 +20,16 @@ _COMB = 8  # teeth of the comb in which the smallest of many values are sought
 def sample_farthest(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
     """Choose points far from each other: each next one is the farthest from those before.
 
-    The first is the farthest from the mean, so that the order of the cloud does not matter. The first points of a
-    choice are themselves such a choice, of fewer.
+    The first is the farthest from the mean, so that the order of the cloud does not matter. The
+    first points of a choice are themselves such a choice, of fewer.
 
     Args:
         points: Clouds, shape (B, N, 3).
         count: How many, at most N.
 
     Returns:
-        Indices, shape (B, count), int64, and the squared distance of each chosen point to every point,
-        shape (B, count, N).
+        Indices, shape (B, count), int64, and the squared distance of each chosen point to every
+        point, shape (B, count, N).
     """
     size = points.shape[1]
     if not 1 <= count <= size:
@@ -46,7 +46,7 @@ def sample_farthest(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
 
 
 def _sample_farthest_one(cloud: np.ndarray, chosen: np.ndarray, squared: np.ndarray) -> None:
-    """Fill the indices, shape (count,), and squared distances, shape (count, N), of one cloud, shape (N, 3)."""
+    """Fill indices, shape (count,), and squared distances, shape (count, N), of one cloud."""
     centred = cloud - cloud.mean(axis=0)
     size = (centred * centred).sum(axis=1)
     one = np.ones_like(size)
@@ -93,20 +93,21 @@ def find_ball(squared: Tensor, count: int, radius: float) -> Tensor:
         radius: Largest distance.
 
     Returns:
-        Indices, shape (B, S, min(count, N)), int64, nearest first. Where fewer points are within the radius,
-        the nearest one fills up.
+        Indices, shape (B, S, min(count, N)), int64, nearest first. Where fewer points are within
+        the radius, the nearest one fills up.
     """
     distances, indices = _find_smallest(squared, min(count, squared.shape[2]))
     return torch.where(distances <= radius * radius, indices, indices[:, :, :1])
 
 
 def _find_smallest(values: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Find the smallest values of each row, shape (B, S, N): values and indices, shape (B, S, count), smallest first."""
+    """Find the smallest values of each row, shape (B, S, count), and their indices."""
     batch, size, width = values.shape
     stride = width // _COMB
     if width % _COMB or stride < 8 * count:
         return values.topk(count, dim=2, largest=False)
-    # The smallest are in the columns of a comb that have the smallest minima: fewer values have to be sorted.
+    # The smallest are in the columns of a comb that have the smallest minima: fewer values have to
+    # be sorted.
     comb = values.reshape(batch, size, _COMB, stride)
     columns = comb.amin(dim=2).topk(count, dim=2, largest=False).indices
     left = comb.gather(3, columns.unsqueeze(2).expand(-1, -1, _COMB, -1)).flatten(2)
@@ -126,7 +127,8 @@ def find_three_nearest(points: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]
     Returns:
         Indices, shape (B, N, min(3, S)), int64, and weights of the same shape that add up to 1.
     """
-    # |p - q|^2 = |p|^2 + (p, 1) . (-2 q, |q|^2): one product, and |p|^2 is needed for the chosen ones alone.
+    # |p - q|^2 = |p|^2 + (p, 1) . (-2 q, |q|^2): one product, and |p|^2 is needed for the chosen
+    # ones alone.
     rows = torch.cat([points, torch.ones_like(points[..., :1])], dim=2)
     table = torch.cat([-2.0 * centres, centres.square().sum(dim=2, keepdim=True)], dim=2).mT
     values = rows @ table
@@ -161,7 +163,8 @@ def interpolate(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
     """
     batch, size, channels = values.shape
     start = torch.arange(batch, device=values.device).mul_(size)[:, None, None]
-    # One pass that writes the sums only, where gathering, multiplying and adding would write k times as much.
+    # One pass that writes the sums only, where gathering, multiplying and adding would write k
+    # times as much.
     summed = functional.embedding_bag(
         (indices + start).flatten(0, 1),
         values.reshape(batch * size, channels),
@@ -176,6 +179,7 @@ def gather_points(values: Tensor, indices: Tensor) -> Tensor:
     batch, size, channels = values.shape
     start = torch.arange(batch, device=values.device).mul_(size)
     rows = indices + start.reshape(batch, *[1] * (indices.ndim - 1))
-    # Selecting rows copies each at once, and adds each at once on the way back; `gather` goes by single values.
+    # Selecting rows copies each at once, and adds each at once on the way back; `gather` goes by
+    # single values.
     taken = values.reshape(batch * size, channels).index_select(0, rows.reshape(-1))
     return taken.reshape(*indices.shape, channels)

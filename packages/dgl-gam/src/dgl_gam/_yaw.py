@@ -1,4 +1,4 @@
-"""How a garment is turned about the vertical, seen from its points: a circular network on a polar map of the cloud."""
+"""Yaw of a garment from its cloud: a circular network on a polar map."""
 
 import math
 
@@ -24,7 +24,8 @@ def rotate_yaw(points: Tensor, yaw: Tensor) -> Tensor:
 def make_polar_map(points: Tensor, config: YawConfig) -> Tensor:
     """Count points in bins of angle and distance, and average their heights.
 
-    Each point is shared between the two nearest angles and rings. Turning the cloud by one bin shifts the map by one.
+    Each point is shared between the two nearest angles and rings. Turning the cloud by one bin
+    shifts the map by one.
 
     Args:
         points: Centred clouds in the normalised frame, shape (B, N, 3).
@@ -59,7 +60,7 @@ def make_polar_map(points: Tensor, config: YawConfig) -> Tensor:
 
 
 class YawNetwork(nn.Module):
-    """Scores every angle. Built of circular convolutions: a turned cloud gets the same scores, shifted."""
+    """Scores of every yaw; circular convolutions shift them as the cloud turns."""
 
     def __init__(self, config: YawConfig) -> None:
         """Set up the layers."""
@@ -78,7 +79,7 @@ class YawNetwork(nn.Module):
         self.last = nn.Conv1d(width, 1, 1)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Score the angles of clouds, shape (B, N, 3), centred and normalised: logits, shape (B, bins)."""
+        """Score the yaws of normalised clouds, shape (B, N, 3): logits, shape (B, bins)."""
         hidden = self.first(make_polar_map(points, self.config))
         for norm, block in zip(self.norms, self.blocks, strict=True):
             hidden = hidden + block(torch.relu(norm(hidden)))

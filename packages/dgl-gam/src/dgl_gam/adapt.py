@@ -35,7 +35,7 @@ class AnnotatedPair:
 
 @dataclass(frozen=True, kw_only=True)
 class AdaptConfig:
-    """How a network is adapted."""
+    """Settings of an adaptation."""
 
     steps: int = 60
     """Steps; in each, all pairs, bent anew."""
@@ -44,7 +44,8 @@ class AdaptConfig:
     temperature: float = 0.07
     """Of InfoNCE, whose negatives are all points beyond `margin`."""
     margin: float = 0.08
-    """Nearest that a negative may be to the annotated point, in normalised units (a garment about fills [-1, 1])."""
+    """Least distance of a negative from the annotated point, in normalised units; a garment about
+    fills [-1, 1]."""
     keep: float = 1.0
     """Weight of staying with the features that the network had, on all points of the clouds."""
     seed: int = 0
@@ -77,7 +78,8 @@ def adapt(
         A model of its own; its confidence is no longer calibrated.
 
     Raises:
-        ValueError: If there is no pair, a cloud is wrong, or the numbers of points of a pair differ.
+        ValueError: If there is no pair, a cloud is wrong, or the numbers of points of a pair
+            differ.
     """
     config = config or AdaptConfig()
     if not pairs:
@@ -120,7 +122,7 @@ def adapt(
 def _prepare(
     model: GarmentAffordanceModel, number: int, pair: AnnotatedPair
 ) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
-    """Both clouds in the garment's frame, the indices of the annotated points, and the features so far."""
+    """Both clouds in the garment frame, annotated indices, and features before adapting."""
     clouds, indices, kept = [], [], []
     count = len(pair.source_points)
     if count == 0 or len(pair.target_points) != count:

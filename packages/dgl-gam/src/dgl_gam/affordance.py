@@ -1,4 +1,4 @@
-"""Affordance channels: where on the observed garment each hand should grasp, as a policy sees it."""
+"""Affordance channels: the places on the garment where each hand should grasp."""
 
 import numpy as np
 
@@ -14,9 +14,9 @@ def compute_affordance(similarity: np.ndarray) -> np.ndarray:
         similarity: Similarity of each grasp point to every point of the garment, shape (K, M).
 
     Returns:
-        Channels, shape (M, K), float32: column k is row k minus its minimum, divided by its range plus 1e-8. The
-        point that is most similar has (nearly) 1, the least similar 0. A row of equal values becomes zeros, since it
-        prefers no point.
+        Channels, shape (M, K), float32: column k is row k minus its minimum, divided by its range
+        plus 1e-8. The point that is most similar has (nearly) 1, the least similar 0. A row of
+        equal values becomes zeros, since it prefers no point.
 
     Raises:
         ValueError: If the shape is not (K, M) with at least one point, or a value is not finite.

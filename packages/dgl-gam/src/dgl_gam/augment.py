@@ -71,7 +71,8 @@ def drop_points(
         points: Clouds, shape (B, N, 3), on the CPU.
         generator: Source of randomness.
         share: Share of the points that is missing, in [0, 1).
-        kinds: What is drawn from for each cloud: a round "hole", everything beyond a "line", or points here and there, "thin".
+        kinds: What is drawn from for each cloud: a round "hole", everything beyond a "line", or
+            points here and there, "thin".
 
     Returns:
         Indices of those that stay, shape (B, N - round(share * N)), int64.

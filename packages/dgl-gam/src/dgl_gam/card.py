@@ -66,7 +66,8 @@ def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
         parameters=sum(p.numel() for p in checkpoint.network.parameters()),
         features=config.features,
         trained="; then ".join(
-            f"{part.get('garments', 'unknown')} garments, {part.get('deformed', 'unknown')} of them "
+            f"{part.get('garments', 'unknown')} garments, {part.get('deformed', 'unknown')} of "
+            "them "
             f"with deformed states: {part.get('steps_done', 'unknown')} steps{_name_parts(part)}"
             for part in (*card.get("earlier", []), card)
         ),
@@ -81,6 +82,6 @@ def format_card(name: str, checkpoint: Checkpoint, rows: Sequence[Row]) -> str:
 
 
 def _name_parts(part: Mapping[str, Any]) -> str:
-    """What a stage trained, where that was not the whole network."""
+    """Describe the trained part of the network if it was not the whole."""
     parts = part.get("parts", part.get("train", {}).get("parts", "all"))
     return {"yaw": " of the yaw alone", "features": " of the features alone"}.get(parts, "")

@@ -44,11 +44,11 @@ class Checkpoint:
     calibration: Calibration = field(default_factory=Calibration)
     """From evidence to confidence."""
     card: Mapping[str, Any] = field(default_factory=dict)
-    """How it was made: data, steps, seed, versions. Plain values."""
+    """Data, steps, seed and versions of the training. Plain values."""
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint, *, is_half: bool = False) -> None:
-    """Write a network: beside its place, then renamed.
+    """Write a network; the file appears whole.
 
     Args:
         path: The file, ending in .safetensors; its folder is made.
@@ -71,10 +71,12 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint, *, is_half: bool = False
 def load_checkpoint(path: Path) -> Checkpoint:
     """Read a network.
 
-    Its configuration is checked, and compared with the shapes of the weights, before any of these is read.
+    Its configuration is checked, and compared with the shapes of the weights, before any of these
+    is read.
 
     Raises:
-        GamCheckpointError: If the file is missing, damaged, of another format, or does not fit its own configuration.
+        GamCheckpointError: If the file is missing, damaged, of another format, or does not fit its
+            own configuration.
     """
     path = Path(path)
     with open_tensors(path, what="a network of dgl_gam", error=GamCheckpointError) as file:

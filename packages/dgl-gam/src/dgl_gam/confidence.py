@@ -1,4 +1,4 @@
-"""How sure a match is: the probability that the true point is among the observed ones."""
+"""Confidence of a match: the probability that the true point is visible."""
 
 import json
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from dgl_files.fields import STRICT, check_fields, decode_json, from_plain, show
 __all__ = ["EVIDENCE", "Calibration", "compute_auroc", "compute_evidence", "fit_calibration"]
 
 EVIDENCE = ("similarity", "margin", "spread", "return_distance")
-"""What speaks for or against a match, see `compute_evidence`."""
+"""Names of the evidence for a match, see `compute_evidence`."""
 _TEMPERATURE = 0.07
 _FAR = 0.2  # normalised units: matches farther away than this are other places
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Logistic regression from the evidence of a match to the probability that the true point is visible."""
+    """Logistic regression from a match's evidence to its confidence."""
 
     __pydantic_config__ = STRICT
 
@@ -30,7 +30,8 @@ class Calibration:
     bias: float = -3.0
     """Added to the weighted evidence."""
     samples: Annotated[int, Interval(ge=0, le=2**60)] = 0
-    """Matches that it was fitted to; 0: not fitted, so that only the order of the probabilities has a meaning."""
+    """Matches used for the fit; 0 if not fitted: then only the order of confidences has a
+    meaning."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -72,9 +73,9 @@ def compute_evidence(
         source_index: Which of these the source points are, shape (K,).
 
     Returns:
-        Shape (K, 4), float64: the largest similarity; by how much it exceeds the largest one farther than 0.2 away;
-        the mean distance from the match under the similarities' softmax; and how far from the source point the match
-        leads back to. Distances in normalised units.
+        Shape (K, 4), float64: the largest similarity; by how much it exceeds the largest one
+        farther than 0.2 away; the mean distance from the match under the similarities' softmax; and
+        how far from the source point the match leads back to. Distances in normalised units.
     """
     best, index = similarity.max(dim=1)
     away = torch.cdist(frame[index], frame)  # (K, M)
@@ -86,7 +87,7 @@ def compute_evidence(
 
 
 def fit_calibration(evidence: np.ndarray, is_visible: np.ndarray) -> Calibration:
-    """Fit the probability that a match's true point is visible, by Newton's method with a weak ridge.
+    """Fit the confidence by Newton's method with a weak ridge.
 
     Args:
         evidence: Shape (n, 4).
@@ -121,7 +122,7 @@ def fit_calibration(evidence: np.ndarray, is_visible: np.ndarray) -> Calibration
 
 
 def compute_auroc(scores: np.ndarray, is_positive: np.ndarray) -> float:
-    """Probability that a positive has a larger score than a negative, ties counting half; NaN without both.
+    """Compute the area under the ROC curve; NaN without both labels.
 
     Args:
         scores: Shape (n,).

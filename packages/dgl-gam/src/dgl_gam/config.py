@@ -35,7 +35,7 @@ def _check_activations(name: str, count: int) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class GamLevelConfig:
-    """One set-abstraction level: points are grouped around centres, and each group becomes one feature."""
+    """One set-abstraction level: groups of points, one feature for each group."""
 
     __pydantic_config__ = STRICT
 
@@ -150,7 +150,8 @@ def check_category(name: str) -> None:
     """Refuse names of categories that are no names of files: runs and weights are named by them."""
     if not _NAME.fullmatch(name):
         raise ValueError(
-            f"a category must be letters, digits, '_', '-' and '.', such as Tops_LongSleeve; got {name!r}"
+            "a category must be letters, digits, '_', '-' and '.', such as Tops_LongSleeve; got "
+            f"{name!r}"
         )
 
 
@@ -167,7 +168,8 @@ PRESETS: Mapping[str, NetworkConfig] = {
         head_width=128,
         features=128,
     ),
-    # Source: DexGarmentLab's code, PointNet++ with single-scale grouping; no dropout, layer norm for batch norm.
+    # Source: DexGarmentLab's code, PointNet++ with single-scale grouping; no dropout, layer norm
+    # for batch norm.
     "paper": NetworkConfig(
         levels=(
             GamLevelConfig(centres=512, radius=0.2, neighbours=32, widths=(64, 64, 128)),

@@ -1,4 +1,4 @@
-"""How well a model finds places again: errors on unseen garments, by category and by how they lie."""
+"""Errors of a model on unseen garments, by category and condition."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,12 +24,12 @@ class Row:
     """Measures of one category in one condition. NaN where there is nothing to measure."""
 
     category: str
-    """Category of the garments; "all": the mean of the others, each by its symmetry where it has one."""
+    """Category of the garments; "all" for the mean of all categories."""
     symmetry: str = ""
-    """Symmetry by which it is judged, see `dgl_gam.data.symmetry`: of the turns that lead to places as good the best one for
-    all points of a pair together. Empty: place by place."""
+    """Symmetry by which errors are judged, see `dgl_gam.data.symmetry`: the error of the best
+    equivalent rotation; empty if none."""
     condition: str
-    """How the target lies, see `list_conditions`; "all": every condition together."""
+    """Condition of the target, see `list_conditions`; "all" for every condition together."""
     pairs: int
     """Pairs of garments."""
     points: int
@@ -49,7 +49,7 @@ class Row:
     hidden: int
     """Hidden points."""
     hidden_auroc: float
-    """How well the confidence tells visible from hidden points: area under the ROC curve."""
+    """Area under the ROC curve of the confidence as a test for visible points."""
     milliseconds: float
     """Median time of a pair, both clouds computed anew [ms]."""
 
@@ -77,9 +77,9 @@ def evaluate(
         on_progress: Called with category and condition before each is measured.
 
     Returns:
-        For each category a row for each condition, and one for all together, where there are enough hidden points for
-        a meaningful AUROC; these once more by its symmetry, where it has one; then the means over the categories where there
-        are several.
+        For each category a row for each condition, and one for all together, where there are enough
+        hidden points for a meaningful AUROC; these once more by its symmetry, where it has one;
+        then the means over the categories where there are several.
 
     Raises:
         DataError: If a category has a single garment, or a model is missing.
@@ -118,7 +118,7 @@ def calibrate(
     folder: GarmentFolder,
     config: EvalConfig | None = None,
 ) -> Calibration:
-    """Fit the confidence on garments, best on those that the model was trained on, so that the others stay unseen.
+    """Fit the confidence on garments, best on the training split, so that the others stay unseen.
 
     Raises:
         DataError: If all true points are visible, or all hidden.
@@ -143,9 +143,10 @@ def calibrate(
 
 
 def format_markdown(rows: Sequence[Row], *, is_timed: bool = True) -> str:
-    """Write rows as a table; errors and shares in percent, times in milliseconds unless they are left out."""
+    """Format rows as a Markdown table: errors and shares [%], times [ms] if wanted."""
     lines = [
-        "| category | condition | pairs | mean error | PCK@.05 | PCK@.10 | landmarks PCK@.05 | PCK@.10 "
+        "| category | condition | pairs | mean error | PCK@.05 | PCK@.10 | landmarks PCK@.05 | "
+        "PCK@.10 "
         "| swapped | hidden | AUROC |",
         "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]

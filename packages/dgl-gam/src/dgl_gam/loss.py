@@ -1,4 +1,4 @@
-"""InfoNCE: a point's feature must be more similar to its counterpart's than to any other point's."""
+"""InfoNCE loss: a point's feature must be most similar to its counterpart's."""
 
 import torch
 from torch import Tensor
@@ -21,8 +21,8 @@ def compute_info_nce(
         temperature: Divides the similarities.
 
     Returns:
-        The mean over the pairs of points that count of -log(exp(s+ / t) / (exp(s+ / t) + sum exp(s- / t))), and the
-        share of them whose counterpart is more similar than all negatives.
+        The mean over the pairs of points that count of -log(exp(s+ / t) / (exp(s+ / t) + sum exp(s-
+        / t))), and the share of them whose counterpart is more similar than all negatives.
 
     Source:
         van den Oord et al. 2018, Representation Learning with Contrastive Predictive Coding, eq. 4.

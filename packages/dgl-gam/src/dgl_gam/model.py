@@ -40,8 +40,8 @@ _RIVAL = 0.15  # share of the best yaw's probability from which the second best 
 _BETTER = 0.01  # by which the second best must explain the demonstrated garment better
 _OPEN = 0.25  # share of the best yaw's probability from which on the shape does not tell the yaw
 _PRIOR = 4.0
-"""Weight of the demonstrated garment's yaw then, in logits. The ends of a scarf and the sides of a round hat look alike: the
-garment is taken to be turned as the demonstrated one is, rather than by whatever is a little likelier."""
+"""Weight of the source's yaw if the shape leaves the yaw open, in logits. The ends of a scarf and
+the sides of a round hat look alike: the target is then taken to be turned as the source."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,12 +53,12 @@ class Encoded:
     frame: Tensor
     """The cloud in the normalised frame, turned into the garment's own, shape (N, 3)."""
     yaw: float
-    """How the garment was found to be turned about the vertical [rad]."""
+    """Estimated yaw of the garment [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Where the source points were found on the target."""
+    """Matches of the source points on the target."""
 
     indices: np.ndarray
     """Index of the best point of the target's cloud, shape (K,), int64."""
@@ -67,13 +67,13 @@ class Matches:
     confidence: np.ndarray
     """Probability that the true point is among the observed ones, shape (K,), float32."""
     evidence: np.ndarray
-    """What the confidence was computed from, shape (K, 4), see `dgl_gam.confidence`."""
+    """Evidence behind the confidence, shape (K, 4), see `dgl_gam.confidence`."""
     points: np.ndarray
     """The matched points [m], shape (K, 3), world frame."""
 
 
 class GarmentAffordanceModel:
-    """Finds, on the cloud of one garment, the points that were shown on another one's. Implements `Matcher`."""
+    """A trained matcher; implements `Matcher`."""
 
     def __init__(
         self,
@@ -89,18 +89,20 @@ class GarmentAffordanceModel:
             checkpoint: The network.
             category: Category of the garments; needed where the network is for several.
             device: Where to compute.
-            source_views: Views of the demonstrated cloud, bent a little, that its features are averaged over.
+            source_views: Views of the demonstrated cloud, bent a little, that its features are
+                averaged over.
 
         Raises:
-            ValueError: If the category is not one of the network's, an argument is out of range, or the device is not
-                there.
+            ValueError: If the category is not one of the network's, an argument is out of range, or
+                the device is not there.
         """
         config = checkpoint.network.config
         if category is None and len(config.categories) == 1:
             category = config.categories[0]
         if category not in config.categories and (category is not None or config.categories):
             raise ValueError(
-                f"category must be one of {', '.join(config.categories) or 'none'}; got {category!r}"
+                f"category must be one of {', '.join(config.categories) or 'none'}; got "
+                f"{category!r}"
             )
         if source_views < 1:
             raise ValueError(f"source_views must be at least 1; got {source_views}")
@@ -109,9 +111,9 @@ class GarmentAffordanceModel:
         self.category = category
         """Category of the garments."""
         self.device = find_device(device)  # "cuda" becomes "cuda:0"
-        """Where it computes."""
+        """Device of the computation."""
         self.source_views = source_views
-        """Views of the demonstrated cloud that its features are averaged over."""
+        """Number of bent views of the source over which its features are averaged."""
         network = checkpoint.network
         if next(network.parameters()).device != self.device:
             network = copy.deepcopy(network).to(self.device)  # others may use it where it is
@@ -130,7 +132,8 @@ class GarmentAffordanceModel:
         """Load trained weights.
 
         Args:
-            what: A category, for the weights that come with this package, or a file ending in .safetensors.
+            what: A category, for the weights that come with this package, or a file ending in
+                .safetensors.
             category: With a file for several categories: which one.
             device: Where to compute.
             source_views: As for the constructor.
@@ -138,7 +141,8 @@ class GarmentAffordanceModel:
         Raises:
             WeightsNotFoundError: If no weights for the category come with this package.
             GamCheckpointError: If a file is missing, damaged or foreign.
-            ValueError: If the category is not one of the network's, or two different ones are named.
+            ValueError: If the category is not one of the network's, or two different ones are
+                named.
         """
         if isinstance(what, Path) or what.endswith(".safetensors"):
             path = Path(what)
@@ -168,9 +172,12 @@ class GarmentAffordanceModel:
         """Find the corresponding points, as `Matcher.match` describes.
 
         Args:
-            source_cloud: Visible points of the demonstrated garment [m], shape (N, 3), N >= 16, world frame.
-            source_points: Points on it [m], shape (K, 3), world frame; the nearest of the cloud stands for each.
-            target_cloud: Visible points of the observed garment [m], shape (M, 3), M >= 16, world frame.
+            source_cloud: Visible points of the demonstrated garment [m], shape (N, 3), N >= 16,
+                world frame.
+            source_points: Points on it [m], shape (K, 3), world frame; the nearest of the cloud
+                stands for each.
+            target_cloud: Visible points of the observed garment [m], shape (M, 3), M >= 16, world
+                frame.
 
         Returns:
             Indices into `target_cloud`, shape (K,), int64, and similarities, shape (K, M), float32.
@@ -185,7 +192,8 @@ class GarmentAffordanceModel:
 
         Args:
             source_cloud: As for `match`.
-            source_points: The grasp points of the left and the right hand, shape (2, 3); one, shape (1, 3), is repeated.
+            source_points: The grasp points of the left and the right hand, shape (2, 3); one, shape
+                (1, 3), is repeated.
             target_cloud: As for `match`, shape (M, 3).
 
         Returns:
@@ -211,8 +219,8 @@ class GarmentAffordanceModel:
             source_cloud: As for `match`.
             source_points: As for `match`.
             target_cloud: As for `match`.
-            yaw: How the target is turned about the vertical [rad], counter-clockwise from the frame in which garments lie
-                flat, where that is known; found by the network when None.
+            yaw: How the target is turned about the vertical [rad], counter-clockwise from the frame
+                in which garments lie flat, where that is known; found by the network when None.
         """
         yaws = None if yaw is None else [yaw]
         return self.locate_batch(source_cloud, source_points, [target_cloud], yaws=yaws)[0]
@@ -225,7 +233,7 @@ class GarmentAffordanceModel:
         *,
         yaws: Sequence[float] | None = None,
     ) -> list[Matches]:
-        """Find the points of one demonstration on many garments. Clouds of one size are computed together.
+        """Match one source with many targets. Clouds of one size are computed together.
 
         Args:
             source_cloud: As for `match`.
@@ -234,7 +242,8 @@ class GarmentAffordanceModel:
             yaws: How they are turned, as for `locate`; found by the network when None.
 
         Raises:
-            ValueError: If an argument has a wrong shape, or there is not one finite yaw for each cloud.
+            ValueError: If an argument has a wrong shape, or there is not one finite yaw for each
+                cloud.
         """
         if yaws is not None and (len(yaws) != len(target_clouds) or not np.isfinite(yaws).all()):
             raise ValueError(
@@ -287,7 +296,7 @@ class GarmentAffordanceModel:
         )
 
     def _encode_source(self, cloud: np.ndarray) -> Encoded:
-        """Features of a demonstrated cloud, kept for the next time, averaged over bent views of it."""
+        """Compute and cache the source's features, averaged over bent views."""
         key = hashlib.sha256(np.ascontiguousarray(cloud).tobytes()).digest()
         if key in self._sources:
             self._sources.move_to_end(key)
@@ -311,7 +320,7 @@ class GarmentAffordanceModel:
         source: Encoded | None,
         yaws: Sequence[float] | None = None,
     ) -> list[Encoded]:
-        """Encode clouds, those of one size together. With a source, its features settle an ambiguous yaw."""
+        """Encode clouds; a source's features settle an ambiguous yaw."""
         groups: dict[int, list[int]] = {}
         for number, cloud in enumerate(clouds):
             groups.setdefault(len(cloud), []).append(number)
@@ -364,7 +373,7 @@ class GarmentAffordanceModel:
         ]
 
     def compute_features(self, frame: Tensor) -> Tensor:
-        """Compute features of clouds of any size in the normalised frame, turned into the garment's own.
+        """Compute features of normalised clouds of any size, in the garment frame.
 
         Args:
             frame: Clouds, shape (B, N, 3), on the model's device.
@@ -415,14 +424,14 @@ def check_garment_cloud(cloud: np.ndarray, name: str) -> np.ndarray:
 
 
 def _score(source: Encoded, features: Tensor) -> float:
-    """How well a whole garment finds itself on another: the mean best similarity of a part of its points."""
+    """Mean best similarity between parts of two clouds."""
     some = source.features[:: max(1, len(source.features) // 256)]
     others = features[:: max(1, len(features) // 512)]
     return float((some @ others.T).amax(dim=1).mean())
 
 
 def _reduce(points: Tensor) -> Tensor:
-    """At most 2,048 points of each cloud, shape (B, N, 3), evenly in the order of their coordinates.
+    """Reduce clouds, shape (B, N, 3), to at most 2,048 points each.
 
     That order does not depend on the order in which the points came.
     """
@@ -436,7 +445,7 @@ def _reduce(points: Tensor) -> Tensor:
 
 
 def _find_weights(category: str) -> Path:
-    """File of the weights of a category that come with this package."""
+    """Find the weights of a category in this package."""
     own = WEIGHTS / f"{category}.safetensors"
     if own.is_file():
         return own
@@ -450,6 +459,8 @@ def _find_weights(category: str) -> Path:
     near = difflib.get_close_matches(category, known, n=1)
     hint = f"; the nearest is {near[0]!r}" if near else ""
     raise WeightsNotFoundError(
-        f"no trained weights for {category!r} come with dgl_gam; there are: {', '.join(known) or 'none'}{hint}. "
-        "Weights of your own, from `dgl train gam`, are loaded by their path, ending in .safetensors"
+        f"no trained weights for {category!r} come with dgl_gam; there are: "
+        f"{', '.join(known) or 'none'}{hint}. "
+        "Weights of your own, from `dgl train gam`, are loaded by their path, ending in "
+        ".safetensors"
     )

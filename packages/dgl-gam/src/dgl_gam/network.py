@@ -12,7 +12,8 @@ from dgl_gam.config import NetworkConfig
 __all__ = ["GarmentNetwork", "center_clouds"]
 
 RMS_RADIUS = 0.5
-"""Root mean square distance of a normalised cloud to its mean: a garment then about fills [-1, 1]."""
+"""Root mean square distance of a normalised cloud to its mean: a garment then about fills [-1,
+1]."""
 
 
 def center_clouds(points: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -63,7 +64,8 @@ class GarmentNetwork(nn.Module):
         self.up = nn.ModuleList()
         width = coarsest
         for level, up in zip(reversed(range(len(config.levels))), config.up, strict=True):
-            # As the original: the finest level sees positions twice, as coordinates and as features.
+            # As the original: the finest level sees positions twice, as coordinates and as
+            # features.
             skip = widths[level] if level else 6
             self.up.append(FeaturePropagation(width, skip, up))
             width = up[-1]
@@ -78,8 +80,10 @@ class GarmentNetwork(nn.Module):
 
         Args:
             points: Clouds in the normalised frame, turned into the garment's own, shape (B, N, 3).
-            category: Index into the configuration's categories, shape (B,), int64; needed where there are several.
-            queries: Indices of the points that features are wanted of, shape (B, Q), int64; all when None.
+            category: Index into the configuration's categories, shape (B,), int64; needed where
+                there are several.
+            queries: Indices of the points that features are wanted of, shape (B, Q), int64; all
+                when None.
 
         Returns:
             Unit vectors, shape (B, Q, features); Q is N without `queries`.
@@ -90,7 +94,8 @@ class GarmentNetwork(nn.Module):
         places, features = [points], [points]
         for number, (level, layer) in enumerate(zip(levels, self.down, strict=True)):
             if level.centres:
-                # The first centres of a choice are a choice of fewer, so one search serves all levels.
+                # The first centres of a choice are a choice of fewer, so one search serves all
+                # levels.
                 size = counts[number]
                 centres = gather_points(points, order[:, :size])
                 table = squared[:, :size]

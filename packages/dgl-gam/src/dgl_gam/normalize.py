@@ -13,7 +13,7 @@ MIN_EXTENT_M = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Normalization:
-    """How a cloud was brought into normal form: `(points - centre) * scale`."""
+    """Map into normal form: `(points - centre) * scale`."""
 
     centre: np.ndarray
     """Mean of the cloud [m], shape (3,), world frame."""
@@ -30,30 +30,34 @@ class Normalization:
 
 
 def normalize_cloud(cloud: np.ndarray) -> tuple[np.ndarray, Normalization]:
-    """Bring a garment's cloud into normal form, so that where it lies and how large it is no longer matter.
+    """Normalise a garment's cloud for position and size.
 
     Args:
         cloud: Points [m], shape (N, 3), world frame.
 
     Returns:
-        The points minus their mean, times min(2 / extent_x, 2 / extent_y), shape (N, 3), and the map that did it.
+        The points minus their mean, times min(2 / extent_x, 2 / extent_y), shape (N, 3), and the
+        map that did it.
 
     Raises:
-        ValueError: If the cloud has no extent in x and y, or is not a finite cloud of at least one point.
+        ValueError: If the cloud has no extent in x and y, or is not a finite cloud of at least one
+            point.
 
     Limitations:
-        The height does not enter into the scale: a crumpled garment is scaled as its outline seen from above. The
-        mean depends on how densely each part was sampled. Rotation is not removed.
+        The height does not enter into the scale: a crumpled garment is scaled as its outline seen
+        from above. The mean depends on how densely each part was sampled. Rotation is not removed.
 
     Source:
-        The normalisation of DexGarmentLab's code; the paper asks for invariance to translation and scale.
+        The normalisation of DexGarmentLab's code; the paper asks for invariance to translation and
+        scale.
     """
     points = check_cloud(cloud, "cloud")
     extent = np.ptp(points[:, :2], axis=0)
     largest = float(extent.max())
     if largest < MIN_EXTENT_M:
         raise ValueError(
-            f"cloud must have an extent in x or y above {MIN_EXTENT_M} m; got {extent[0]} and {extent[1]} m"
+            f"cloud must have an extent in x or y above {MIN_EXTENT_M} m; got {extent[0]} and "
+            f"{extent[1]} m"
         )
     normalization = Normalization(centre=points.mean(axis=0), scale=2.0 / largest)
     return normalization.apply(points), normalization

@@ -8,18 +8,19 @@ def choose_pair(
 ) -> np.ndarray:
     """Choose two places for two wanted points that were found at one.
 
-    Garments are nearly symmetric: in a heap of which one side is hidden, both of its points look most like
-    the other side, and would be found at one place.
+    Garments are nearly symmetric: in a heap of which one side is hidden, both of its points look
+    most like the other side, and would be found at one place.
 
     Args:
         found: Index of the most similar point for each of the two, shape (2,).
         similarity: Of each point of the cloud to both wanted points, shape (2, M).
         cloud: Observed points [m], shape (M, 3), world frame.
-        apart: Least horizontal distance between the chosen points [m]; a cloud that is nowhere as wide has none.
+        apart: Least horizontal distance between the chosen points [m]; a cloud that is nowhere as
+            wide has none.
 
     Returns:
-        What was found, if it is that far apart; else, where there is one, the pair that is, with the largest
-        sum of similarities; shape (2,), int64.
+        What was found, if it is that far apart; else, where there is one, the pair that is, with
+        the largest sum of similarities; shape (2,), int64.
 
     Raises:
         ValueError: If the shapes do not fit together.

@@ -1,4 +1,4 @@
-"""The files of a training's folder: its configuration, its log, and the state that it goes on from."""
+"""Files of a training's folder: configuration, log and state."""
 
 import json
 from collections.abc import Mapping

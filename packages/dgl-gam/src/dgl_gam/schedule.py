@@ -1,4 +1,4 @@
-"""Schedules: training in stages, each from the weights of the one before, with its own margins and learning rate."""
+"""Schedules: trainings in several stages, each from the weights of the one before."""
 
 import dataclasses
 import json
@@ -30,7 +30,7 @@ __all__ = ["SCHEDULES", "Schedule", "ScheduleStage", "get_schedule", "train_sche
 
 @dataclass(frozen=True, kw_only=True)
 class ScheduleStage:
-    """What one stage does differently from the configuration that its schedule is built on."""
+    """Changes of one stage to the schedule's base configuration."""
 
     name: str
     """Of the stage's folder."""
@@ -39,7 +39,8 @@ class ScheduleStage:
     lr: float
     """Largest learning rate."""
     decay: int | None = None
-    """Step at which it would be zero, where that is later than the last step."""
+    """Step at which the learning rate would reach zero; later than the last step for a run that
+    ends early."""
     margin: float = 0.04
     """Nearest that a negative may be to the true place, as a share of the diagonal."""
     max_distance: float = 0.02
@@ -49,15 +50,16 @@ class ScheduleStage:
     flat_share: float = 0.4
     """Share of the views that show a garment lying flat; the others show any state."""
     state_weights: tuple[tuple[str, float], ...] = ()
-    """How often those show kinds of states, see `BatchConfig`."""
+    """Weight of each kind of state in these views, see `BatchConfig`."""
     parts: Literal["all", "features", "yaw"] = "all"
-    """What is trained."""
+    """Trained part of the network."""
     new_yaw: YawConfig | None = None
-    """Sizes of a network of the yaw that is begun anew in this stage."""
+    """Sizes of a new yaw network that replaces the one of `start`."""
     groups: int = 4
     """Groups of views in a batch."""
     mirrored_share: float = 0.0
-    """Share of the clouds for the yaw that are mirrored."""
+    """Share of the clouds for the yaw that are mirrored; a mirrored garment is turned the other
+    way."""
     least_yaw_weight: float = 0.0
     """Smallest weight of a cloud in the loss of the yaw."""
 
@@ -77,7 +79,7 @@ class Schedule:
     stages: tuple[ScheduleStage, ...]
     """The first begins from the start, each other one from the weights of the one before."""
     base: GamTrainConfig = field(default_factory=GamTrainConfig)
-    """What all stages have in common."""
+    """Configuration shared by all stages."""
 
     def __post_init__(self) -> None:
         names = [stage.name for stage in self.stages]
@@ -91,11 +93,11 @@ class Schedule:
         return sum(stage.steps for stage in self.stages)
 
     def configure(self, *, seed: int) -> list[GamTrainConfig]:
-        """The stages' configurations. Each draws other batches: its number is added to the seed."""
+        """Make the stages' configurations; each adds its number to the seed."""
         return [s.configure(self.base, seed=seed + n) for n, s in enumerate(self.stages)]
 
     def shorten(self, steps: int) -> "Schedule":
-        """The same stages in so many steps altogether, in proportion and at least one each."""
+        """Scale the stages to a total number of steps, at least one each."""
         if steps < len(self.stages):
             raise ValueError(
                 f"steps must be at least {len(self.stages)}, one for each stage; got {steps}"
@@ -128,26 +130,29 @@ _STATES = (
     ("leg_folded", 1.5),
     ("end_folded", 1.5),
 )
-"""How often views of these are drawn, once the ones that lie flat are learned."""
+"""Weights of kinds of states in later stages."""
 _YAW = TRAIN_PRESETS["yaw"]
 
 SCHEDULES: Mapping[str, Schedule] = {
     "shipped": Schedule(
         base=dataclasses.replace(TRAIN_PRESETS["cpu"], save_every=100),
         stages=(
-            # The first run was to go on for 12,000 steps; more garments had been made by step 1,900.
+            # The first run was to go on for 12,000 steps; more garments had been made by step
+            # 1,900.
             ScheduleStage(name="1_begin", steps=1900, lr=1.5e-3, decay=12_000),
             ScheduleStage(name="2_long", steps=3600, lr=1.5e-3),
             _refine(ScheduleStage(name="3_narrow", steps=1500, lr=1e-3)),
             _refine(ScheduleStage(name="4_fine", steps=750, lr=6e-4)),
-            # Once more, with more garments; the yaw, which shares nothing with the features, by itself at the end.
+            # Once more, with more garments; the yaw, which shares nothing with the features, by
+            # itself at the end.
             ScheduleStage(name="5_more", steps=3300, lr=1.2e-3, parts="features"),
             _refine(ScheduleStage(name="6_narrow", steps=1400, lr=9e-4, parts="features")),
             _refine(ScheduleStage(name="7_fine", steps=700, lr=5e-4, parts="features")),
             _refine(
                 ScheduleStage(name="8_flat", steps=1300, lr=6e-4, parts="features", flat_share=0.5)
             ),
-            # Five times as many garments with all their states, and the hard ones among these more often.
+            # Five times as many garments with all their states, and the hard ones among these more
+            # often.
             ScheduleStage(
                 name="9_states",
                 steps=3200,
@@ -201,13 +206,14 @@ def train_schedule(
     """Train a network in stages.
 
     Args:
-        folder: Garments to train on. Stages that are finished are not repeated when a run is resumed, so that the others
-            may have more garments.
+        folder: Garments to train on. Stages that are finished are not repeated when a run is
+            resumed, so that the others may have more garments.
         out: Folder of the run, with a folder for each stage; made if missing.
         schedule: The stages.
         start: Checkpoint that the first stage starts from.
         seed: Of the weights and of everything drawn.
-        is_resumed: Whether to go on with the run in `out`; it then ends as it would have without the interruption.
+        is_resumed: Whether to go on with the run in `out`; it then ends as it would have without
+            the interruption.
         device: Where to compute.
         on_progress: Called after each step; steps are counted over all stages.
         stop_after: Save and stop after this step of all, as an interruption would.
@@ -216,7 +222,8 @@ def train_schedule(
         The network's file; the last stage's when stopped before the end.
 
     Raises:
-        GamCheckpointError: If there is nothing to resume, the run had another schedule, or `start` does not fit.
+        GamCheckpointError: If there is nothing to resume, the run had another schedule, or `start`
+            does not fit.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
         FloatingPointError: If the loss is not finite.
     """
@@ -266,7 +273,8 @@ def _open_run(out: Path, described: Mapping[str, Any], *, is_resumed: bool) -> N
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
     if read_config(out) != json.loads(json.dumps(described)):
         raise GamCheckpointError(
-            f"{out} was begun with other stages; resume it with the same preset, steps and seed, or start anew"
+            f"{out} was begun with other stages; resume it with the same preset, steps and seed, "
+            "or start anew"
         )
 
 

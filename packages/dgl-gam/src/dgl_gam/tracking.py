@@ -10,7 +10,8 @@ def restrict_to_places(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Choose the most similar point near the place of each point, whatever looks alike elsewhere.
 
-    Folded garments lose what tells left from right and top from bottom. Who saw them flat still knows.
+    Folded garments lose what tells left from right and top from bottom. Who saw them flat still
+    knows.
 
     Args:
         similarity: Of each point of the cloud to each wanted point, shape (K, M).

@@ -1,4 +1,4 @@
-"""Training: a run is a folder with its configuration, its log, the state to go on from, and the network."""
+"""Training: a run is a folder with configuration, log, state and result."""
 
 import dataclasses
 import json
@@ -36,7 +36,7 @@ Positive = Annotated[int, Interval(ge=1, le=10**9)]
 
 @dataclass(frozen=True, kw_only=True)
 class GamTrainConfig:
-    """How a network is trained."""
+    """Settings of a training."""
 
     __pydantic_config__ = STRICT
 
@@ -49,7 +49,8 @@ class GamTrainConfig:
     warmup: Annotated[int, Interval(ge=0, le=10**9)] = 50
     """Steps over which it rises; it then falls to zero as a cosine."""
     decay: int | None = None
-    """Step at which it would be zero, where that is later than the last step: a run that ends early."""
+    """Step at which the learning rate would reach zero; later than the last step for a run that
+    ends early."""
     weight_decay: float = 1e-4
     """Weight decay."""
     temperature: float = 0.07
@@ -59,16 +60,15 @@ class GamTrainConfig:
     max_gradient: float = 1.0
     """Norm that gradients are clipped to."""
     seed: Annotated[int, Interval(ge=0, le=2**63 - 1)] = 0
-    """Of the weights and of everything drawn."""
+    """Seed of weights and of all random draws."""
     save_every: Positive = 200
     """Steps between saved states."""
     parts: Literal["all", "features", "yaw"] = "all"
-    """What is trained. The network of the features and that of the yaw share nothing, and the second is far smaller: alone it
-    takes many more steps in the same time."""
+    """Trained part of the network."""
     new_yaw: YawConfig | None = None
-    """Sizes of a network of the yaw that is begun anew, in place of the one that training starts from."""
+    """Sizes of a new yaw network that replaces the one of `start`."""
     batch: BatchConfig = field(default_factory=BatchConfig)
-    """What a batch holds."""
+    """Contents of a batch."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -94,7 +94,8 @@ TRAIN_PRESETS: Mapping[str, GamTrainConfig] = {
         lr=3e-4,
         batch=BatchConfig(positives=48, near_share=0.7, margin=0.03, max_distance=0.015, near=0.15),
     ),
-    # The yaw alone: many clouds, also mirrored ones, and more of the states whose yaw is hard to see.
+    # The yaw alone: many clouds, also mirrored ones, and more of the states whose yaw is hard to
+    # see.
     "yaw": GamTrainConfig(
         steps=3500,
         lr=2e-3,
@@ -126,7 +127,8 @@ TRAIN_PRESETS: Mapping[str, GamTrainConfig] = {
         batch=BatchConfig(groups=32, group_size=2),
     ),
 }
-"""Ways to train by name: "cpu" from the start on a CPU, "tune" and "yaw" from other weights, "paper" for a GPU."""
+"""Presets: "cpu" from random weights on a CPU, "tune" and "yaw" from other weights, "paper" for a
+GPU."""
 
 
 def get_train_config(name: str) -> GamTrainConfig:
@@ -138,7 +140,7 @@ def get_train_config(name: str) -> GamTrainConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class GamTrainProgress:
-    """How training goes."""
+    """Progress of a training."""
 
     step: int
     """Steps done."""
@@ -171,9 +173,10 @@ def train(
         folder: Garments to train on.
         out: Folder of the run; made if missing.
         config: How to train.
-        start: Checkpoint whose weights training starts from; the network is then that of the checkpoint.
-        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the interruption, bitwise
-            on a CPU with the same number of threads.
+        start: Checkpoint whose weights training starts from; the network is then that of the
+            checkpoint.
+        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the
+            interruption, bitwise on a CPU with the same number of threads.
         device: Where to compute.
         on_progress: Called after each step.
         stop_after: Save and stop after this step, as an interruption would.
@@ -182,7 +185,8 @@ def train(
         The network's file.
 
     Raises:
-        GamCheckpointError: If there is nothing to resume, the run had another configuration, or `start` does not fit.
+        GamCheckpointError: If there is nothing to resume, the run had another configuration, or
+            `start` does not fit.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
         ValueError: If the device is not there.
         FloatingPointError: If the loss is not finite.
@@ -237,7 +241,7 @@ class _Losses(NamedTuple):
     yaw: Tensor
 
     def report(self, step: int, config: GamTrainConfig, *, seconds: float) -> GamTrainProgress:
-        """What is said of the step."""
+        """Progress after the step."""
         return GamTrainProgress(
             step=step + 1,
             steps=config.steps,
@@ -287,7 +291,7 @@ def _descend(
 def _make_card(
     folder: GarmentFolder, config: GamTrainConfig, start: Path | None, *, steps_done: int
 ) -> dict[str, Any]:
-    """What the model card says of a run."""
+    """Model card of a run."""
     return {
         "train": config.to_dict(),
         "earlier": [] if start is None else _describe_earlier(start),
@@ -299,7 +303,7 @@ def _make_card(
 
 
 def _describe_data(folder: GarmentFolder) -> dict[str, Any]:
-    """What there was to learn from."""
+    """Describe the training data."""
     headers = folder.headers
     return {
         "garments": len(headers),
@@ -312,7 +316,7 @@ def _describe_data(folder: GarmentFolder) -> dict[str, Any]:
 
 
 def _describe_earlier(start: Path) -> list[dict[str, Any]]:
-    """What the weights that training starts from have learned from, oldest first."""
+    """List the trainings behind the initial weights, oldest first."""
     card = load_checkpoint(start).card
     last = {name: card.get(name, "unknown") for name in ("steps_done", "garments", "deformed")}
     last["parts"] = card.get("train", {}).get("parts", "all")

@@ -1,4 +1,4 @@
-"""One demonstration found again on one target, in a condition: how the target lies, and what is seen of it."""
+"""Trials: one source matched with one target in a condition."""
 
 import math
 import time
@@ -32,20 +32,20 @@ _LATERAL = 0.15  # a place and its mirror image are told apart from this distanc
 
 @dataclass(frozen=True, kw_only=True)
 class EvalConfig:
-    """What is measured. Lengths are shares of the target's horizontal diagonal as it lies flat."""
+    """Settings of an evaluation; lengths are shares of the flat target's diagonal."""
 
     pairs: int = 40
     """Pairs of garments for each category and condition."""
     points: int = 40
     """Random points for each pair, beside the landmarks."""
     visible: float = 0.03
-    """A true place counts as visible if one of the observed points is as near to it on the flat garment."""
+    """A true place counts as visible if an observed point is as near to it on the flat garment."""
     hidden: float = 0.06
     """It counts as hidden if none is nearer than this. Places in between count as neither."""
     noise: float = 0.005
     """Standard deviation of the noise, in the condition with noise."""
     is_yaw_known: bool = False
-    """Whether the model is told how the target is turned, instead of finding it: what the yaw costs."""
+    """Give the model the true yaw, which measures the cost of estimating it."""
     seed: int = 0
     """Of everything drawn."""
 
@@ -70,17 +70,17 @@ class Trial:
     confidence: np.ndarray
     """The model's probability that the true point is visible."""
     evidence: np.ndarray
-    """What that was computed from, shape (K, 4)."""
+    """Evidence behind the confidence, shape (K, 4)."""
     is_visible: np.ndarray
-    """Whether it is."""
+    """Visible, bool."""
     is_hidden: np.ndarray
-    """Whether it is certainly not."""
+    """Certainly hidden, bool."""
     is_landmark: np.ndarray
-    """Whether the point is a landmark, or else random."""
+    """Landmark rather than random point, bool."""
     is_lateral: np.ndarray
-    """Whether left and right differ for the point."""
+    """Left and right differ for the point, bool."""
     is_swapped: np.ndarray
-    """Whether the match is nearer to the mirrored place than to the true one."""
+    """Match nearer to the mirrored place than to the true one, bool."""
     seconds: float
     """Time that the model took, nothing cached [s]."""
 
@@ -88,11 +88,12 @@ class Trial:
 def list_conditions(folder: GarmentFolder, category: str) -> tuple[str, ...]:
     """Conditions that a category's garments can be measured in.
 
-    "flat_30": lying flat, turned by at most 30°; "flat_any": by any angle; "noise_half": as the first, with noise and
-    half of the points missing here and there; "noise_cut": the same, but the missing points are a round hole or all beyond
-    a line; "noise_any": any of the three; and each other kind of state in the files. What lies is turned by any angle. What
-    hangs by at most 30°: its front and its back look alike, and only the turn tells on which side the camera is. By any
-    angle all the same with "_any" behind its kind.
+    "flat_30": lying flat, turned by at most 30°; "flat_any": by any angle; "noise_half": as the
+    first, with noise and half of the points missing here and there; "noise_cut": the same, but the
+    missing points are a round hole or all beyond a line; "noise_any": any of the three; and each
+    other kind of state in the files. What lies is turned by any angle. What hangs by at most 30°:
+    its front and its back look alike, and only the turn tells on which side the camera is. A
+    kind followed by "_any" is turned by any angle all the same.
     """
     kinds = {
         folder.headers[i].state_kinds[s]
@@ -134,8 +135,8 @@ def run_trial(
         symmetry: That it is judged by; empty for place by place.
 
     Returns:
-        What was found; None if the files have no such view of the target or no flat one of the source, or if the two
-        share no place.
+        What was found; None if the files have no such view of the target or no flat one of the
+        source, or if the two share no place.
     """
     kind = get_kind(condition)
     flat_views, views = source.get_views("flat"), target.get_views(kind)
@@ -174,15 +175,15 @@ class _Look:
     """The target as it lies before the model, turned by the trial's angle."""
 
     angle: float
-    """How it is turned [rad]."""
+    """Yaw [rad]."""
     state: np.ndarray
-    """Where all its vertices are, shape (V, 3)."""
+    """Positions of all vertices [m], shape (V, 3)."""
     seen: np.ndarray
     """Vertices that the points of the cloud belong to, shape (N,)."""
     cloud: np.ndarray
-    """Where these are, shape (N, 3)."""
+    """Positions of the visible points [m], shape (N, 3)."""
     observed: np.ndarray
-    """What a sensor makes of them, shape (N, 3)."""
+    """The same with noise and missing points [m], shape (N, 3)."""
 
 
 def _look(
@@ -244,7 +245,7 @@ def _judge(
 
 
 def _fit_yaw(target: GarmentData, seen: np.ndarray, cloud: np.ndarray) -> float:
-    """Find the turn that carries the flat garment best onto a cloud whose vertices are known [rad]."""
+    """Find the yaw that best carries the flat garment onto a cloud of known vertices [rad]."""
     flat = torch.from_numpy(target.states[0][seen].astype(np.float32))[None]
     return float(fit_yaw(flat, torch.from_numpy(cloud.astype(np.float32))[None])[0])
 
@@ -252,7 +253,7 @@ def _fit_yaw(target: GarmentData, seen: np.ndarray, cloud: np.ndarray) -> float:
 def _turn_best(
     target: GarmentData, state: np.ndarray, vertices: np.ndarray, found: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Turn the true places of a body of revolution about its axis, all together, until they are nearest to the matches.
+    """Turn the true places of a round garment together until they are nearest to the matches.
 
     Returns:
         Their positions in the state, shape (K, 3), and the places, shape (K, 4).
@@ -268,7 +269,7 @@ def _turn_best(
 def _choose_points(
     source: GarmentData, seen: np.ndarray, config: EvalConfig, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Visible points of the source that are landmarks, then random ones: indices, and whether they are landmarks."""
+    """Choose source points, landmarks first: indices, and a mask of landmarks."""
     places = compute_places(source)
     distance = np.linalg.norm(places[source.landmarks][:, None] - places[seen][None], axis=2)
     nearest = distance.argmin(axis=1) if len(distance) else np.zeros(0, np.int64)

@@ -1,4 +1,4 @@
-"""Structure-aware diffusion policies for garments, the baselines beside them, and the data that they learn from."""
+"""Structure-aware diffusion policies for garments, baselines, and their data."""
 
 from dgl_sadp.checkpoint import load_policy as load_policy
 from dgl_sadp.checkpoint import read_card as read_card

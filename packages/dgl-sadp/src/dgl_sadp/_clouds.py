@@ -1,4 +1,4 @@
-"""Which points of a cloud a policy looks at, and how clouds are varied in training."""
+"""Sampling of clouds and their augmentation in training."""
 
 from dataclasses import dataclass
 
@@ -39,7 +39,8 @@ def thin_cloud(
 
     Args:
         cloud: Position [m] and further channels, shape (B, N, C) or (B, To, N, C), with N >= 1.
-        count: Points wanted. From fewer, points are repeated, each as often as the others or once more.
+        count: Points wanted. From fewer, points are repeated, each as often as the others or once
+            more.
         draws: What draws.
         augmentation: How to vary; None leaves the points as they are.
 

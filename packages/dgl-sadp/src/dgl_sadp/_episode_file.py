@@ -1,6 +1,7 @@
 """Reading of one stage of one episode file.
 
-The format is written by another package; what is needed of it is repeated here, so that neither needs the other.
+The format is written by another package; what is needed of it is repeated here, so that neither
+needs the other.
 """
 
 import math
@@ -57,7 +58,8 @@ MAX_POINTS = 2**18
 MAX_PIXELS = 2**22
 """Of a picture: 2048 x 2048."""
 MAX_COMPRESSION = 1100
-"""Declared for each stored byte: gzip does not reach it. Arrays beyond were declared, but not written."""
+"""Most declared bytes for each stored byte; gzip cannot reach it. Arrays beyond it were declared
+but not written."""
 MAX_CHUNK_BYTES = 2**28
 """A chunk is read as a whole."""
 MAX_TEXT = 200
@@ -89,9 +91,9 @@ class StageFile:
     frames: int
     """Number of frames T, at least 1, that are used of those recorded."""
     first: int
-    """Where they begin: the frames before are the hands' approach."""
+    """First used frame; the frames before it are the approach."""
     static_keys: tuple[str, ...]
-    """Which of the arrays that are stored once in a stage are there."""
+    """Names of the arrays stored once in the stage."""
     task: str
     """Environment id, such as `FoldTops-v1`; empty if it was not recorded."""
 
@@ -128,7 +130,8 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
         What is there, or None if the episode did not succeed.
 
     Raises:
-        DamagedEpisodeError: If the file is not a whole episode of the known format, or lacks the stage.
+        DamagedEpisodeError: If the file is not a whole episode of the known format, or lacks the
+            stage.
         ValueError: If the approach is wanted and was not recorded.
     """
     try:
@@ -350,7 +353,7 @@ def _check_array(
 
 
 def _check_stored(path: Path, dataset: h5py.Dataset) -> None:
-    """Refuse what was declared, but never written: it takes no place in the file, and much memory when read."""
+    """Refuse arrays that were declared but not written: they would fill the memory."""
     stored, chunk = int(dataset.id.get_storage_size()), math.prod(dataset.chunks or (0,))
     if chunk * dataset.dtype.itemsize > MAX_CHUNK_BYTES:
         raise DamagedEpisodeError(
@@ -359,7 +362,8 @@ def _check_stored(path: Path, dataset: h5py.Dataset) -> None:
     if dataset.nbytes > MAX_COMPRESSION * stored:
         raise DamagedEpisodeError(
             path,
-            f"{dataset.name} declares {dataset.nbytes} bytes, of shape {dataset.shape}, but holds {stored}",
+            f"{dataset.name} declares {dataset.nbytes} bytes, of shape {dataset.shape}, but "
+            f"holds {stored}",
         )
 
 

@@ -1,4 +1,4 @@
-"""Choosing farthest points on CUDA in one launch: as separate launches they would take longer than all else of a step."""
+"""Farthest-point sampling on CUDA in one launch."""
 
 # What Triton's functions take and give back is not in their types.
 # pyright: reportArgumentType=false, reportIndexIssue=false, reportOperatorIssue=false

@@ -1,4 +1,4 @@
-"""Networks over point clouds: every point alone and a maximum (PointNet), or groups of neighbours (PointNet++).
+"""Networks over point clouds: PointNet and PointNet++.
 
 All norms are over the channels of one point: the same in training and evaluation.
 
@@ -70,7 +70,8 @@ class _SetAbstraction(nn.Module):
     def __init__(self, width: int, config: EncoderLevelConfig) -> None:
         super().__init__()
         self.config = config
-        # Relative positions are scaled to about [-1, 1]: they would be lost beside the features else.
+        # Relative positions are scaled to about [-1, 1]: they would be lost beside the features
+        # else.
         self.scale = 1.0 / config.radius if config.centres else 1.0
         self.layers = make_point_layers(width + 3 if config.centres else width, config.widths)
 
@@ -82,8 +83,9 @@ class _SetAbstraction(nn.Module):
             features: Shape (B, N, C).
 
         Returns:
-            Positions of the centres, shape (B, S, 3), and their features with their positions in front, shape
-            (B, S, 3 + widths[-1]). Without centres the feature of the whole, shape (B, 1, widths[-1]).
+            Positions of the centres, shape (B, S, 3), and their features with their positions in
+            front, shape (B, S, 3 + widths[-1]). Without centres the feature of the whole, shape (B,
+            1, widths[-1]).
         """
         level = self.config
         if not level.centres:
@@ -101,7 +103,8 @@ class _SetAbstraction(nn.Module):
 def sample_farthest(points: Tensor, count: int) -> Tensor:
     """Choose points far from each other: each next one is the farthest from those before.
 
-    The first is the farthest from the mean, so that neither the order of the cloud nor chance matters.
+    The first is the farthest from the mean, so that neither the order of the cloud nor chance
+    matters.
 
     Args:
         points: Clouds, shape (B, N, 3).
@@ -146,8 +149,8 @@ def find_neighbours(centres: Tensor, points: Tensor, count: int, radius: float) 
         radius: Largest distance.
 
     Returns:
-        Indices, shape (B, S, min(count, N)), int64, nearest first. Where fewer points are within the radius, the
-        nearest one fills up.
+        Indices, shape (B, S, min(count, N)), int64, nearest first. Where fewer points are within
+        the radius, the nearest one fills up.
     """
     squared = torch.baddbmm(points.square().sum(dim=2).unsqueeze(1), centres, points.mT, alpha=-2)
     squared += centres.square().sum(dim=2, keepdim=True)

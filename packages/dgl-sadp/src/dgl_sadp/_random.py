@@ -1,4 +1,4 @@
-"""What a training draws: its seeds, and the numbers of a batch, which are the same however the batch is divided."""
+"""Seeds and random numbers of a training, independent of how batches are divided."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ def draw_seed(seed: int, purpose: int, number: int) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """The rows of a batch that one of several processes computes, `start` up to `stop` of `total`."""
+    """Rows of a batch that one process computes: `start` up to `stop` of `total`."""
 
     start: int
     stop: int
@@ -34,8 +34,9 @@ class Share:
         """Return the share of a process.
 
         Args:
-            total: Rows of the batch, at least 1. An epoch's last batch may have fewer rows than there are processes: those
-                that are left without compute one that counts for nothing.
+            total: Rows of the batch, at least 1. An epoch's last batch may have fewer rows than
+                there are processes: those that are left without compute one that counts for
+                nothing.
             process: Number of the process, from 0.
             processes: How many there are.
         """
@@ -47,8 +48,9 @@ class Share:
 class Draws:
     """Random numbers for the samples of a batch, on the generator's device.
 
-    They are drawn for all rows of the batch, of which those of the share are returned: what a sample gets follows from the
-    seed and from its place in the batch, and not from how many processes divide it.
+    They are drawn for all rows of the batch, of which those of the share are returned: what a
+    sample gets follows from the seed and from its place in the batch, and not from how many
+    processes divide it.
     """
 
     def __init__(self, generator: torch.Generator, share: Share | None = None) -> None:

@@ -1,6 +1,7 @@
 """A residual network of 18 layers over pictures, with group norms, which EMA copies as they are.
 
-Source: He et al., "Deep Residual Learning", 2016; group norm of channels / 16 groups: DexGarmentLab's code.
+Source: He et al., "Deep Residual Learning", 2016; group norm of channels / 16 groups:
+DexGarmentLab's code.
 """
 
 import torch
@@ -11,7 +12,8 @@ from dgl_sadp.config import ImageConfig
 
 __all__ = ["ImageNet18"]
 
-# Mean and standard deviation of red, green and blue in ImageNet, by which pictures are customarily normalised.
+# Mean and standard deviation of red, green and blue in ImageNet, by which pictures are customarily
+# normalised.
 _MEAN = (0.485, 0.456, 0.406)
 _STD = (0.229, 0.224, 0.225)
 

@@ -87,7 +87,7 @@ class TrainData:
 
 @dataclass(frozen=True, kw_only=True)
 class Batches:
-    """The batches of a whole run, of which one process reads its share; each epoch has its own order."""
+    """Batches of a run, with the share of one process; each epoch has its own order."""
 
     windows: int
     config: TrainConfig

@@ -24,7 +24,7 @@ __all__ = ["run_in_processes"]
 def run_in_processes(
     job: TrainJob, on_progress: Callable[[TrainProgress], None] | None
 ) -> TrainResult | None:
-    """Do a job in a process for each device; return None if it was interrupted; raise what one of them raised."""
+    """Run a job in one process per device; return None if it was interrupted."""
     context = multiprocessing.get_context("spawn")
     told, ends, stop = context.Queue(), context.SimpleQueue(), context.Event()
     with hold_interrupts() as interrupts, TemporaryDirectory(prefix="dgl_sadp-") as meeting:

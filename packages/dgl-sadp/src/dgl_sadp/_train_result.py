@@ -1,4 +1,4 @@
-"""What a training tells: as it goes, and at its end."""
+"""Progress and result of a training."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ __all__ = ["TrainProgress", "TrainResult"]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainProgress:
-    """How training goes, after a step."""
+    """Progress after a step."""
 
     step: int
     """Steps done."""
@@ -31,7 +31,7 @@ class TrainProgress:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainResult:
-    """What a training came to."""
+    """Result of a training."""
 
     policy: Path
     """The policy's file."""
@@ -48,4 +48,4 @@ class TrainResult:
     windows: int
     """Windows in an epoch."""
     refused: tuple[DamagedEpisodeError, ...]
-    """What is wrong with the files that were left out."""
+    """Errors of the files that were left out."""

@@ -41,12 +41,12 @@ LOG_FOLDER = "logs"
 KEPT_FOLDER = "policies"
 
 PATIENCE = timedelta(hours=2)
-"""For how long processes wait for the first one, which validates and saves. One that ends is noticed at once."""
+"""Longest wait of processes for the first one, which validates and saves."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainJob:
-    """What is to be trained, where, and on how many devices; see `train_policy`."""
+    """Arguments of a training; see `train_policy`."""
 
     out: Path
     policy: PolicyConfig
@@ -65,7 +65,7 @@ def run_job(
     on_progress: Callable[[TrainProgress], None] | None,
     is_asked_to_stop: Callable[[], bool],
 ) -> TrainResult | None:
-    """Do the part of this process; return None if it was asked to stop, and did when everything was saved."""
+    """Run this process's part; return None if it was stopped, with everything saved."""
     run = TrainRun(job)
     run.begin(is_resumed=job.is_resumed)
     is_whole = run.train(on_progress, job.stop_after, is_asked_to_stop)
@@ -73,7 +73,7 @@ def run_job(
 
 
 class TrainRun:
-    """One training in its folder. Of several processes, all hold the same state, and the first alone writes."""
+    """One training in its folder; of several processes only the first writes."""
 
     def __init__(self, job: TrainJob) -> None:
         from accelerate import Accelerator
@@ -178,7 +178,7 @@ class TrainRun:
 
     @property
     def result(self) -> TrainResult:
-        """What it came to."""
+        """Result so far."""
         held_out = self.data.validation
         return TrainResult(
             policy=self.out / POLICY_FILE,
@@ -200,7 +200,7 @@ class TrainRun:
     def _step(
         self, batch: Mapping[str, Tensor], is_asked_to_stop: Callable[[], bool]
     ) -> tuple[float, bool]:
-        """Do a step; return the loss of the whole batch, and whether any process was asked to stop."""
+        """Do a step; return the batch's loss, and whether a process was asked to stop."""
         state, device = self.state, self.accelerator.device
         share = self.batches.get_share(state.step)
         seed = draw_seed(self.config.seed, STEP, state.step)
@@ -227,7 +227,7 @@ class TrainRun:
         return value, asked > 0
 
     def _record(self, writer: "SummaryWriter", loss: float, *, is_last: bool) -> None:
-        """After a step: log it; at the end of an epoch, and of the training, validate and save as far as it is time."""
+        """Log a step; validate and save if it is time."""
         state, config = self.state, self.config
         writer.add_scalar("loss/step", loss, state.step)
         writer.add_scalar("learning_rate", state.schedules[0].get_last_lr()[0], state.step)

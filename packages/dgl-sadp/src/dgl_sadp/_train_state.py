@@ -40,9 +40,10 @@ _MOMENTS = ("step", "exp_avg", "exp_avg_sq", "momentum_buffer")  # Of AdamW and 
 
 
 class TrainState:
-    """What changes while a policy is trained.
+    """State of a training; random numbers follow from the seed and the step.
 
-    Random numbers are not among it: whatever is drawn in a step follows from the seed and the step's number.
+    Random numbers are not among it: whatever is drawn in a step follows from the seed and the
+    step's number.
     """
 
     def __init__(
@@ -94,7 +95,8 @@ class TrainState:
         """Put everything back.
 
         Raises:
-            CheckpointError: If the file is damaged, or of a training that was begun with something else.
+            CheckpointError: If the file is damaged, or of a training that was begun with something
+                else.
         """
         with open_values(path, kind=_KIND) as (file, values):
             try:
@@ -169,7 +171,7 @@ class TrainState:
 
 
 class Interrupts:
-    """Whether an interruption was asked for."""
+    """Request to stop."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -177,12 +179,13 @@ class Interrupts:
 
 @contextmanager
 def hold_interrupts(*, is_repeated: bool = False) -> Iterator[Interrupts]:
-    """Note the first SIGINT instead of raising it, so that a step can be finished and saved; the second one raises.
+    """Note the first SIGINT, so that a step can be finished and saved; raise at the second.
 
     Only the main thread can do so; elsewhere signals do not arrive anyway.
 
     Args:
-        is_repeated: Whether both the terminal and a launcher tell of one interruption. Then none raises.
+        is_repeated: Whether both the terminal and a launcher tell of one interruption. Then none
+            raises.
     """
     held = Interrupts()
     if threading.current_thread() is not threading.main_thread():
@@ -217,7 +220,7 @@ def _check_values(values: Mapping[str, Any], *, schedules: Sequence[Mapping[str,
 
 
 def _check_schedule(kept: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Compare the state of a learning rate's schedule with the present one, in all but the numbers."""
+    """Compare the state of a learning-rate schedule with the present one, but for numbers."""
     if set(kept) != set(now):
         raise ValueError(f"schedules must have {sorted(now)}; got {sorted(kept)}")
     for key, value in now.items():

@@ -1,6 +1,7 @@
 """A one-dimensional U-Net over action chunks, conditioned by scale and bias (FiLM).
 
-Source of the structure: Chi et al., "Diffusion Policy", 2023, section on the CNN-based policy; Perez et al., "FiLM", 2018.
+Source of the structure: Chi et al., "Diffusion Policy", 2023, section on the CNN-based policy;
+Perez et al., "FiLM", 2018.
 """
 
 import math
@@ -18,9 +19,10 @@ __all__ = ["ConditionalUNet"]
 class ConditionalUNet(nn.Module):
     """Predicts, of noisy actions, the clean ones (or the noise).
 
-    Each level has two residual blocks. Between levels the chunk is halved on the way down and doubled on the way up,
-    where the features of the same level of the way down are added as channels. What was observed stays the same while a
-    chunk is denoised, so its part in every block's scale and bias is computed once, by `project`.
+    Each level has two residual blocks. Between levels the chunk is halved on the way down and
+    doubled on the way up, where the features of the same level of the way down are added as
+    channels. What was observed stays the same while a chunk is denoised, so its part in every
+    block's scale and bias is computed once, by `project`.
     """
 
     def __init__(self, config: UNetConfig, *, actions: int, condition: int) -> None:
@@ -63,7 +65,7 @@ class ConditionalUNet(nn.Module):
         )
 
     def project(self, condition: Tensor) -> Tensor:
-        """Compute the condition's part in all scales and biases, shape (B, F), of conditions of shape (B, C)."""
+        """Compute the condition's part of all scales and biases, shape (B, F)."""
         return self.film_condition(condition)
 
     def forward(self, noisy: Tensor, step: Tensor, projected: Tensor) -> Tensor:
@@ -96,7 +98,8 @@ class ConditionalUNet(nn.Module):
 class _TimeConv(nn.Linear):
     """Convolution over time that keeps its length, as one product with a matrix of shape (C', C K).
 
-    For chunks of a few frames this takes a third of the time of PyTorch's convolution on a CPU, and Muon trains matrices.
+    For chunks of a few frames this takes a third of the time of PyTorch's convolution on a CPU, and
+    Muon trains matrices.
     """
 
     def __init__(self, in_channels: int, out_channels: int, kernel: int) -> None:

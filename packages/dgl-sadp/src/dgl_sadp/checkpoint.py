@@ -57,10 +57,12 @@ def save_policy(
 def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> DiffusionPolicy:
     """Read a policy, in evaluation mode.
 
-    Its configuration is checked, and compared with the shapes of the tensors, before any of them is read.
+    Its configuration is checked, and compared with the shapes of the tensors, before any of them is
+    read.
 
     Raises:
-        CheckpointError: If the file is missing, damaged, of another format, or does not fit its own configuration.
+        CheckpointError: If the file is missing, damaged, of another format, or does not fit its own
+            configuration.
     """
     path = Path(path)
     with open_values(path, kind=_KIND) as (file, values):

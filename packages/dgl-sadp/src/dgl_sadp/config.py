@@ -1,4 +1,4 @@
-"""What a policy observes and how large it is: frozen, checked, stored as JSON with each checkpoint."""
+"""Configuration of a policy: frozen, checked, stored as JSON with each checkpoint."""
 
 import dataclasses
 import difflib
@@ -65,14 +65,14 @@ class UNetConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class DiffusionConfig:
-    """The noise and its removal. Source of the numbers: DexGarmentLab's code; 10 denoising steps: paper."""
+    """Diffusion settings. Source: DexGarmentLab's code; 10 denoising steps: paper."""
 
     __pydantic_config__ = STRICT
 
     scheduler: Literal["ddim", "ddpm"] = "ddim"
-    """How noise is removed."""
+    """Scheduler of the denoising."""
     prediction: Literal["sample", "epsilon"] = "sample"
-    """What the network predicts: the clean actions or the noise."""
+    """Prediction of the network: the clean actions or the noise."""
     training_steps: Annotated[int, Interval(ge=1, le=10_000)] = 100
     """Levels of noise."""
     inference_steps: Annotated[int, Interval(ge=1, le=10_000)] = 10
@@ -82,13 +82,14 @@ class DiffusionConfig:
     beta_end: Annotated[float, Interval(ge=0.0, le=0.999)] = 0.02
     """Last variance of the schedule; the squared cosine schedule does not use it, others would."""
     beta_schedule: Literal["squaredcos_cap_v2", "linear"] = "squaredcos_cap_v2"
-    """How the variance grows."""
+    """Schedule of the variance."""
 
     def __post_init__(self) -> None:
         check_fields(self)
         if self.inference_steps > self.training_steps:
             raise ValueError(
-                f"inference_steps must lie in 1 ... {self.training_steps}; got {self.inference_steps}"
+                f"inference_steps must lie in 1 ... {self.training_steps}; got "
+                f"{self.inference_steps}"
             )
         if not 0.0 < self.beta_start <= self.beta_end:
             raise ValueError(
@@ -110,7 +111,7 @@ class PointsConfig:
     features: Width
     """Length of the cloud's feature."""
     use_color: bool = False
-    """Whether colour is observed beside position; the cloud must have it."""
+    """Observe colour beside position; the cloud must have it."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -158,7 +159,7 @@ class GarmentConfig:
     features: Width
     """Length of the garment's feature."""
     use_affordance: bool = True
-    """Whether the affordance channels are observed; without them there is nothing for a matcher to say."""
+    """Observe the affordance channels; without them the matcher has no effect."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -184,7 +185,7 @@ class ImageConfig:
     width: Annotated[int, Interval(ge=32, le=4096)]
     """Columns that pictures are scaled to [pixel]."""
     widths: tuple[Width, Width, Width, Width]
-    """Channels of the four stages, multiples of 16; the last is the length of the picture's feature."""
+    """Channels of the four residual stages, multiples of 16; the last is the feature's length."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -203,16 +204,17 @@ class PolicyConfig:
     __pydantic_config__ = STRICT
 
     method: Method
-    """Which policy it is; decides which of the encoders below are there."""
+    """Name of the policy; determines the encoders."""
     unet: UNetConfig
     """The denoising network."""
     diffusion: DiffusionConfig
     """The noise."""
     state: Annotated[tuple[Width, ...], Len(0, 16)]
-    """Widths of the joint state's layers with ReLU between them; none passes the normalised state on."""
+    """Widths of the joint state's layers with ReLU between them; () passes the normalised state
+    on."""
     relative_joints: Annotated[tuple[int, ...], Len(0, 1024)]
-    """Joints, ascending, whose targets are learned relative to where they were when the stage began; those of all others
-    are learned as they are. How far they have come since then is observed beside the joint state."""
+    """Joints, ascending, whose targets are learned relative to the start of the stage. Their motion
+    since then is observed beside the joint state."""
     environment: PointsConfig | None = None
     """Environment cloud, in every observation."""
     garment: GarmentConfig | None = None
@@ -251,7 +253,8 @@ class PolicyConfig:
         chosen = set(self.relative_joints)
         if [*self.relative_joints] != [joint for joint in range(self.joints) if joint in chosen]:
             raise ValueError(
-                f"relative_joints must ascend within 0 ... {self.joints - 1}; got {self.relative_joints}"
+                f"relative_joints must ascend within 0 ... {self.joints - 1}; got "
+                f"{self.relative_joints}"
             )
         if self.object is not None and self.object.use_color:
             raise ValueError("object must not use_color: its recorded cloud has none")
@@ -263,7 +266,7 @@ class PolicyConfig:
 
     @property
     def executed(self) -> slice:
-        """Which of the predicted actions are executed: indices 2 ... 5 as published."""
+        """Indices of the executed actions: 2 ... 5 as published."""
         first = self.observation_steps - 1
         return slice(first, first + self.action_steps)
 
@@ -390,7 +393,7 @@ def _paper_presets() -> Mapping[str, PolicyConfig]:
 
 
 def _small_presets() -> Mapping[str, PolicyConfig]:
-    """The same policies for a CPU: fewer points, narrower layers, the same horizons and denoising."""
+    """Make the small presets: fewer points, narrower layers, the same horizons."""
 
     def points(features: int) -> PointsConfig:
         return PointsConfig(points=256, widths=(32, 64, 128), features=features)

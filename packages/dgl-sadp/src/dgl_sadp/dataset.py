@@ -31,14 +31,16 @@ _OBSERVATION_KEYS = ("joint_state", "ee_pose", "env_point_cloud")
 class EpisodeDataset:
     """All windows of one stage over a folder of episode files.
 
-    A window is `horizon` consecutive frames of one episode. Its first `observation_steps` frames are observed; of its
-    actions, the `action_steps` from the last observed frame on are executed. Windows begin up to
-    `observation_steps - 1` frames before a stage and at most with its last frame; beyond it the edge frame is repeated,
-    so that a policy also learns the first steps, and to stay where it has come to an end.
+    A window is `horizon` consecutive frames of one episode. Its first `observation_steps` frames
+    are observed; of its actions, the `action_steps` from the last observed frame on are executed.
+    Windows begin up to `observation_steps - 1` frames before a stage and at most with its last
+    frame; beyond it the edge frame is repeated, so that a policy also learns the first steps, and
+    to stay where it has come to an end.
 
-    Frames are read from disk when they are asked for; `keep_bytes` says how much of them may stay in memory. What does
-    not change within a stage is read once and kept (about 65 kB an episode). It has the methods of a map-style PyTorch
-    dataset and needs no PyTorch; it can be given to data loaders with workers, since no file stays open.
+    Frames are read from disk when they are asked for; `keep_bytes` says how much of them may stay
+    in memory. What does not change within a stage is read once and kept (about 65 kB an episode).
+    It has the methods of a map-style PyTorch dataset and needs no PyTorch; it can be given to data
+    loaders with workers, since no file stays open.
 
     Attributes:
         episodes: The successful episodes, by file name.
@@ -71,16 +73,16 @@ class EpisodeDataset:
             observation_steps: Observed frames.
             action_steps: Executed actions; with the observed frames they must fit into the horizon.
             observation_keys: Which recorded arrays are observed; add `image` for pictures.
-            keep_bytes: Memory for frames [byte]: episodes are kept whole once read, as long as they fit. The windows of
-                all others are read from disk each time.
-            skip_corrupt: Whether damaged files and those of another format are left out, logged and listed in
-                `refused`, rather than raised.
-            with_approach: Whether a stage begins when the hands leave their parking place, rather than when they have
-                reached the grasp points.
+            keep_bytes: Memory for frames [byte]: episodes are kept whole once read, as long as they
+                fit. The windows of all others are read from disk each time.
+            skip_corrupt: Whether damaged files and those of another format are left out, logged and
+                listed in `refused`, rather than raised.
+            with_approach: Whether a stage begins when the hands leave their parking place, rather
+                than when they have reached the grasp points.
 
         Raises:
-            ValueError: If an argument is out of range, no episode succeeded or has the stage, only some episodes have an
-                object's cloud, or an approach is wanted and was not recorded.
+            ValueError: If an argument is out of range, no episode succeeded or has the stage, only
+                some episodes have an object's cloud, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             DamagedEpisodeError: If a file is damaged or of another format.
         """
@@ -116,14 +118,17 @@ class EpisodeDataset:
             index: Number of the window; negative ones count from the end.
 
         Returns:
-            With To = `observation_steps`, T = `horizon`, N and M numbers of points, float32 where not stated:
+            With To = `observation_steps`, T = `horizon`, N and M numbers of points, float32 where
+            not stated:
 
-            * `start_joint_state` [rad], where the stage began, shape (60,); `joint_state` [rad], shape (To, 60); `ee_pose` (left, right) [m] and quaternion wxyz, world frame, shape
-              (To, 2, 7); `env_point_cloud` xyz [m], world frame, and colour, shape (To, N, 6); and `image`, shape
-              (To, H, W, 3), uint8, where asked for;
+            * `start_joint_state` [rad], where the stage began, shape (60,); `joint_state` [rad],
+              shape (To, 60); `ee_pose` (left, right) [m] and quaternion wxyz, world frame, shape
+              (To, 2, 7); `env_point_cloud` xyz [m], world frame, and colour, shape (To, N, 6); and
+              `image`, shape (To, H, W, 3), uint8, where asked for;
             * `action`, the commanded joint targets [rad], shape (T, 60);
-            * `garment_point_cloud` [m], world frame, shape (M, 3), `points_affordance_feature` (left, right) in
-              [0, 1], shape (M, 2), and, where recorded, `object_point_cloud` [m], world frame, shape (N, 3).
+            * `garment_point_cloud` [m], world frame, shape (M, 3), `points_affordance_feature`
+              (left, right) in [0, 1], shape (M, 2), and, where recorded, `object_point_cloud` [m],
+              world frame, shape (N, 3).
 
             The arrays are the caller's to change.
 
@@ -239,7 +244,8 @@ def _check_steps(stage: int, horizon: int, observation_steps: int, action_steps:
     needed = observation_steps - 1 + action_steps
     if horizon < needed:
         raise ValueError(
-            f"horizon must be at least observation_steps - 1 + action_steps = {needed}; got {horizon}"
+            f"horizon must be at least observation_steps - 1 + action_steps = {needed}; got "
+            f"{horizon}"
         )
 
 

@@ -18,9 +18,9 @@ __all__ = ["ObservationEncoder"]
 class ObservationEncoder(nn.Module):
     """Encodes what a policy observes; which parts there are, the configuration says.
 
-    What does not change within a stage (the garment with its affordance, the object) is encoded once, and joined to every
-    observation. The networks' norms are the same in training and evaluation: a copy of the weights, such as EMA's, is a
-    copy of the function.
+    What does not change within a stage (the garment with its affordance, the object) is encoded
+    once, and joined to every observation. The networks' norms are the same in training and
+    evaluation: a copy of the weights, such as EMA's, is a copy of the function.
     """
 
     _is_relative: Tensor
@@ -48,7 +48,7 @@ class ObservationEncoder(nn.Module):
         is_relative[list(config.relative_joints)] = 1.0
         self.register_buffer("_is_relative", is_relative, persistent=False)
         self.frame_features = features
-        """Length of an observation's feature, with those of the stage: 256 for SADP as published."""
+        """Length of an observation's feature, with the stage's: 256 for SADP as published."""
 
     def find_origin(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return what targets are learned relative to [rad], shape (B, D).
@@ -69,11 +69,12 @@ class ObservationEncoder(nn.Module):
         draws: Draws,
         augmentation: Augmentation | None = None,
     ) -> Tensor:
-        """Encode what is observed once a stage.
+        """Encode the observations that stay the same in a stage, for `predict`.
 
         Args:
-            observation: `garment_point_cloud` [m], world frame, shape (B, N, 3); `points_affordance_feature`, shape
-                (B, N, 2); `object_point_cloud` [m], world frame, shape (B, M, 3); as far as the policy observes them.
+            observation: `garment_point_cloud` [m], world frame, shape (B, N, 3);
+                `points_affordance_feature`, shape (B, N, 2); `object_point_cloud` [m], world frame,
+                shape (B, M, 3); as far as the policy observes them.
             normalizer: Ranges of the data.
             draws: Draws which points are looked at.
             augmentation: How clouds are varied, in training.
@@ -110,9 +111,10 @@ class ObservationEncoder(nn.Module):
         """Encode consecutive observations.
 
         Args:
-            observation: `joint_state` [rad], shape (B, To, D); `start_joint_state` [rad], where the stage began, shape
-                (B, D); `env_point_cloud` [m], world frame, with colour, shape
-                (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; as far as the policy observes them.
+            observation: `joint_state` [rad], shape (B, To, D); `start_joint_state` [rad], where the
+                stage began, shape (B, D); `env_point_cloud` [m], world frame, with colour, shape
+                (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; as far as the policy
+                observes them.
             stage: What `encode_stage` returned, shape (B, S).
             normalizer: Ranges of the data.
             draws: Draws which points are looked at.

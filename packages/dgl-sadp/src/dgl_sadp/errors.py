@@ -50,7 +50,7 @@ class DamagedEpisodeError(SadpError):
 
 
 class EpisodeAccessError(SadpError):
-    """A file may be whole, but cannot be opened now: another process holds it, or it is forbidden."""
+    """A file cannot be opened now, though it may be whole: locked, or not readable."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path} cannot be opened: {reason}")
@@ -63,6 +63,6 @@ class EpisodeAccessError(SadpError):
 
 
 class UnsuitableEpisodeError(DamagedEpisodeError):
-    """A file is whole as far as is known, but its episode does not fit: of another robot, format version or stages."""
+    """A whole file does not fit: another robot, format version, stage, or a copy."""
 
     advice = ""

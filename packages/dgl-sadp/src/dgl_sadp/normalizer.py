@@ -12,7 +12,7 @@ from dgl_sadp.config import PolicyConfig
 __all__ = ["Normalizer", "Range", "RangeScaler"]
 
 CONSTANT = 1e-4
-"""A channel whose values span less [rad, m] is constant: scaling would make a signal of its noise."""
+"""A channel that spans less [rad, m] is constant: scaling would amplify its noise."""
 
 _ISOTROPIC = frozenset({"garment_point_cloud", "object_point_cloud"})
 
@@ -69,7 +69,8 @@ class RangeScaler(nn.Module):
 
         Args:
             found: Range of the data.
-            is_isotropic: Whether all channels are scaled alike, by the widest, so that a shape stays the same.
+            is_isotropic: Whether all channels are scaled alike, by the widest, so that a shape
+                stays the same.
         """
         channels = len(self.centre)
         if len(found.low) < channels:
@@ -95,11 +96,12 @@ class RangeScaler(nn.Module):
 class Normalizer(nn.ModuleDict):
     """A scaler for each array that a policy sees or commands, by its key in episode files.
 
-    * `action` and `joint_state` [rad], and `env_point_cloud`: every channel by its own range, as published. Actions of
-      `relative_joints` are relative to where the stage began.
-    * `garment_point_cloud` and `object_point_cloud` [m], world frame: centred, and scaled alike along x, y and z, so that
-      all clouds of the data lie within [-1, 1]. It is the same for every cloud, so that position and size are still seen.
-      (The original left metres, under radii made for unit clouds.)
+    * `action` and `joint_state` [rad], and `env_point_cloud`: every channel by its own range, as
+      published. Actions of `relative_joints` are relative to where the stage began.
+    * `garment_point_cloud` and `object_point_cloud` [m], world frame: centred, and scaled alike
+      along x, y and z, so that all clouds of the data lie within [-1, 1]. It is the same for every
+      cloud, so that position and size are still seen. (The original left metres, under radii made
+      for unit clouds.)
     """
 
     def __init__(self, config: PolicyConfig) -> None:

@@ -1,4 +1,4 @@
-"""What takes a training's steps."""
+"""Optimizers of a training."""
 
 import torch
 from torch import nn
@@ -9,7 +9,7 @@ __all__ = ["make_optimizers"]
 
 
 def make_optimizers(model: nn.Module, config: TrainConfig) -> list[torch.optim.Optimizer]:
-    """Make AdamW for all parameters; or Muon for the matrices, where it has a learning rate, and AdamW for the rest."""
+    """Make AdamW for all parameters, or Muon for matrices and AdamW for the rest."""
     has_muon = config.muon_learning_rate is not None
     matrices = [each for each in model.parameters() if has_muon and each.ndim == 2]
     others = [each for each in model.parameters() if not (has_muon and each.ndim == 2)]

@@ -22,21 +22,23 @@ __all__ = ["DiffusionPolicy"]
 
 
 class DiffusionPolicy(nn.Module):
-    """SADP, SADP_G, DP3 or DP: one U-Net and one loss, with the encoders that the configuration names.
+    """SADP, SADP_G, DP3 or DP: one U-Net and one loss with configured encoders.
 
-    Targets of `config.relative_joints`, the arms', are learned relative to where the stage began: the hands stand exactly at
-    the grasp points then, which a policy would otherwise have to reproduce from its features, centimetres off. Relative to
-    the newest state errors would add up instead, chunk after chunk.
+    Targets of `config.relative_joints`, the arms', are learned relative to where the stage began:
+    the hands stand exactly at the grasp points then, which a policy would otherwise have to
+    reproduce from its features, centimetres off. Relative to the newest state errors would add up
+    instead, chunk after chunk.
 
-    Batches are windows as `EpisodeDataset` gives them, as tensors with a leading dimension B. Where something is drawn it
-    is by a generator that the caller gives; the policy itself has no random state.
+    Batches are windows as `EpisodeDataset` gives them, as tensors with a leading dimension B. Where
+    something is drawn it is by a generator that the caller gives; the policy itself has no random
+    state.
 
     Source:
         DexGarmentLab, structure-aware diffusion policy; Chi et al., "Diffusion Policy", 2023.
     """
 
     def __init__(self, config: PolicyConfig) -> None:
-        """Set up with random weights, drawn by torch's global generator, and normalisers that change nothing."""
+        """Set up with weights from torch's global generator and identity normalisers."""
         super().__init__()
         self.config = config
         self.normalizer = Normalizer(config)
@@ -55,7 +57,7 @@ class DiffusionPolicy(nn.Module):
 
     @property
     def device(self) -> torch.device:
-        """Where the weights are."""
+        """Device of the weights."""
         return self.normalizer.of("action").centre.device
 
     def forward(
@@ -68,11 +70,12 @@ class DiffusionPolicy(nn.Module):
         """Compute the loss of a batch: mean squared error of what the network should predict.
 
         Args:
-            window: Batch of windows: what the configuration's `frame_keys` and `stage_keys` name, `start_joint_state`
-                [rad], shape (B, D), and `action` [rad], shape (B, T, D).
+            window: Batch of windows: what the configuration's `frame_keys` and `stage_keys` name,
+                `start_joint_state` [rad], shape (B, D), and `action` [rad], shape (B, T, D).
             generator: Draws points, noise and its levels.
             augmentation: How clouds are varied.
-            share: Which rows of a batch these are; all of them when None. What is drawn for a row depends on its place.
+            share: Which rows of a batch these are; all of them when None. What is drawn for a row
+                depends on its place.
 
         Returns:
             Scalar.
@@ -92,7 +95,7 @@ class DiffusionPolicy(nn.Module):
 
     @torch.no_grad()
     def encode_stage(self, observation: Mapping[str, Tensor], generator: torch.Generator) -> Tensor:
-        """Encode what is observed once a stage, for `predict`; see `ObservationEncoder.encode_stage`."""
+        """Encode the observations that stay the same in a stage, for `predict`."""
         return self.encoder.encode_stage(observation, self.normalizer, Draws(generator))
 
     @torch.no_grad()
@@ -107,7 +110,8 @@ class DiffusionPolicy(nn.Module):
             generator: Draws points and noise; the same seed gives the same actions.
 
         Returns:
-            Joint targets [rad], shape (B, T, D). `config.executed` says which of them are for execution.
+            Joint targets [rad], shape (B, T, D). `config.executed` says which of them are for
+            execution.
         """
         draws = Draws(generator)
         condition = self.encoder.encode(observation, stage, self.normalizer, draws)

@@ -1,4 +1,4 @@
-"""Ranges of recorded data, in one pass over the files, which also finds what is damaged inside of them."""
+"""Ranges of recorded data, found in one pass that also finds damage and copies."""
 
 import hashlib
 import logging
@@ -21,14 +21,14 @@ _FRAMES = 32  # Read at a time: 1.6 MB of an environment cloud, 30 MB of picture
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRanges:
-    """What a pass over a dataset found."""
+    """Result of a pass over a dataset."""
 
     dataset: EpisodeDataset
     """The episodes that are whole."""
     ranges: tuple[dict[str, Range], ...]
     """Range of each array, an entry for each of its episodes."""
     refused: tuple[DamagedEpisodeError, ...]
-    """What is wrong with the other episodes, by file."""
+    """Errors of the other episodes, by file."""
 
 
 def measure_episodes(
@@ -38,12 +38,13 @@ def measure_episodes(
     relative_joints: Sequence[int] = (),
     on_progress: Callable[[int, int], None] | None = None,
 ) -> EpisodeRanges:
-    """Read every episode once, a few frames at a time; leave out damaged ones and copies of others.
+    """Read every episode once; leave out damaged ones and copies of others.
 
     Args:
         dataset: Episodes of one stage.
         keys: Arrays to measure, of frames and of the stage; `image` is read, but has no range.
-        relative_joints: Joints whose actions are measured relative to where they were when the stage began.
+        relative_joints: Joints whose actions are measured relative to where they were when the
+            stage began.
         on_progress: Called with the number of episodes done and the number of all.
 
     Raises:
@@ -112,14 +113,15 @@ def _measure_episode(episode: StageFile, keys: Sequence[str]) -> tuple[dict[str,
             continue
         if key not in static:
             raise ValueError(
-                f"{episode.path.name} has no {key}, which this policy observes; it has {sorted(static)}"
+                f"{episode.path.name} has no {key}, which this policy observes; it has "
+                f"{sorted(static)}"
             )
         measure(key, static[key])
     return found, digest.digest()
 
 
 def _measure_relative(episode: StageFile, joints: list[int]) -> Range:
-    """Range of all actions, those of some joints relative to where these were when the stage began."""
+    """Measure actions, some joints relative to the start of the stage."""
     whole, first = FrameSlice(0, episode.frames), FrameSlice(0, 1)
     frames = read_frames(episode, {"action": whole, "joint_state": first})
     actions = frames["action"]

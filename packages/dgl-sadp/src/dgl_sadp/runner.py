@@ -1,4 +1,4 @@
-"""Running a policy: the queue of observations, the stage's features, and chunks of joint targets."""
+"""Runner of a policy: queued observations, stage features, chunks of joint targets."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -12,7 +12,8 @@ from dgl_sadp.policy import DiffusionPolicy
 
 __all__ = ["PolicyRunner"]
 
-# Key -> shape of an observation; None is any size, at least 1. Joints are checked by the policy's own number.
+# Key -> shape of an observation; None is any size, at least 1. Joints are checked by the policy's
+# own number.
 _SHAPES: Mapping[str, tuple[int | None, ...]] = {
     "joint_state": (None,),
     "env_point_cloud": (None, None),
@@ -26,9 +27,9 @@ _SHAPES: Mapping[str, tuple[int | None, ...]] = {
 class PolicyRunner:
     """Runs one policy in one environment.
 
-    `reset` begins a stage, `act` gives the joint targets to execute. After each executed target there is one new observation:
-    `observe` takes all but the last of them, and the next `act` the last. So the policy sees consecutive frames, each
-    once, as in training:
+    `reset` begins a stage, `act` gives the joint targets to execute. After each executed target
+    there is one new observation: `observe` takes all but the last of them, and the next `act` the
+    last. So the policy sees consecutive frames, each once, as in training:
 
         runner.reset(observation)
         for _ in range(chunks):
@@ -37,8 +38,9 @@ class PolicyRunner:
                 runner.observe(execute(target))
             observation = execute(targets[-1])
 
-    Observations are dictionaries of arrays with the keys of episode files, without a leading dimension; keys that the policy
-    does not observe are left alone. Clouds may have any number of points.
+    Observations are dictionaries of arrays with the keys of episode files, without a leading
+    dimension; keys that the policy does not observe are left alone. Clouds may have any number of
+    points.
     """
 
     def __init__(self, policy: DiffusionPolicy, *, seed: int = 0) -> None:
@@ -66,9 +68,11 @@ class PolicyRunner:
         """Begin a stage: forget what was observed, and look at what stays the same in the stage.
 
         Args:
-            observation: `garment_point_cloud` [m], world frame, shape (N, 3); `points_affordance_feature` in [0, 1], shape
-                (N, 2); `object_point_cloud` [m], world frame, shape (M, 3); as far as the policy observes them.
-            seed: Of everything drawn until the next reset; the same seed and observations give the same targets.
+            observation: `garment_point_cloud` [m], world frame, shape (N, 3);
+                `points_affordance_feature` in [0, 1], shape (N, 2); `object_point_cloud` [m], world
+                frame, shape (M, 3); as far as the policy observes them.
+            seed: Of everything drawn until the next reset; the same seed and observations give the
+                same targets.
 
         Raises:
             ObservationError: If something is missing, of another shape or not finite.
@@ -96,8 +100,8 @@ class PolicyRunner:
         """Append the observation that follows an executed target.
 
         Raises:
-            ObservationError: If something is missing, of another shape or not finite, or if more observations come than
-                targets were given.
+            ObservationError: If something is missing, of another shape or not finite, or if more
+                observations come than targets were given.
             RuntimeError: Before `reset`.
         """
         self._append(observation)
@@ -106,16 +110,17 @@ class PolicyRunner:
         """Append an observation and generate the next joint targets.
 
         Args:
-            observation: `joint_state` [rad], shape (D,); `env_point_cloud` [m], world frame, with colour in [0, 1], shape
-                (N, 6), or (N, 3) for policies that see no colour; `image`, shape (H, W, 3), uint8; as far as the policy
-                observes them. At the start of a stage it stands for the observations before it too, and says where the arms begin.
+            observation: `joint_state` [rad], shape (D,); `env_point_cloud` [m], world frame, with
+                colour in [0, 1], shape (N, 6), or (N, 3) for policies that see no colour; `image`,
+                shape (H, W, 3), uint8; as far as the policy observes them. At the start of a stage
+                it stands for the observations before it too, and says where the arms begin.
 
         Returns:
             Joint targets [rad], shape (action_steps, D), float32, to be executed one after another.
 
         Raises:
-            ObservationError: If something is missing, of another shape or not finite, or if there was not one observation
-                for each executed target.
+            ObservationError: If something is missing, of another shape or not finite, or if there
+                was not one observation for each executed target.
             RuntimeError: Before `reset`.
         """
         expected = self.action_steps
@@ -141,7 +146,8 @@ class PolicyRunner:
             raise RuntimeError("reset must be called before observe and act")
         if self._since_act >= (self.action_steps if self._has_acted else 1):
             raise ObservationError(
-                f"one observation for each executed target is taken; got more than {self._since_act}"
+                "one observation for each executed target is taken; got more than "
+                f"{self._since_act}"
             )
         config = self.policy.config
         arrays = _check(observation, config.frame_keys, config.joints)
@@ -170,7 +176,8 @@ class PolicyRunner:
         for key in frames[0]:
             parts = [frame[key] for frame in frames]
             if key == "env_point_cloud":
-                # Clouds may differ in size: each brings as many points as the largest, repeating its own.
+                # Clouds may differ in size: each brings as many points as the largest, repeating
+                # its own.
                 most = max(len(part) for part in parts)
                 parts = [part[torch.arange(most, device=part.device) % len(part)] for part in parts]
             stacked[key] = torch.stack(parts).unsqueeze(0)

@@ -1,8 +1,9 @@
-"""A small made-up task, to try policies on without a simulator, and episodes of it in the episode format.
+"""A small synthetic task without a simulator, and episodes of it.
 
-A sheet lies on a table. Two hands, which the first three joints of each arm move along x, y and z, go to one point of the
-sheet each, while the fingers close and the fourth joint of each arm turns to where an object stands. Which points, only
-the affordance says: neither the environment's cloud nor its picture shows them.
+A sheet lies on a table. Two hands, which the first three joints of each arm move along x, y and z,
+go to one point of the sheet each, while the fingers close and the fourth joint of each arm turns to
+where an object stands. Which points, only the affordance says: neither the environment's cloud nor
+its picture shows them.
 
 It is no physics: joints follow their targets with a lag, and nothing is grasped.
 """
@@ -39,14 +40,14 @@ _SHARES = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Scene:
-    """What is drawn for an episode."""
+    """Random draws of an episode."""
 
     garment: np.ndarray
     """Points of the sheet [m], shape (N, 3), world frame."""
     places: np.ndarray
-    """Where on the sheet the goals are, in [-1, 1], shape (2, 2)."""
+    """Goals in the sheet's frame, in [-1, 1], shape (2, 2)."""
     goals: np.ndarray
-    """Points for the left and the right hand [m], shape (2, 3), world frame: points of the sheet."""
+    """Goals of the left and the right hand [m], shape (2, 3), world frame: points of the sheet."""
     object: np.ndarray
     """Points of the object [m], shape (N, 3), world frame."""
 
@@ -69,7 +70,8 @@ class SyntheticEnvironment:
 
         Args:
             points: Points of each cloud.
-            frames: Length of the expert's motion [frames], at least 2; it ends with two frames of rest.
+            frames: Length of the expert's motion [frames], at least 2; it ends with two frames of
+                rest.
             has_object: Whether there is an object.
             image_size: Rows and columns of pictures [pixel].
         """
@@ -86,7 +88,8 @@ class SyntheticEnvironment:
 
         Args:
             seed: Of what is drawn.
-            places: Where on the sheet the hands should go, as `places` of another scene; drawn when not given.
+            places: Where on the sheet the hands should go, as `places` of another scene; drawn when
+                not given.
         """
         self._rng = np.random.default_rng(seed)
         self._scene = _draw_scene(self._rng, self.points, places)
@@ -99,12 +102,12 @@ class SyntheticEnvironment:
 
     @property
     def places(self) -> np.ndarray:
-        """Where on the sheet these points are, as shares of its half length and width, in [-1, 1], shape (2, 2)."""
+        """Points as shares of the sheet's half length and width, in [-1, 1], shape (2, 2)."""
         return self._scene.places.copy()
 
     @property
     def hands(self) -> np.ndarray:
-        """Where the hands are [m], shape (2, 3), world frame."""
+        """Positions of the hands [m], shape (2, 3), world frame."""
         return np.stack(
             [home + _REACH * self._joints[arm] for home, arm in zip(_HOMES, _ARMS, strict=True)]
         )
@@ -114,7 +117,7 @@ class SyntheticEnvironment:
         return float(np.linalg.norm(self.hands - self.goals, axis=1).mean())
 
     def make_expert(self) -> np.ndarray:
-        """Return the right joint targets from here on [rad], shape (frames, 60): minimum jerk to the goals."""
+        """Return the expert's joint targets [rad], shape (frames, 60), of minimum jerk."""
         times = np.clip((np.arange(self.frames) + 1) / (self.frames - 2), 0.0, 1.0)
         share = (10 * times**3 - 15 * times**4 + 6 * times**5)[:, None]
         end = np.zeros(JOINTS)
@@ -181,8 +184,9 @@ class SyntheticEnvironment:
 class SyntheticMatcher:
     """Finds points of one sheet on another, in place of a trained model.
 
-    Sheets are the same but for how they lie, so a point's place in the sheet's own frame tells which it is. The frame is
-    that of the cloud's principal axes: with 2,000 points, places are found to about 3 cm.
+    Sheets are the same but for how they lie, so a point's place in the sheet's own frame tells
+    which it is. The frame is that of the cloud's principal axes: with 2,000 points, places are
+    found to about 3 cm.
     """
 
     def match(
@@ -255,7 +259,7 @@ def _draw_scene(rng: np.random.Generator, points: int, places: np.ndarray | None
 
 
 def _find_frame(cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centre, shape (3,), and the long and short axis, shape (3, 2), of a sheet that is hardly turned."""
+    """Return centre, shape (3,), and both axes, shape (3, 2), of a hardly turned sheet."""
     centre = (cloud.min(axis=0) + cloud.max(axis=0)) / 2
     flat = cloud[:, :2] - cloud[:, :2].mean(axis=0)
     _, _, (long, _) = np.linalg.svd(flat, full_matrices=False)

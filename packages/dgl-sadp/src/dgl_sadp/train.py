@@ -1,4 +1,4 @@
-"""Training: a run is a folder with its configuration, its log, the state to go on from, and the policy."""
+"""Training: a run is a folder with configuration, log, state and result."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -37,30 +37,36 @@ def train_policy(
 ) -> TrainResult:
     """Train a policy for one stage.
 
-    Files that are damaged or hold values that are not finite are left out, logged and listed in the result.
+    Files that are damaged or hold values that are not finite are left out, logged and listed in the
+    result.
 
-    On several devices each has a process of its own, with the same weights and its share of each batch. What is drawn for a
-    window depends on its place in the batch, so that the gradients, but for their rounding, are those of one device. A script
-    that does so needs `if __name__ == "__main__":`, since the processes import it. The calling process itself does not train.
-    Where `torchrun` or `accelerate launch` has started the processes, each calls this with their number as `devices`; the
-    first alone tells progress and writes.
+    On several devices each has a process of its own, with the same weights and its share of each
+    batch. What is drawn for a window depends on its place in the batch, so that the gradients, but
+    for their rounding, are those of one device. A script that does so needs `if __name__ ==
+    "__main__":`, since the processes import it. The calling process itself does not train. Where
+    `torchrun` or `accelerate launch` has started the processes, each calls this with their number
+    as `devices`; the first alone tells progress and writes.
 
-    Ctrl-C ends the step in progress, or the one after it, saves, and raises `KeyboardInterrupt`; a second one stops at once.
+    Ctrl-C ends the step in progress, or the one after it, saves, and raises `KeyboardInterrupt`; a
+    second one stops at once.
 
     Args:
         directory: Folder of episode files.
-        out: Folder of the run; made if missing. It holds `policy.safetensors` (the averaged weights), `state.safetensors`,
-            `config.json`, `logs` for TensorBoard and the policies kept on the way.
+        out: Folder of the run; made if missing. It holds `policy.safetensors` (the averaged
+            weights), `state.safetensors`, `config.json`, `logs` for TensorBoard and the policies
+            kept on the way.
         policy: What is trained.
         config: How it is trained.
         stage: Number of the stage, from 1.
-        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the interruption, bitwise on a
-            CPU with the same numbers of devices and threads.
+        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the
+            interruption, bitwise on a CPU with the same numbers of devices and threads.
         device: "cpu" or "cuda".
-        devices: How many divide each batch, which they must do without remainder: CUDA devices, "auto" for all that there
-            are, or processes on the CPU, among which torch's threads are divided.
+        devices: How many divide each batch, which they must do without remainder: CUDA devices,
+            "auto" for all that there are, or processes on the CPU, among which torch's threads are
+            divided.
         workers: Processes that read episodes beside each that trains.
-        keep_bytes: Memory for frames of episodes, in all processes [byte]; what does not fit is read each time.
+        keep_bytes: Memory for frames of episodes, in all processes [byte]; what does not fit is
+            read each time.
         on_progress: Called after each step.
         stop_after: Save and stop after this step, as an interruption would.
 
@@ -119,14 +125,15 @@ def _count_devices(device: str, devices: int | str) -> int:
         raise ValueError(f"devices must be at least 1, or 'auto'; got {devices!r}")
     if device == "cuda" and devices > torch.cuda.device_count():
         raise ValueError(
-            f"devices must be at most the {torch.cuda.device_count()} CUDA device(s) here; got {devices}"
+            f"devices must be at most the {torch.cuda.device_count()} CUDA device(s) here; got "
+            f"{devices}"
         )
     return devices
 
 
 @contextmanager
 def _own_accelerator() -> Iterator[None]:
-    """Forget accelerate's settings afterwards, which are global, unless the caller had made some before.
+    """Reset accelerate's global settings afterwards, unless the caller had made some.
 
     Else one process could not train with two precisions, or on two devices, one after the other.
     """

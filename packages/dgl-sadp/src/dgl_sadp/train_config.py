@@ -1,4 +1,4 @@
-"""How a policy is trained."""
+"""Settings of a training."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ Seed = Annotated[int, Interval(ge=0, le=2**63 - 1)]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """How a policy is trained. Source of the optimiser's and EMA's numbers: DexGarmentLab's code."""
+    """Settings of a training. Source of optimizer and EMA: DexGarmentLab's code."""
 
     __pydantic_config__ = STRICT
 
@@ -31,22 +31,23 @@ class TrainConfig:
     learning_rate: float = 1e-4
     """Largest learning rate, of AdamW. Source: paper."""
     muon_learning_rate: float | None = None
-    """Largest learning rate of Muon, which trains the layers' matrices then; AdamW trains all when None, as published. It
-    takes a quarter of AdamW's steps. Source: Jordan et al., "Muon: an optimizer for hidden layers", 2024."""
+    """Largest learning rate of Muon, which then trains the matrices in a quarter of AdamW's steps;
+    None for AdamW alone, as published. Source: Jordan et al., "Muon: an optimizer for hidden
+    layers", 2024."""
     warmup_steps: NotNegative = 500
-    """Batches over which it rises, at most a tenth of all; it then falls to zero as a cosine. Source: paper."""
+    """Batches of warm-up, at most a tenth of all; a cosine to zero follows. Source: paper."""
     betas: tuple[float, float] = (0.95, 0.999)
     """Decay of AdamW's moments."""
     weight_decay: float = 1e-6
     """Weight decay of AdamW."""
     ema_power: float = 0.75
-    """The weights' average forgets as 1 - (1 + step)^-power: slower and slower."""
+    """Power p of the weights' average, which keeps 1 - (1 + step)^-p of itself."""
     ema_decay: float = 0.9999
     """Largest share of the average that a step keeps."""
     validation_share: float = 0.02
-    """Share of whole episodes for validation, at least one; 0 for none, as where there is only one. Source: paper."""
+    """Share of whole episodes for validation, at least one; 0 for none. Source: paper."""
     split_seed: Seed = 0
-    """Of which episodes these are."""
+    """Seed of the choice of validation episodes."""
     validate_every: Positive = 25
     """Epochs between validations; there is one after the last."""
     validation_windows: Positive = 256
@@ -58,11 +59,11 @@ class TrainConfig:
     precision: Literal["no", "bf16"] = "no"
     """Mixed precision; "no" is float32."""
     augmentation: Augmentation | None = field(default_factory=Augmentation)
-    """How clouds are varied; None leaves them as they are."""
+    """Augmentation of clouds; None for none."""
     with_approach: bool = False
-    """Whether the policy also learns the hands' way from where they park to the grasp points."""
+    """Learn the approach to the grasp points, too."""
     seed: Seed = 42
-    """Of the weights and of everything drawn."""
+    """Seed of weights and of all random draws."""
 
     def __post_init__(self) -> None:
         check_fields(self)

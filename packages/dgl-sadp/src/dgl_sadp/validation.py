@@ -1,4 +1,4 @@
-"""How a policy does on episodes that were not trained on."""
+"""Validation on episodes outside of the training set."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,16 @@ __all__ = ["Validation", "compute_validation"]
 
 @dataclass(frozen=True, kw_only=True)
 class Validation:
-    """How the averaged policy does on episodes that were not trained on."""
+    """Errors of the averaged policy on validation episodes."""
 
     epoch: int
-    """After how many epochs."""
+    """Epochs done."""
     loss: float
     """Diffusion loss."""
     error: float
     """Mean distance of generated to commanded targets [rad], over joints and executed steps."""
     largest_error: float
-    """The same of the joint where it is largest: most joints rest, which hides it in the mean over all."""
+    """The same of the worst joint; most joints rest, which hides it in the mean."""
 
 
 @torch.no_grad()
@@ -37,7 +37,8 @@ def compute_validation(
         dataset: Episodes that were not trained on.
         epoch: To be noted.
         windows: Most windows; generation is measured on a quarter of them.
-        seed: Of noise and points; the same in all validations of a run, so that they can be compared.
+        seed: Of noise and points; the same in all validations of a run, so that they can be
+            compared.
     """
     if policy.training:
         raise ValueError("the policy must be in evaluation mode")

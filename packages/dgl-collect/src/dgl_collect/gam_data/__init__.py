@@ -1,4 +1,4 @@
-"""Training data of the affordance model: garments in simulated states, and what cameras see of them."""
+"""Training data of the affordance model: simulated states and camera views."""
 
 from dgl_collect.gam_data.garment import Made as Made
 from dgl_collect.gam_data.generate import DataConfig as DataConfig

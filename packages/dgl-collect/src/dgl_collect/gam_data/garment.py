@@ -27,9 +27,11 @@ __all__ = [
 ]
 
 SPACING = 0.021
-"""Edge length of cloth [m]: what is seen is up to 13 mm from its vertex, 1 % of a garment; hats and gloves are finer."""
+"""Edge length of cloth [m]. A visible point is then up to 13 mm from its vertex, 1 % of a garment;
+hats and gloves are finer."""
 _OTHER_SPACINGS = (0.022, 0.020)
-"""Tried in turn where an outline cannot be filled at that edge length [m]: one garment in several hundred."""
+"""Further edge lengths [m], tried if an outline cannot be filled; one garment in several
+hundred."""
 _SHELLS = ("Baseball_Cap", "Bowl_Hat", "Glove")
 FILE = "garment.safetensors"
 """Name of a garment's file in the folder of its job."""
@@ -39,14 +41,14 @@ _PACKAGES = ("dgl-collect", "dgl-assets", "dgl-physics")
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """What came of one garment."""
+    """Outcome of one garment."""
 
     id: str
     """Of the catalogue."""
     error: str = ""
     """Why there is no file; empty when there is one."""
     note: str = ""
-    """What is unusual about it, such as another edge length; empty when nothing is."""
+    """Note of something unusual, such as another edge length; empty if nothing is."""
     seconds: float = 0.0
     """CPU time of building, simulating, seeing and writing it [s]."""
     bytes: int = 0
@@ -72,7 +74,7 @@ class Entry:
     split: Split
     """That it belongs to."""
     is_flat: bool = False
-    """Whether only its flat state is made, which needs no simulation."""
+    """Make only the flat state, which needs no simulation."""
 
 
 class GarmentMaker:
@@ -99,7 +101,8 @@ def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
         path: Where the file belongs.
 
     Returns:
-        The outcome; a garment that cannot be built, simulated or seen is no exception but an outcome with the reason.
+        The outcome; a garment that cannot be built, simulated or seen is no exception but an
+        outcome with the reason.
     """
     begin = time.process_time()
     try:
@@ -115,7 +118,7 @@ def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
 
 
 def _load(garment_id: str) -> tuple[Garment, str]:
-    """Build a garment at the usual edge length, or at another one where that fails; the second value says so."""
+    """Build a garment, at another edge length if need be; the second value says so."""
     if garment_id.partition("/")[0] in _SHELLS:
         return load_garment(garment_id), ""
     try:
@@ -144,7 +147,7 @@ def _see(garment: Garment, name: str, positions: np.ndarray, seed: int) -> list[
 
 
 def _choose_directions(name: str, rng: np.random.Generator) -> list[np.ndarray]:
-    """Choose where cameras are: above what lies and tilted by up to 45 degrees, in front of what hangs and obliquely."""
+    """Choose camera directions: from above for what lies, from the front for what hangs."""
     if name in HANGING:
         front = make_direction(0.0, np.radians(rng.uniform(0.0, 15.0)))
         sides = [(rng.uniform(20.0, 70.0), 1), (rng.uniform(20.0, 70.0), -1)]

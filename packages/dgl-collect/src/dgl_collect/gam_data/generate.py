@@ -21,7 +21,7 @@ _RUN_FORMAT = 1
 
 @dataclass(frozen=True, kw_only=True)
 class DataConfig:
-    """Which garments a data set has.
+    """Garments of a data set.
 
     Raises:
         ValueError: If a number is out of its range or a category does not exist.
@@ -30,11 +30,12 @@ class DataConfig:
     categories: tuple[str, ...] = ()
     """Of the catalogue; all when none is named."""
     train: int = 200
-    """Garments of each category to train on; the first ids of the catalogue's split, at most 8,000."""
+    """Garments of each category to train on; the first ids of the catalogue's split, at most
+    8,000."""
     test: int = 40
     """Garments of each category to measure on, at most 2,000."""
     flat: int = 0
-    """More garments of each category to train on, of which only the flat state is made; the ids that follow."""
+    """Further training garments of each category, flat state only; the ids that follow."""
     flat_test: int = 0
     """More garments of each category to measure on, likewise."""
     seed: int = 0
@@ -55,7 +56,7 @@ class DataConfig:
 
     @property
     def identity(self) -> dict[str, object]:
-        """What must be equal for a run to be continued."""
+        """Values that must be equal for a run to be continued."""
         return {
             "run_format": _RUN_FORMAT,
             "categories": list(self.categories),
@@ -70,7 +71,7 @@ class DataConfig:
 
 
 def list_garments(config: DataConfig) -> tuple[Entry, ...]:
-    """List the garments of a data set, categories by turns, so that an unfinished run has some of each."""
+    """List the garments of a data set, with categories by turns."""
     counts: dict[Split, tuple[int, int]] = {
         "train": (config.train, config.flat),
         "test": (config.test, config.flat_test),
@@ -98,8 +99,8 @@ def generate_data(
 ) -> Generator[Made, None, None]:
     """Make the garments of a data set that are not there yet.
 
-    Each is on disk before it is yielded: its file, or a line with the reason among the failures. What comes out does
-    not depend on the number of workers.
+    Each is on disk before it is yielded: its file, or a line with the reason among the failures.
+    What comes out does not depend on the number of workers.
 
     Args:
         config: Which garments.
@@ -109,8 +110,8 @@ def generate_data(
         stop: Ends the run when it is set; see `dgl_collect.workers.stop_signals`.
 
     Yields:
-        Garments as they are finished; first those that an earlier run has left, in 0 s. Closing the generator ends the
-        workers.
+        Garments as they are finished; first those that an earlier run has left, in 0 s. Closing the
+        generator ends the workers.
 
     Raises:
         ValueError: If the folder is not empty, busy, or was made with other options.
@@ -169,7 +170,8 @@ def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, st
     if any(folder.iterdir()):
         if not resume:
             raise ValueError(
-                f"{folder} is not empty; add --resume to continue the run in it, or choose another --out"
+                f"{folder} is not empty; add --resume to continue the run in it, or choose "
+                "another --out"
             )
         if not path.is_file():
             raise ValueError(f"{folder} holds no run ({RUN_FILE} is missing)")

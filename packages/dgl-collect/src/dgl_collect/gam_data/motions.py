@@ -1,4 +1,4 @@
-"""Which landmarks of a category are held, and along which paths they are carried."""
+"""Held landmarks of each category, and the paths along which they are carried."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Fold:
     hinge: tuple[str, ...]
     """Landmarks whose middle lies on the line farthest from the grips."""
     nearest: float = 0.6
-    """Where the line is at least, on the way from the grips to the hinge, in (0, 1]."""
+    """Least distance of the line from the grips, as a share of that to the hinge, in (0, 1]."""
 
 
 _SLEEVE = Fold(state="sleeve_folded", grips=("{side}_cuff",), hinge=("{side}_sleeve_joint",))
@@ -73,7 +73,7 @@ PAIRS: dict[str, tuple[Pair, ...]] = {
 
 
 def make_arc(held: np.ndarray, hinge: np.ndarray, turn: float, *, speed: float) -> np.ndarray:
-    """Make the way of grips over a line on the ground: half a circle each, which keeps the cloth's length.
+    """Make the path of grips over a line on the ground: half a circle each.
 
     Args:
         held: Middle of each grip [m], shape (G, 3).

@@ -1,4 +1,4 @@
-"""A garment is handled: held at some vertices that are carried along paths, let go, and left until it is calm."""
+"""Simulation of one garment: held at some vertices, carried, released, settled."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from dgl_physics.scene import Scene
 __all__ = ["GLOVE", "GarmentSimulation", "add_garment", "find_grip"]
 
 GLOVE = SolidMaterial(thickness=0.004)
-"""The two layers of a glove lie only 10 to 25 mm apart, so its contact thickness is smaller than the default."""
+"""Material of gloves: their layers lie 10 to 25 mm apart, so the contact thickness is small."""
 GRIP = 0.03
 """Vertices so near to a landmark on the flat garment are gripped with it, of both layers [m]."""
 SPEED = 0.8
@@ -27,8 +27,8 @@ SPEED = 0.8
 DRAG = 1.5
 """Of the cloth in air [1/s]: what hangs comes to rest within seconds."""
 MEAN_STRAIN_LIMIT = 0.1
-"""Mean change of length of the edges, regardless of its sign, above which a state is no garment any more. Piles of these
-coarse meshes reach 0.07, all else 0.03."""
+"""Largest mean change of edge length of a state. Crumpled coarse meshes reach 0.07, all else
+0.03."""
 _SUBSTEPS = 6  # of a frame of 1/60 s
 _FINE = 2  # steps of a frame while something is carried, so that it jumps by little
 
@@ -135,7 +135,8 @@ class GarmentSimulation:
         way = paths[before] * (1 - part) + paths[before + 1] * part
         held = scene.x[pinned]
         previous = paths[0]
-        # Not by set_particles, after which the solver forgets what it measured: these vertices go on as they did.
+        # Not by set_particles, after which the solver forgets what it measured: these vertices go
+        # on as they did.
         state = scene.state
         for now in way:
             for array, values in (

@@ -35,8 +35,8 @@ def make_states(garment: Garment, seed: int, *, is_flat: bool = False) -> dict[s
         is_flat: Whether to leave out all states but the first.
 
     Returns:
-        Positions [m], each of shape (V, 3), float64, z up, by name. "flat" is first, and as the garment was made; all
-        others lie on the ground z = 0 or hang above it.
+        Positions [m], each of shape (V, 3), float64, z up, by name. "flat" is first, and as the
+        garment was made; all others lie on the ground z = 0 or hang above it.
 
     Raises:
         PhysicsError: If one of them cannot be simulated; the message names it.
@@ -187,7 +187,7 @@ def _tilt(positions: np.ndarray, rng: np.random.Generator, angle: float) -> np.n
 
 
 def _make_upright(flat: np.ndarray, grips: list[np.ndarray]) -> np.ndarray:
-    """Turn a garment that lies flat until one grip is uppermost, or two are level; its front faces -y."""
+    """Turn a flat garment until one grip is on top or two are level; its front faces -y."""
     centre = (flat.min(axis=0) + flat.max(axis=0)) / 2
     held = np.array([flat[grip].mean(axis=0) for grip in grips])
     up = (held.mean(axis=0) - centre)[:2]

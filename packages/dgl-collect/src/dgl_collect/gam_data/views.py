@@ -1,4 +1,4 @@
-"""What a camera sees of a surface: each visible point with the triangle that was hit and its nearest vertex."""
+"""Camera views of a surface: visible points with their triangle and nearest vertex."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ POINTS = 2048
 DISTANCE = 6.75
 """Of the camera from the middle of the garment [m]: as high as the tasks' garment camera hangs."""
 TOLERANCE = 0.006
-"""What shows its inside is hidden by an outside so little below it [m]: the layers of a seam are closer than that."""
+"""An inside is hidden by an outside so little below it [m]; layers of a seam are closer."""
 _SPARE = 3  # visible pixels for each point that is drawn from them
 _FINER = 5  # times that the picture is made finer, at most
 _FIRST_PIXELS = 16_000  # of the picture's rectangle, to begin with
@@ -64,11 +64,12 @@ def see_surface(
         rng: Source of randomness.
         count: How many points.
         distance: Of the camera from the middle of the bounding box [m].
-        tolerance: How far behind the inside of a triangle an outside hides it [m]; 0 for a single layer, whose two
-            sides are alike.
+        tolerance: How far behind the inside of a triangle an outside hides it [m]; 0 for a single
+            layer, whose two sides are alike.
 
     Returns:
-        The view; fewer pixels than points are never seen: the picture is made finer until there are enough.
+        The view; fewer pixels than points are never seen: the picture is made finer until there are
+        enough.
 
     Raises:
         ValueError: If the surface cannot be seen at all, as when it is seen edge on.
@@ -142,7 +143,8 @@ class _Sides:
         """Find what the pixels show.
 
         Returns:
-            Triangle of each pixel that shows one, shape (P,), int32, and its place [m], shape (P, 3).
+            Triangle of each pixel that shows one, shape (P,), int32, and its place [m], shape (P,
+            3).
         """
         eye, forward = np.array(camera.position), np.array(camera.axes[2])
         both, outside = (r.find_triangles(camera) for r in (self._both, self._outside))

@@ -1,4 +1,4 @@
-"""Training data: one self-contained file per garment, folders of them, and pairs of views drawn from these."""
+"""Training data: a file for each garment, folders of files, and batches of views."""
 
 from dgl_gam.data.folder import GarmentFolder as GarmentFolder
 from dgl_gam.data.garment_file import FORMAT_VERSION as FORMAT_VERSION

@@ -1,4 +1,4 @@
-"""Batches for training: augmented views with pairs of points that correspond, and points that do not."""
+"""Batches for training: augmented views with corresponding and other points."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _FACING_STRENGTH = 0.5  # of the yaw of what hangs: front and back look alike
 
 @dataclass(frozen=True, kw_only=True)
 class BatchConfig:
-    """What a batch holds."""
+    """Contents of a batch."""
 
     groups: int = 4
     """Groups of views; a group is of one category, and its views are compared with each other."""
@@ -47,9 +47,10 @@ class BatchConfig:
     margin: float = 0.04
     """Nearest that a negative may be to the true place, as a share of the diagonal."""
     near: float = 0.25
-    """How far "near the positive" goes, as a share of the diagonal."""
+    """Radius of "near the positive", as a share of the diagonal."""
     yaw: float = math.radians(15.0)
-    """Turn of a view in the garment's own frame, either way [rad]: what the yaw may be found wrong by."""
+    """Largest random turn of a view in the garment frame [rad]: the error of the yaw to be
+    tolerated."""
     bend: float = 0.06
     """Size of the smooth bending, in normalised units."""
     stretch: float = 0.2
@@ -59,10 +60,11 @@ class BatchConfig:
     missing: float = 0.5
     """Largest share of the points that is missing."""
     state_weights: tuple[tuple[str, float], ...] = ()
-    """How often views of kinds of states are drawn where a view may show any state, such as (("crumpled", 2.0),): 1 for
-    those that are not named."""
+    """Weights of kinds of states in views of any state, such as (("crumpled", 2.0),); 1 for all
+    others. The flat state is not among them."""
     mirrored_share: float = 0.0
-    """Share of the clouds for the yaw that are mirrored: a garment the other way round is turned the other way."""
+    """Share of the clouds for the yaw that are mirrored; a mirrored garment is turned the other
+    way."""
     least_yaw_weight: float = 0.0
     """Smallest weight of a cloud in the loss of the yaw, where no turn explains it well."""
 
@@ -113,9 +115,10 @@ class Batch:
     turned: Tensor
     """The same clouds turned anyhow, for the yaw, shape (C, N, 3)."""
     yaw: Tensor
-    """How these are turned [rad], shape (C,)."""
+    """Yaw of each cloud [rad], shape (C,)."""
     yaw_weight: Tensor
-    """How well a turn explains the cloud, shape (C,), in [0, 1]: 1 flat, near 0 crumpled."""
+    """Weight of each yaw, shape (C,), in [0, 1]: 1 for a flat garment, near 0 for a crumpled
+    one."""
     clouds: Tensor
     """Source and target cloud of each pair, shape (P, 2), int64."""
     source: Tensor
@@ -125,9 +128,9 @@ class Batch:
     negative: Tensor
     """Points of the target that do not correspond, shape (P, S, negatives), int64."""
     is_used: Tensor
-    """Which pairs of points count, shape (P, S), bool."""
+    """Mask of the pairs of points that count, shape (P, S), bool."""
     is_negative: Tensor
-    """Which negatives count, shape (P, S, negatives), bool."""
+    """Mask of the negatives that count, shape (P, S, negatives), bool."""
 
     def to(self, device: torch.device) -> "Batch":
         """Move to a device."""
@@ -135,7 +138,7 @@ class Batch:
 
 
 class BatchMaker:
-    """Makes the batch of a step: the same for the same seed and step, so that training resumes exactly."""
+    """Batches by step; the same seed and step give the same batch."""
 
     def __init__(self, folder: GarmentFolder, config: BatchConfig, *, seed: int) -> None:
         """Prepare.
@@ -146,7 +149,8 @@ class BatchMaker:
             seed: Of everything drawn.
 
         Raises:
-            DataError: If a category has one garment only, so that nothing could be compared across garments.
+            DataError: If a category has one garment only, so that nothing could be compared across
+                garments.
         """
         self._folder = folder
         self._config = config
@@ -163,7 +167,7 @@ class BatchMaker:
             self._deformed[category] = deformed or indices
 
     def make(self, step: int, *, has_pairs: bool = True) -> Batch:
-        """Make the batch of a step; without pairs for the yaw alone, which needs none and is much faster."""
+        """Make the batch of a step; for the yaw alone without pairs of points."""
         rng = np.random.default_rng([self._seed, step])
         config = self._config
         members: list[_Member] = []
@@ -197,12 +201,13 @@ class BatchMaker:
         )
 
     def _draw_group(self, category: str, rng: np.random.Generator) -> list["_Member"]:
-        """Views of one category."""
+        """Draw the views of one category."""
         config, every = self._config, self._folder.get_indices(category)
         deformed = self._deformed[category]
         is_traced = rng.random() < config.traced_share
         is_flat = rng.random(config.group_size) < config.flat_share
-        # Where many garments have the flat state only, the others are drawn for their deformed ones all the same.
+        # Where many garments have the flat state only, the others are drawn for their deformed ones
+        # all the same.
         first = self._folder.load(
             int(rng.choice(deformed if is_traced or not is_flat[0] else every))
         )
@@ -225,7 +230,7 @@ class BatchMaker:
         return drawn
 
     def _draw_view(self, garment: GarmentData, rng: np.random.Generator) -> int:
-        """A view of any state of a garment, by the weights of their kinds."""
+        """Draw a view of a garment by the weights of its states."""
         if not self._config.state_weights:
             return int(rng.choice(len(garment.view_state)))
         weights, kinds = dict(self._config.state_weights), garment.header.state_kinds
@@ -237,7 +242,7 @@ class BatchMaker:
         members: list["_Member"],
         rng: np.random.Generator,
     ) -> tuple[Tensor, np.ndarray, Tensor, Tensor, Tensor]:
-        """Clouds as the network sees them, which points are left, and the clouds turned anyhow with their yaw."""
+        """Augment clouds: network input, kept points, and turned clouds with their yaw."""
         config = self._config
         generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
         flat = torch.from_numpy(np.stack([m.garment.states[0][m.vertices] for m in members]))
@@ -325,17 +330,18 @@ def _stack_pairs(rows: list[dict[str, np.ndarray]], config: BatchConfig) -> dict
 def choose_negatives(
     distance: np.ndarray, mirrored: np.ndarray, config: BatchConfig, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Choose points of the target that do not correspond: some near, some anywhere, and the mirror image.
+    """Choose points of the target that do not correspond: near, anywhere, and mirrored.
 
     Args:
-        distance: Of each point of the target to the true place, as a share of the diagonal, shape (S, N).
+        distance: Of each point of the target to the true place, as a share of the diagonal, shape
+            (S, N).
         mirrored: The point nearest to the true place with left and right swapped, shape (S,).
         config: How many, and what is near.
         rng: Source of randomness.
 
     Returns:
-        Indices, shape (S, negatives), int64, and which of them count, shape (S, negatives), bool: all but where the
-        target has too few points, or the mirrored place is the place itself.
+        Indices, shape (S, negatives), int64, and which of them count, shape (S, negatives), bool:
+        all but where the target has too few points, or the mirrored place is the place itself.
     """
     rows = np.arange(len(distance))
     is_far = distance > config.near

@@ -1,4 +1,4 @@
-"""Which vertex of one garment is the place of a vertex of another, and how far places are from each other."""
+"""Correspondence of vertices between garments, and distances of places."""
 
 import numpy as np
 
@@ -9,9 +9,10 @@ __all__ = ["compute_places", "find_vertices", "mirror_places"]
 SIDE_WEIGHT = 0.3
 """Distance in canonical coordinates that one step of the side counts as."""
 SIDE_DISTANCE = 0.1
-"""Distance between the layers, as a share of the garment's diagonal: front and back are different places."""
+"""Distance between front and back, as a share of the garment's diagonal."""
 MAX_CANONICAL_DISTANCE = 0.15
-"""Places farther than this from every vertex, in canonical coordinates, are lacking on the other garment."""
+"""A place farther than this from every vertex, in canonical coordinates, is missing on a
+garment."""
 
 
 def find_vertices(source: GarmentData, vertices: np.ndarray, target: GarmentData) -> np.ndarray:
@@ -20,14 +21,15 @@ def find_vertices(source: GarmentData, vertices: np.ndarray, target: GarmentData
     Args:
         source: Garment that the vertices belong to.
         vertices: Their ids, shape (n,).
-        target: Garment to find them on. If it is the source, its vertices are the answer, whatever its state: that is
-            the correspondence traced through a deformation.
+        target: Garment to find them on. If it is the source, its vertices are the answer, whatever
+            its state: that is the correspondence traced through a deformation.
 
     Returns:
         Vertex ids of the target, shape (n,), int64; -1 where it lacks the place.
 
     Raises:
-        ValueError: If they are different garments and one has no canonical coordinates, or their categories differ.
+        ValueError: If they are different garments and one has no canonical coordinates, or their
+            categories differ.
     """
     vertices = np.asarray(vertices, dtype=np.int64)
     if source is target or source.header.garment_id == target.header.garment_id:
@@ -51,8 +53,9 @@ def find_vertices(source: GarmentData, vertices: np.ndarray, target: GarmentData
 def compute_places(garment: GarmentData) -> np.ndarray:
     """Place of each vertex on the garment as it lies flat, shape (V, 4), float32.
 
-    Position by the horizontal diagonal, and the side times 0.1: distances between rows are distances between places,
-    as shares of the diagonal. A left cuff is far from a right one, and the front from the back.
+    Position by the horizontal diagonal, and the side times 0.1: distances between rows are
+    distances between places, as shares of the diagonal. A left cuff is far from a right one, and
+    the front from the back.
     """
     flat = garment.states[0]
     side = garment.canonical[:, 2:] if garment.has_canonical else np.zeros((len(flat), 1))

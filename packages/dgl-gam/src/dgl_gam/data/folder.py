@@ -1,4 +1,4 @@
-"""A folder of garments: only headers in memory, arrays read when needed and forgotten when unused."""
+"""Folder of garments: headers in memory, arrays cached."""
 
 import itertools
 from collections import OrderedDict
@@ -30,11 +30,12 @@ class GarmentFolder:
             root: The folder; searched at any depth.
             categories: Only these categories; all when None.
             split: Only "train" or "test"; both when None.
-            cache_bytes: Memory that arrays may take [bytes]. The garment in use is held in any case.
+            cache_bytes: Memory that arrays may take [bytes]. The garment in use is held in any
+                case.
 
         Raises:
-            DataError: If the folder is missing, a file in it is not a garment's data, two have the same category and
-                id, or none is left by `categories` and `split`.
+            DataError: If the folder is missing, a file in it is not a garment's data, two have the
+                same category and id, or none is left by `categories` and `split`.
         """
         root = Path(root)
         if not root.is_dir():
@@ -81,7 +82,7 @@ class GarmentFolder:
         return self._held
 
     def get_indices(self, category: str) -> tuple[int, ...]:
-        """Indices of the garments of a category."""
+        """Find the garments of a category."""
         return tuple(i for i, h in enumerate(self.headers) if h.category == category)
 
     def load(self, index: int) -> GarmentData:

@@ -1,4 +1,4 @@
-"""The file of one garment: its states, and views of them whose every point knows its vertex."""
+"""File of one garment: its states, and views with the vertex of each point."""
 
 import json
 import re
@@ -56,13 +56,13 @@ _JSON: dict[str, Any] = {
 
 
 def get_state_kind(name: str) -> str:
-    """Kind of a state: its name without a trailing number; "dropped_3" is "dropped"."""
+    """Return the kind of a state: "dropped" for "dropped_3"."""
     return _NUMBERED.sub("", name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentHeader:
-    """What a garment's file says about itself; read without its arrays."""
+    """Header of a garment's file; read without its arrays."""
 
     path: Path
     """The file."""
@@ -96,13 +96,14 @@ class GarmentData:
     """A garment with its states and views. Lengths in metres, world frame z up."""
 
     header: GarmentHeader
-    """What the file says about itself."""
+    """Header of the file."""
     canonical: np.ndarray
-    """Coordinates of the place within the category, shape (V, 3), float32. Equal places have equal ones. The third is
-    the side: +1 front, -1 back, 0 on a seam of both. All NaN where the garment has none: only its own states correspond."""
+    """Canonical coordinates, shape (V, 3), float32: equal places of a category have equal ones. The
+    third is the side: +1 front, -1 back, 0 on a seam. All NaN if the garment has none: then only
+    its own states correspond."""
     states: np.ndarray
-    """Positions of the vertices in each state [m], shape (S, V, 3), float32. The first is flat, in the garment frame:
-    neck towards +y, left at -x."""
+    """Positions of the vertices in each state [m], shape (S, V, 3), float32. The first is flat, in
+    the garment frame: neck towards +y, left at -x."""
     faces: np.ndarray
     """Triangles, shape (F, 3), int32."""
     landmarks: np.ndarray
@@ -118,7 +119,7 @@ class GarmentData:
 
     @property
     def has_canonical(self) -> bool:
-        """Whether places of this garment can be found on others."""
+        """Return whether the garment has canonical coordinates."""
         return bool(np.isfinite(self.canonical).all())
 
     @property
@@ -127,7 +128,7 @@ class GarmentData:
         return float(np.linalg.norm(np.ptp(self.states[0, :, :2], axis=0)))
 
     def get_views(self, kind: str) -> np.ndarray:
-        """Indices of the views whose state is of this kind."""
+        """Find the views of a kind of state."""
         kinds = self.header.state_kinds
         return np.flatnonzero([kinds[s] == kind for s in self.view_state])
 
@@ -155,7 +156,8 @@ def _read_header(file: TensorFile) -> GarmentHeader:
     ):
         if len(values[name]) != shapes[tensor][axis]:
             raise DataError(
-                f"{path}: {name} must be a list of {shapes[tensor][axis]}, one for each of {tensor}; "
+                f"{path}: {name} must be a list of {shapes[tensor][axis]}, one for each of "
+                f"{tensor}; "
                 f"got {show(values[name])}"
             )
     for name in ("state_names", "landmark_names"):
@@ -183,7 +185,8 @@ def read_garment(path: Path) -> GarmentData:
     """Read and check a garment's file.
 
     Raises:
-        DataError: If the file is missing, damaged, of another format, or an index or a value in it is wrong.
+        DataError: If the file is missing, damaged, of another format, or an index or a value in it
+            is wrong.
     """
     with open_tensors(Path(path), what="a garment's data", error=DataError) as file:
         header = _read_header(file)
@@ -212,7 +215,7 @@ def write_garment(
     view_vertices: np.ndarray,
     view_state: np.ndarray,
 ) -> None:
-    """Write a garment's file: beside its place, checked by reading it back, then renamed.
+    """Write a garment's file whole, checked by reading it back.
 
     Args:
         path: The file, ending in .safetensors; its folder is made.
@@ -220,7 +223,8 @@ def write_garment(
         garment_id: Id within the data set.
         split: "train" or "test".
         seed: Seed that it was made from.
-        state_names: Kinds of the S states, numbered where there are several ("dropped_0"); "flat" first.
+        state_names: Kinds of the S states, numbered where there are several ("dropped_0"); "flat"
+            first.
         landmark_names: Names of the K landmarks.
         view_directions: Unit vectors towards the camera, shape (W, 3), world frame.
         generator_versions: Packages that made it, with versions.
@@ -313,7 +317,8 @@ def _check_shapes(
             expected = letter if isinstance(letter, int) else sizes.setdefault(letter, size)
             if size != expected:
                 raise DataError(
-                    f"{path}: {name} must have shape ({text}) with {letter} = {expected}; got {shape}"
+                    f"{path}: {name} must have shape ({text}) with {letter} = {expected}; got "
+                    f"{shape}"
                 )
     for letter in ("V", "S", "W", "F"):
         if sizes[letter] < 1:

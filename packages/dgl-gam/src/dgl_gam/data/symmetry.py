@@ -1,4 +1,4 @@
-"""Categories whose shape does not tell every place from every other one: which turns lead to places as good."""
+"""Symmetric categories and their equivalent rotations."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -11,8 +11,9 @@ from dgl_gam.data.garment_file import GarmentData
 __all__ = ["SYMMETRY", "find_turned"]
 
 SYMMETRY: Mapping[str, Literal["revolution"]] = {"Bowl_Hat": "revolution"}
-"""Symmetry by category. "revolution": nothing but a slight oval tells where the front is. The canonical coordinates are polar
-then, the distance along the profile from the top and the angle about the axis, and are turned about their origin."""
+"""Symmetry by category. "revolution": the front is hardly to be told. Canonical coordinates are
+then polar (distance along the profile from the top, angle about the axis) and are turned about
+their origin."""
 _CORNERS = 3  # vertices that a place between vertices is interpolated from
 
 
@@ -27,7 +28,8 @@ def find_turned(
         angles: Turns [rad], shape (A,).
 
     Returns:
-        Vertices around each place, shape (A, K, 3), int64, and their weights, which add up to 1, of the same shape.
+        Vertices around each place, shape (A, K, 3), int64, and their weights, which add up to 1, of
+        the same shape.
     """
     own = target.canonical[vertices].astype(np.float64)
     cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]

@@ -1,4 +1,4 @@
-"""Clouds that come with this package: two garments of each category, flat and in other states, none of them trained on."""
+"""Sample clouds: two test garments of each category, flat and in other states."""
 
 from pathlib import Path
 

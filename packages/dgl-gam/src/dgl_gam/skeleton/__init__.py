@@ -1,4 +1,4 @@
-"""Correspondence without canonical coordinates: key points learned from clouds alone, and garments registered by them."""
+"""Correspondence without canonical coordinates: learned key points and registration."""
 
 from dgl_gam.skeleton.dataset import SkeletonResult as SkeletonResult
 from dgl_gam.skeleton.dataset import measure_registration as measure_registration

@@ -19,7 +19,7 @@ __all__ = ["SkeletonResult", "measure_registration", "write_registered"]
 
 @dataclass(frozen=True, kw_only=True)
 class SkeletonResult:
-    """How well registered garments correspond, on pairs whose exact correspondence is known."""
+    """Errors of registered garments where the exact correspondence is known."""
 
     pairs: int
     """Pairs of garments."""
@@ -38,11 +38,11 @@ def write_registered(
     *,
     on_progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
-    """Write every garment of a folder again, its canonical coordinates replaced by those of the registration.
+    """Copy a folder of garments with canonical coordinates from the registration.
 
-    The template is the garment of the training split whose key points are nearest to the mean. A place's coordinates
-    are where it is carried to on the template, from its centre, by half of its diagonal, and the side that the mesh
-    faces: up is the front.
+    The template is the garment of the training split whose key points are nearest to the mean. A
+    place's coordinates are where it is carried to on the template, from its centre, by half of its
+    diagonal, and the side that the mesh faces: up is the front.
 
     Args:
         network: Finds key points.
@@ -99,7 +99,7 @@ def write_registered(
 def measure_registration(
     truth: GarmentFolder, registered: GarmentFolder, *, pairs: int, seed: int
 ) -> SkeletonResult:
-    """Compare the correspondence of registered garments with the exact one, on points seen lying flat.
+    """Compare registered with exact correspondence, on visible points of flat garments.
 
     Args:
         truth: Garments with exact canonical coordinates.
@@ -108,7 +108,8 @@ def measure_registration(
         seed: Of the pairs and points.
 
     Raises:
-        DataError: If a garment has no exact coordinates or no flat view, or the folders hold different garments.
+        DataError: If a garment has no exact coordinates or no flat view, or the folders hold
+            different garments.
     """
     names = [[h.garment_id for h in folder.headers] for folder in (truth, registered)]
     if names[0] != names[1]:

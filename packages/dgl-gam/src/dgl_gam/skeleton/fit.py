@@ -17,12 +17,12 @@ __all__ = ["SkeletonConfig", "find_key_points", "fit_skeleton"]
 
 @dataclass(frozen=True, kw_only=True)
 class SkeletonConfig:
-    """How key points are learned."""
+    """Settings of the learning of key points."""
 
     network: str = "small"
     """Preset of the network that gives points their features."""
     key_points: int = 12
-    """How many."""
+    """Number of key points."""
     samples: int = 10
     """Points on each line between two of them."""
     steps: int = 300
@@ -36,7 +36,7 @@ class SkeletonConfig:
     yaw: float = math.radians(10.0)
     """Largest turn of a cloud, either way [rad]."""
     seed: int = 0
-    """Of the weights and of everything drawn."""
+    """Seed of weights and of all random draws."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "clouds", "points"):
@@ -100,7 +100,7 @@ def fit_skeleton(
 
 
 def find_key_points(network: SkeletonMerger, cloud: np.ndarray, *, points: int = 512) -> np.ndarray:
-    """Find the key points of a cloud, shape (N, 3) [m]: shape (K, 3) [m], the mean over four choices of its points."""
+    """Find the key points of a cloud [m], shape (K, 3): the mean over four samplings."""
     rng = np.random.default_rng(0)
     drawn = torch.from_numpy(np.stack([_draw(cloud, points, rng) for _ in range(4)]))
     normal, mean, scale = center_clouds(drawn)

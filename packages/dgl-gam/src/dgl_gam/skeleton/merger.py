@@ -1,4 +1,4 @@
-"""Skeleton Merger: key points whose connecting lines, those that are switched on, must look like the cloud.
+"""Skeleton Merger: key points whose active connecting lines look like the cloud.
 
 Source: Shi, Xue, You and Lu 2021, Skeleton Merger: an Unsupervised Aligned Keypoint Detector, CVPR.
 """
@@ -54,7 +54,8 @@ class SkeletonMerger(nn.Module):
         """Find the key points of clouds, shape (B, N, 3), in the normalised frame.
 
         Returns:
-            Key points, shape (B, K, 3): each a mean of the cloud's points, and the features, shape (B, N, D).
+            Key points, shape (B, K, 3): each a mean of the cloud's points, and the features, shape
+            (B, N, D).
         """
         features = self.features(points)
         share = (self.score(features) * _SHARPNESS).softmax(dim=1)  # (B, N, K)
@@ -67,8 +68,8 @@ class SkeletonMerger(nn.Module):
             points: Clouds in the normalised frame, shape (B, N, 3).
 
         Returns:
-            Key points, shape (B, K, 3); points on the L = K (K - 1) / 2 lines, shape (B, L, samples, 3); and how
-            strongly each line is switched on, shape (B, L), in (0, 1).
+            Key points, shape (B, K, 3); points on the L = K (K - 1) / 2 lines, shape (B, L,
+            samples, 3); and how strongly each line is switched on, shape (B, L), in (0, 1).
         """
         keys, features = self.find(points)
         start, end = keys[:, self.first], keys[:, self.second]  # (B, L, 3)
@@ -82,8 +83,9 @@ class SkeletonMerger(nn.Module):
 def compute_composite_chamfer(points: Tensor, lines: Tensor, strength: Tensor) -> Tensor:
     """Compute the composite Chamfer distance between clouds and skeletons.
 
-    Fidelity: lines that are switched on must lie in the cloud. Coverage: each point of the cloud must be near lines
-    whose strengths add up to one, the nearest first; what is missing to one counts as the farthest line.
+    Fidelity: lines that are switched on must lie in the cloud. Coverage: each point of the cloud
+    must be near lines whose strengths add up to one, the nearest first; what is missing to one
+    counts as the farthest line.
 
     Args:
         points: Clouds, shape (B, N, 3).
@@ -94,8 +96,8 @@ def compute_composite_chamfer(points: Tensor, lines: Tensor, strength: Tensor) -
         Mean over the clouds.
 
     Source:
-        Shi et al. 2021, section on the composite Chamfer distance. A line's fidelity is weighted by its length here,
-        since lines have equally many points.
+        Shi et al. 2021, section on the composite Chamfer distance. A line's fidelity is weighted by
+        its length here, since lines have equally many points.
     """
     batch, count, samples, _ = lines.shape
     table = torch.cdist(lines.flatten(1, 2), points)  # (B, L * S, N)

@@ -1,4 +1,4 @@
-"""Dense correspondence from key points: a thin plate through them carries a garment onto a template."""
+"""Dense correspondence from key points by a thin-plate spline."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ Carry = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Template:
-    """What garments are carried onto."""
+    """Template onto which garments are carried."""
 
     cloud: np.ndarray
     """Its points from above [m], shape (N, 2)."""
@@ -46,8 +46,8 @@ def register(
         ValueError: If the numbers of key points differ.
 
     Limitations:
-        Only the key points count, not the outline. Moving the places on until the clouds cover each other was tried,
-        and made the correspondence worse: what is nearest is not the same place.
+        Only the key points count, not the outline. Moving the places on until the clouds cover each
+        other was tried, and made the correspondence worse: what is nearest is not the same place.
     """
     if keys.shape != template.keys.shape:
         raise ValueError(f"keys must have shape {template.keys.shape}; got {keys.shape}")
