@@ -35,8 +35,8 @@ def pair(make_flat_shirt, rng):
     """A pair whose annotation contradicts what any network would say: left and right swapped."""
     make, see = make_flat_shirt
     shirt = make(rng)
-    cloud = see(shirt["vertices"], shirt["faces"], rng, 300)[0].astype(np.float64)
-    points = cloud[np.argsort(cloud[:, 0])[[0, 20, -20, -1]]]
+    cloud = see(shirt["vertices"], shirt["faces"], rng, 150)[0].astype(np.float64)
+    points = cloud[np.argsort(cloud[:, 0])[[0, 10, -10, -1]]]
     mirrored = points * [-1, 1, 1]
     nearest = np.linalg.norm(cloud[None] - mirrored[:, None], axis=2).argmin(axis=1)
     return AnnotatedPair(
@@ -55,10 +55,10 @@ def test_a_few_annotated_pairs_are_learned_and_the_old_model_stays(model, pair):
     adapted = adapt(
         model,
         [shown],
-        AdaptConfig(steps=25, lr=3e-3, keep=0.1),
+        AdaptConfig(steps=15, lr=5e-3, keep=0.1),
         on_progress=lambda step, loss: losses.append(loss),
     )
-    assert np.mean(losses[-5:]) < 0.8 * losses[0]
+    assert np.mean(losses[-3:]) < 0.8 * losses[0]
     after = adapted.checkpoint.network.state_dict()
     for name, tensor in model.checkpoint.network.state_dict().items():
         assert torch.equal(tensor, before[name]), name
@@ -71,7 +71,7 @@ def test_a_few_annotated_pairs_are_learned_and_the_old_model_stays(model, pair):
 def test_staying_with_the_old_features_keeps_them(model, pair):
     results = []
     for keep in (0.0, 50.0):
-        adapted = adapt(model, [pair], AdaptConfig(steps=10, lr=2e-3, keep=keep))
+        adapted = adapt(model, [pair], AdaptConfig(steps=6, lr=2e-3, keep=keep))
         old, new = (m.encode([pair.source_cloud])[0].features for m in (model, adapted))
         results.append((old * new).sum(dim=1).mean().item())
     assert results[1] > results[0]

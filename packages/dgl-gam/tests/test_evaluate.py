@@ -9,19 +9,28 @@ import torch
 from dgl_gam import DataError, GarmentAffordanceModel, Matches
 from dgl_gam.card import format_card
 from dgl_gam.checkpoint import Checkpoint
-from dgl_gam.config import PRESETS
+from dgl_gam.config import GamLevelConfig, NetworkConfig, YawConfig
 from dgl_gam.data import GarmentFolder, write_garment
 from dgl_gam.evaluate import EvalConfig, _summarize, calibrate, evaluate, format_markdown
 from dgl_gam.network import GarmentNetwork
 from dgl_gam.trials import Trial, list_conditions, run_trial
 
-CONFIG = EvalConfig(pairs=3, points=10)
+CONFIG = EvalConfig(pairs=2, points=10)
+TINY = NetworkConfig(
+    levels=(GamLevelConfig(centres=32, radius=0.4, neighbours=8, widths=(16,)),),
+    up=((16,),),
+    attention_blocks=0,
+    attention_heads=1,
+    head_width=16,
+    features=16,
+    yaw=YawConfig(bins=16, rings=4, width=8),
+)
 
 
 @pytest.fixture(scope="module")
 def model():
     torch.manual_seed(0)
-    config = dataclasses.replace(PRESETS["small"], categories=("Shirt",))
+    config = dataclasses.replace(TINY, categories=("Shirt",))
     return GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
 
 
@@ -101,7 +110,7 @@ def test_a_round_hat_is_judged_by_one_turn_for_all_points(tmp_path, rng, monkeyp
         write_garment(path, garment_id=name, **make_disk(rng))
     hats = GarmentFolder(tmp_path)
     torch.manual_seed(0)
-    config = dataclasses.replace(PRESETS["small"], categories=("Bowl_Hat",))
+    config = dataclasses.replace(TINY, categories=("Bowl_Hat",))
     model = GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
     first = hats.load(0)
 
@@ -149,7 +158,7 @@ def test_a_category_with_a_symmetry_has_both_rows(tmp_path, rng, monkeypatch):
         path = tmp_path / f"{name}.safetensors"
         write_garment(path, garment_id=name, **make_disk(rng))
     torch.manual_seed(0)
-    config = dataclasses.replace(PRESETS["small"], categories=("Bowl_Hat",))
+    config = dataclasses.replace(TINY, categories=("Bowl_Hat",))
     model = GarmentAffordanceModel(Checkpoint(network=GarmentNetwork(config)))
     answer_with(monkeypatch, lambda points, cloud: np.zeros(len(points), np.int64))
     rows = evaluate({"Bowl_Hat": model}, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=4))
@@ -272,7 +281,7 @@ def test_several_categories_have_a_mean(tmp_path, shirt_fields):
             fields = shirt_fields(seed, category=category)
             write_garment(tmp_path / f"{category}{seed}.safetensors", **fields)
     torch.manual_seed(0)
-    config = dataclasses.replace(PRESETS["small"], categories=("Gown", "Shirt"))
+    config = dataclasses.replace(TINY, categories=("Gown", "Shirt"))
     shared = Checkpoint(network=GarmentNetwork(config))
     models = {name: GarmentAffordanceModel(shared, category=name) for name in config.categories}
     rows = evaluate(models, GarmentFolder(tmp_path), EvalConfig(pairs=1, points=5))
@@ -284,8 +293,8 @@ def test_several_categories_have_a_mean(tmp_path, shirt_fields):
 
 
 def test_calibration_is_fitted_to_the_folder(model, folder):
-    found = calibrate({"Shirt": model}, folder, EvalConfig(pairs=3, points=60))
-    assert found.samples > 300
+    found = calibrate({"Shirt": model}, folder, EvalConfig(pairs=2, points=60))
+    assert found.samples > 200
     assert model.with_calibration(found).checkpoint.calibration == found
 
 

@@ -31,7 +31,7 @@ TINY = NetworkConfig(
     features=32,
 )
 CONFIG = SkeletonConfig(
-    network="tiny", key_points=8, samples=6, steps=120, clouds=6, points=160, lr=3e-3
+    network="tiny", key_points=8, samples=6, steps=80, clouds=6, points=128, lr=3e-3
 )
 
 

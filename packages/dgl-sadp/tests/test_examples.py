@@ -1,4 +1,5 @@
 import importlib.util
+import re
 from pathlib import Path
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -31,3 +32,14 @@ def test_train_and_run(tmp_path):
     result = load("train_and_run").main(tmp_path, episodes=3, epochs=1, runs=1)
     assert 0.3 < result["before"] < 1.5  # From home to a sheet in front [m].
     assert 0.0 < result["after"] < 1.5  # After one epoch nothing is learned yet.
+
+
+def test_the_examples_of_the_readme_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    assert len(examples) == 2
+    for example in examples:
+        names: dict = {}
+        exec(example.replace("8, frames=16, points=512", "2, frames=6, points=64"), names)
+        assert names["targets"].shape == (4, 60)
