@@ -135,9 +135,8 @@ def test_another_ending_is_refused(tmp_path, policy):
         save_policy(tmp_path / "policy.pt", policy)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy):
+    for change, message in (
         ({"joints": 10**9}, r"joints should be less than or equal to 1024; got 1000000000"),
         ({"joints": True}, "joints should be a valid integer; got True"),
         ({"joints": 60.0}, r"joints should be a valid integer; got 60\.0"),
@@ -157,22 +156,19 @@ def test_another_ending_is_refused(tmp_path, policy):
         ({"environment": {"points": 10**9}}, r"points should be less than or equal to 65536"),
         ({"environment": {"points": 65536, "widths": [8192]}}, "points x the widest layer must"),
         ({"state": [[1]]}, r"state\[0\] should be a valid integer; got \[1\]"),
-    ],
-)
-def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy, change, message):
-    values = dataclasses.asdict(policy.config)
-    for key, value in change.items():
-        values[key] = {**values[key], **value} if isinstance(value, dict) else value
-    rewrite(path, values=json.dumps({"policy": values, "card": {}}))
-    with pytest.raises(CheckpointError, match=message) as caught:
-        load_policy(path)
-    assert str(caught.value).startswith(str(path))
-    assert "\n" not in str(caught.value)
+    ):
+        values = dataclasses.asdict(policy.config)
+        for key, value in change.items():
+            values[key] = {**values[key], **value} if isinstance(value, dict) else value
+        rewrite(path, values=json.dumps({"policy": values, "card": {}}))
+        with pytest.raises(CheckpointError, match=message) as caught:
+            load_policy(path)
+        assert str(caught.value).startswith(str(path))
+        assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy):
+    for text, message in (
         ("9" * 400, "joints should be less than or equal to 1024; got a whole number of 1329 bits"),
         ("1e999", "a number must be finite"),
         ("NaN", "a number must be finite"),
@@ -180,18 +176,15 @@ def test_a_card_beyond_the_bounds_is_refused_before_memory_is_taken(path, policy
         ('{"a":' * 40 + "1" + "}" * 40, "joints should be a valid integer; got {'a'"),
         ("true", "joints should be a valid integer; got True"),
         ('1, "a\\nb": 1e999', "a number must be finite"),
-    ],
-)
-def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy, text, message):
-    values = json.dumps({"policy": dataclasses.asdict(policy.config), "card": {}})
-    rewrite(path, values=values.replace('"joints": 60', f'"joints": {text}'))
-    with pytest.raises(CheckpointError, match=message):
-        load_policy(path)
+    ):
+        values = json.dumps({"policy": dataclasses.asdict(policy.config), "card": {}})
+        rewrite(path, values=values.replace('"joints": 60', f'"joints": {text}'))
+        with pytest.raises(CheckpointError, match=message):
+            load_policy(path)
 
 
-@pytest.mark.parametrize(
-    ("card", "message"),
-    [
+def test_a_card_of_wrong_types_is_refused(path, policy):
+    for card, message in (
         ({"stage": "1"}, r"card\.stage should be a valid integer; got '1'"),
         ({"stage": 0}, r"card\.stage should be greater than or equal to 1; got 0"),
         ({"tasks": "FoldTops-v1"}, r"card\.tasks should be a valid list"),
@@ -202,13 +195,11 @@ def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy, t
             {"training": {"with_approach": "no"}},
             "with_approach should be a valid boolean; got 'no'",
         ),
-    ],
-)
-def test_a_card_of_wrong_types_is_refused(path, policy, card, message):
-    save_policy(path, policy, card)
-    for read in (read_card, load_policy):
-        with pytest.raises(CheckpointError, match=message):
-            read(path)
+    ):
+        save_policy(path, policy, card)
+        for read in (read_card, load_policy):
+            with pytest.raises(CheckpointError, match=message):
+                read(path)
 
 
 def test_a_card_of_numbers_that_are_not_finite_is_not_written(tmp_path, policy):
