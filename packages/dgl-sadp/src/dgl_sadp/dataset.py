@@ -32,20 +32,18 @@ class EpisodeDataset:
     """All windows of one stage over a folder of episode files.
 
     A window is `horizon` consecutive frames of one episode. Its first `observation_steps` frames
-    are observed; of its actions, the `action_steps` from the last observed frame on are executed.
-    Windows begin up to `observation_steps - 1` frames before a stage and at most with its last
-    frame; beyond it the edge frame is repeated, so that a policy also learns the first steps, and
-    to stay where it has come to an end.
+    are observed; the `action_steps` actions from the last observed frame on are executed. Windows
+    begin up to `observation_steps - 1` frames before a stage and at most with its last frame, where
+    the edge frame is repeated: a policy also learns the first steps and to stay at the end.
 
-    Frames are read from disk when they are asked for; `keep_bytes` says how much of them may stay
-    in memory. What does not change within a stage is read once and kept (about 65 kB an episode).
-    It has the methods of a map-style PyTorch dataset and needs no PyTorch; it can be given to data
-    loaders with workers, since no file stays open.
+    Frames are read from disk when needed; `keep_bytes` of them stay in memory. Arrays that do not
+    change within a stage are read once and kept (about 65 kB an episode). The dataset is map-style
+    and works with PyTorch's data loaders and workers; it needs no PyTorch, and no file stays open.
 
     Attributes:
         episodes: The successful episodes, by file name.
         failed: Files of episodes that did not succeed; they are left out.
-        refused: What is wrong with the files that were left out because of `skip_corrupt`.
+        refused: Errors of the files that were left out because of `skip_corrupt`.
 
     Source:
         Horizons: DexGarmentLab's code, which repeats `action_steps - 1` frames after a stage.

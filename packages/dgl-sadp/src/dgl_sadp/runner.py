@@ -27,9 +27,9 @@ _SHAPES: Mapping[str, tuple[int | None, ...]] = {
 class PolicyRunner:
     """Runs one policy in one environment.
 
-    `reset` begins a stage, `act` gives the joint targets to execute. After each executed target
-    there is one new observation: `observe` takes all but the last of them, and the next `act` the
-    last. So the policy sees consecutive frames, each once, as in training:
+    `reset` begins a stage; `act` returns the joint targets to execute. Each executed target gives
+    one observation: `observe` takes all but the last, the next `act` takes the last. The policy
+    then sees consecutive frames, each once, as in training:
 
         runner.reset(observation)
         for _ in range(chunks):
@@ -39,8 +39,7 @@ class PolicyRunner:
             observation = execute(targets[-1])
 
     Observations are dictionaries of arrays with the keys of episode files, without a leading
-    dimension; keys that the policy does not observe are left alone. Clouds may have any number of
-    points.
+    dimension; other keys are ignored. Clouds may have any number of points.
     """
 
     def __init__(self, policy: DiffusionPolicy, *, seed: int = 0) -> None:
@@ -65,12 +64,12 @@ class PolicyRunner:
         return self.policy.config.action_steps
 
     def reset(self, observation: Mapping[str, np.ndarray], *, seed: int | None = None) -> None:
-        """Begin a stage: forget what was observed, and look at what stays the same in the stage.
+        """Begin a stage: forget past observations and encode the stage.
 
         Args:
             observation: `garment_point_cloud` [m], world frame, shape (N, 3);
                 `points_affordance_feature` in [0, 1], shape (N, 2); `object_point_cloud` [m], world
-                frame, shape (M, 3); as far as the policy observes them.
+                frame, shape (M, 3); those that the policy observes.
             seed: Of everything drawn until the next reset; the same seed and observations give the
                 same targets.
 
@@ -112,7 +111,7 @@ class PolicyRunner:
         Args:
             observation: `joint_state` [rad], shape (D,); `env_point_cloud` [m], world frame, with
                 colour in [0, 1], shape (N, 6), or (N, 3) for policies that see no colour; `image`,
-                shape (H, W, 3), uint8; as far as the policy observes them. At the start of a stage
+                shape (H, W, 3), uint8; those that the policy observes. At the start of a stage
                 it stands for the observations before it too, and says where the arms begin.
 
         Returns:

@@ -37,36 +37,33 @@ def train_policy(
 ) -> TrainResult:
     """Train a policy for one stage.
 
-    Files that are damaged or hold values that are not finite are left out, logged and listed in the
-    result.
+    Damaged episodes, episodes with values that are not finite, and copies of other episodes are
+    left out, logged and listed in the result.
 
-    On several devices each has a process of its own, with the same weights and its share of each
-    batch. What is drawn for a window depends on its place in the batch, so that the gradients, but
-    for their rounding, are those of one device. A script that does so needs `if __name__ ==
-    "__main__":`, since the processes import it. The calling process itself does not train. Where
-    `torchrun` or `accelerate launch` has started the processes, each calls this with their number
-    as `devices`; the first alone tells progress and writes.
+    Several devices have a process each, with the same weights and a share of each batch. Random
+    numbers depend on the window's place in the batch, so gradients are those of one device but for
+    rounding. A script that trains on several devices needs `if __name__ == "__main__":`, because
+    the processes import it. Under `torchrun` or `accelerate launch` each process calls this
+    function with their number as `devices`; only the first one reports progress and writes.
 
-    Ctrl-C ends the step in progress, or the one after it, saves, and raises `KeyboardInterrupt`; a
-    second one stops at once.
+    Ctrl-C finishes the present step or the next, saves, and raises `KeyboardInterrupt`; a second
+    Ctrl-C stops at once.
 
     Args:
         directory: Folder of episode files.
-        out: Folder of the run; made if missing. It holds `policy.safetensors` (the averaged
-            weights), `state.safetensors`, `config.json`, `logs` for TensorBoard and the policies
-            kept on the way.
-        policy: What is trained.
-        config: How it is trained.
+        out: Folder of the run; made if missing. It holds `policy.safetensors` (averaged weights),
+            `state.safetensors`, `config.json`, `logs` for TensorBoard, and kept policies.
+        policy: Configuration of the policy.
+        config: Settings of the training.
         stage: Number of the stage, from 1.
-        is_resumed: Whether to go on with the run in `out`. It ends as it would have without the
-            interruption, bitwise on a CPU with the same numbers of devices and threads.
+        is_resumed: Continue the run in `out`. It ends as without the interruption, bitwise on a
+            CPU with the same numbers of devices and threads.
         device: "cpu" or "cuda".
-        devices: How many divide each batch, which they must do without remainder: CUDA devices,
-            "auto" for all that there are, or processes on the CPU, among which torch's threads are
-            divided.
-        workers: Processes that read episodes beside each that trains.
-        keep_bytes: Memory for frames of episodes, in all processes [byte]; what does not fit is
-            read each time.
+        devices: Number of devices, which must divide the batch; "auto" for all CUDA devices. On
+            the CPU, number of processes, which share torch's threads.
+        workers: Reading processes for each training process.
+        keep_bytes: Memory for episodes, in all processes [byte]; other episodes are read again
+            each time.
         on_progress: Called after each step.
         stop_after: Save and stop after this step, as an interruption would.
 
@@ -74,9 +71,10 @@ def train_policy(
         ValueError: If an argument is out of range, or the episodes do not fit the policy.
         FileNotFoundError: If the folder holds no episode.
         FileExistsError: If `out` holds a run and `is_resumed` is false.
-        CheckpointError: If there is nothing to resume, or it was begun with something else.
+        EpisodeAccessError: If an episode is locked or may not be read.
+        CheckpointError: If there is no run to resume, or it was begun with other settings.
         TrainingDivergedError: If the loss is not finite.
-        TrainingProcessError: If the process of one of several devices ends without having said why.
+        TrainingProcessError: If a process ends without a message.
     """
     out = Path(out)
     count = _count_devices(device, devices)
