@@ -66,8 +66,8 @@ def test_lines_are_whole(tmp_path):
 
 
 def test_a_file_that_cannot_be_opened_now_is_told_from_a_damaged_one():
-    assert "may not be read" in str(describe_access_fault(PermissionError(13, "denied")))
-    assert "holds it open" in str(describe_access_fault(BlockingIOError(11, "unable to lock")))
+    assert "permission denied" in str(describe_access_fault(PermissionError(13, "denied")))
+    assert "has locked it" in str(describe_access_fault(BlockingIOError(11, "unable to lock")))
     assert "for writing" in str(describe_access_fault(OSError("file is already open for write")))
     for err in (OSError("truncated file"), FileNotFoundError(2, "none"), ValueError("no number")):
         assert describe_access_fault(err) is None

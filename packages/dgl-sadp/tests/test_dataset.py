@@ -166,7 +166,7 @@ def test_an_episode_that_another_process_holds_stops_the_reading(tmp_path, make_
     make_episode(tmp_path / "1.h5")
     with path.open("rb+") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*another process holds") as caught:
+        with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*another process has locked") as caught:
             EpisodeDataset(tmp_path, 1, skip_corrupt=True)
     assert "remove" not in str(caught.value)
     assert len(EpisodeDataset(tmp_path, 1).episodes) == 2
@@ -179,7 +179,7 @@ def test_an_episode_that_may_not_be_read_stops_the_reading(tmp_path, make_episod
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(h5py, "File", refuse)
-    with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*may not be read by this user"):
+    with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*permission denied"):
         EpisodeDataset(tmp_path, 1, skip_corrupt=True)
 
 

@@ -15,15 +15,15 @@ PARTIAL_MARK = ".partial"
 """Part of the name of every file that is still being written."""
 
 _ACCESS_FAULTS = {
-    errno.EACCES: "it may not be read by this user",
-    errno.EPERM: "it may not be read by this user",
-    errno.EAGAIN: "another process holds it open",
-    errno.ENOLCK: "its file system gives no locks",
-    errno.EMFILE: "too many files are open; raise `ulimit -n`",
-    errno.ENFILE: "too many files are open on this machine",
-    errno.EIO: "the disk cannot be read",
-    errno.ESTALE: "its file system has gone away",
-}
+    errno.EAGAIN: "another process has locked it",
+    **{
+        code: os.strerror(code).lower()
+        for code in (
+            errno.EACCES, errno.EPERM, errno.EBUSY, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
+            errno.EIO, errno.ESTALE, errno.ENOLCK, errno.ETIMEDOUT,
+        )
+    },
+}  # fmt: skip
 
 
 @contextmanager
@@ -107,13 +107,15 @@ def drop_unfinished_line(path: Path) -> None:
 
 
 def describe_access_fault(err: BaseException) -> str | None:
-    """Describe why a file could not be opened although it may be whole; None for other errors.
+    """Describe an error of the operating system that says nothing of a file's content.
 
-    Such a file is locked or open for writing by another process, or may not be read, or the process
-    or the disk cannot open files at present.
+    Such a file may be whole: it is locked, forbidden, or on a failing disk.
+
+    Returns:
+        The reason; None for other errors.
     """
     if "already open for write" in str(err):  # HDF5 gives no number for it.
-        return "another process has it open for writing, or was ended while it had"
+        return "another process has it open for writing, or was killed while it had"
     return _ACCESS_FAULTS.get(err.errno or 0) if isinstance(err, OSError) else None
 
 

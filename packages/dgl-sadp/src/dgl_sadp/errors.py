@@ -53,7 +53,7 @@ class EpisodeAccessError(SadpError):
     """A file cannot be opened now, though it may be whole: locked, or not readable."""
 
     def __init__(self, path: Path, reason: str) -> None:
-        super().__init__(f"{path} cannot be opened: {reason}")
+        super().__init__(f"{path} cannot be read now: {reason}")
         self.path = path
         self.reason = reason
 
