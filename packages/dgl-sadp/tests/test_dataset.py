@@ -166,7 +166,9 @@ def test_an_episode_that_another_process_holds_stops_the_reading(tmp_path, make_
     make_episode(tmp_path / "1.h5")
     with path.open("rb+") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(EpisodeAccessError, match=r"0\.h5 .*another process has locked") as caught:
+        with pytest.raises(
+            EpisodeAccessError, match=r"0\.h5 .*another process has locked"
+        ) as caught:
             EpisodeDataset(tmp_path, 1, skip_corrupt=True)
     assert "remove" not in str(caught.value)
     assert len(EpisodeDataset(tmp_path, 1).episodes) == 2

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dgl_collect.errors import FileUnavailableError, MachineError, OutputFolderError
+from dgl_files.whole import describe_access_fault
 
 FULL_BYTES = 1_000_000
 """A disk with less room than this [bytes] counts as full."""
@@ -20,16 +21,6 @@ _DISK_FAULTS = {
     errno.EROFS: "the disk can only be read",
     errno.EIO: "the disk cannot be read or written",
 }
-_UNAVAILABLE = {
-    errno.EAGAIN: "another process has locked it",
-    **{
-        code: os.strerror(code).lower()
-        for code in (
-            errno.EACCES, errno.EPERM, errno.EBUSY, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
-            errno.EIO, errno.ESTALE, errno.ENOLCK, errno.ETIMEDOUT,
-        )
-    },
-}  # fmt: skip
 
 
 @contextmanager
@@ -43,8 +34,7 @@ def unavailable_told(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as err:
-        if err.errno in _UNAVAILABLE:
-            reason = _UNAVAILABLE[err.errno]
+        if reason := describe_access_fault(err):
             raise FileUnavailableError(f"{path} cannot be read now: {reason}") from err
         raise
 
