@@ -257,8 +257,8 @@ def test_clouds_in_which_nothing_can_be_found_are_refused_before_the_model_is_lo
         header = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 3)}
         np.lib.format.write_array_header_1_0(file, header)
     for name, array, message in (
-        ("none.npy", np.zeros((0, 3)), "must have at least 16 points; got 0"),
-        ("one.npy", np.ones((1, 3)), "must have at least 16 points; got 1"),
+        ("none.npy", np.zeros((0, 3)), "must have 16 to 2097152 points; got 0"),
+        ("one.npy", np.ones((1, 3)), "must have 16 to 2097152 points; got 1"),
         ("nan.npy", points, "must have finite coordinates; got 1 point(s) that have not, first 3"),
         ("declared.npy", None, "declared.npy"),
         ("many.npy", np.zeros((1_000_001, 3), np.int8), "at most 1,000,000 points; got 1,000,001"),

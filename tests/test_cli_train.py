@@ -1,13 +1,29 @@
 """The verbs `train sadp`, `sadp-g`, `dp3` and `dp`, on made-up episodes."""
 
+import dataclasses
 import json
 
 import h5py
 import pytest
 
+import dgl_sadp
 from dexgarmentlab.cli import main
 from dgl_sadp import DiffusionPolicy, get_policy_config, load_policy, read_card, save_policy
+from dgl_sadp.config import UNetConfig
 from dgl_sadp.synthetic import write_synthetic_episodes
+
+
+@pytest.fixture(autouse=True)
+def _few_channels(monkeypatch):
+    """Give the presets' U-Nets a few channels, and few denoising steps: they train in a second."""
+
+    def make(method, size="small"):
+        config = get_policy_config(method, size)
+        diffusion = dataclasses.replace(config.diffusion, inference_steps=2)
+        unet = UNetConfig(widths=(16, 32), step_embedding=8)
+        return dataclasses.replace(config, unet=unet, diffusion=diffusion)
+
+    monkeypatch.setattr(dgl_sadp, "get_policy_config", make)
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_values_that_are_not_finite_are_refused_by_name_and_the_rest_goes_on(
     tmp_path, make_episode, key, value
 ):
     for number in range(3):
-        make_episode(tmp_path / f"{number}.h5")
+        make_episode(tmp_path / f"{number}.h5", offset=number)
     with h5py.File(tmp_path / "1.h5", "a") as file:
         file[f"stage_1/{key}"][3, 1] = value
     measured = measure_episodes(EpisodeDataset(tmp_path, 1), ["action", "garment_point_cloud"])
