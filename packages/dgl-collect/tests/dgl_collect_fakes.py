@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dgl_collect import AttemptResult, Criterion, Episode, StageRecord, save_png, write_episode
+from dgl_tasks.errors import PolicyError
 
 FACTORY = "dgl_collect_fakes:make_runner"
 
@@ -80,6 +81,8 @@ class FakeRunner:
             hang()
         if attempt_index in self.options.get("raise_at", ()):
             raise RuntimeError("the cloth exploded")
+        if attempt_index in self.options.get("give_wrong_actions_at", ()):
+            raise PolicyError("actions must have shape (N, 60); got (1, 59)")
         if attempt_index in self.options.get("exit_at", ()):
             end_worker(3)
         if self._is_first("die_once_at", attempt_index):

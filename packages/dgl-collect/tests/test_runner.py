@@ -385,6 +385,15 @@ def test_an_environment_that_cannot_be_built_ends_the_run(run, tmp_path):
         )
 
 
+def test_a_policy_of_the_wrong_form_ends_the_run_and_keeps_the_results(run, tmp_path):
+    """Every further attempt would fail alike."""
+    with pytest.raises(
+        WorkerError, match=r"-00002: actions must have shape \(N, 60\); got \(1, 59\)"
+    ):
+        run(episodes=9, options={"give_wrong_actions_at": [2]})
+    assert [result.index for result in results_of(tmp_path / "out")] == [0, 1]
+
+
 def test_a_script_without_a_guard_is_told_what_it_needs(tmp_path, fakes):
     script = tmp_path / "mine.py"
     script.write_text(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dgl_tasks.errors import PolicyError
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.policy import FromStart, Method, Nothing, ObservingPolicy, Policy
 
@@ -75,7 +76,7 @@ def test_what_is_no_action_is_refused(world):
         def act(self, observation):
             return np.zeros((1, 59))
 
-    with pytest.raises(ValueError, match=r"actions must have shape \(N, 60\); got \(1, 59\)"):
+    with pytest.raises(PolicyError, match=r"actions must have shape \(N, 60\); got \(1, 59\)"):
         run(world, Wrong(), 1)
 
 

@@ -46,6 +46,12 @@ class RobotFilesError(OSError):
         return str(self.args[0])
 
 
+class PolicyError(ValueError):
+    """A policy gave actions of another form: no failed attempt, since each one would fail alike."""
+
+    ends_run = True
+
+
 class UnreachableError(TaskError):
     """An arm has no joint configuration for a wanted pose, or none on its present branch.
 

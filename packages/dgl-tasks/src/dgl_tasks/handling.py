@@ -9,7 +9,7 @@ import numpy as np
 
 from dgl_assets.robots import SIDES, Side
 from dgl_tasks.control import get_joint_limits, interpolate_action
-from dgl_tasks.errors import PerceptionError, UnreachableError
+from dgl_tasks.errors import PerceptionError, PolicyError, UnreachableError
 from dgl_tasks.grasps import point_along_fingers, roll_thumb_down, wrist_to_grasp
 from dgl_tasks.inputs import ActionBounds
 from dgl_tasks.messages import Command, Mark, Message, Part, TakePictures
@@ -225,14 +225,14 @@ class Handling:
         They are clipped to the joint limits, which is logged once.
 
         Raises:
-            ValueError: If the shape is another one, or a number is not finite.
+            PolicyError: If the shape is another one, or a number is not finite.
         """
         actions = np.asarray(actions, dtype=float)
         wanted = self.motion.robot.dof
         if actions.ndim != 2 or actions.shape[1] != wanted:
-            raise ValueError(f"actions must have shape (N, {wanted}); got {actions.shape}")
+            raise PolicyError(f"actions must have shape (N, {wanted}); got {actions.shape}")
         if not np.isfinite(actions).all():
-            raise ValueError("actions must be finite; got some that are not")
+            raise PolicyError("actions must be finite; got some that are not")
         actions = self._bounds.clip(actions.astype(np.float32)).astype(float)  # as commands are
         for action in actions:
             yield from self.send(interpolate_action(self.motion.target, action), recorded=recorded)

@@ -19,7 +19,6 @@ from dgl_collect.files import describe_full_disk
 from dgl_collect.results import package_versions
 from dgl_collect.workers.engine import Engine, Worker, Workers
 from dgl_collect.workers.jobs import (
-    BuildFailed,
     Failure,
     Finished,
     Job,
@@ -28,6 +27,7 @@ from dgl_collect.workers.jobs import (
     MachineFault,
     Message,
     Ready,
+    RunEnded,
     Started,
     Work,
 )
@@ -216,10 +216,10 @@ class Dispatcher:
                 post.is_ready = True
                 self.machines.add(machine)
                 self._on_change()
-            case BuildFailed(reason=reason):
+            case RunEnded(reason=reason):
                 log = self._folder / post.log
                 where = f" (see {log})" if log.is_file() else ""
-                raise WorkerError(f"the environment cannot be built: {reason}{where}")
+                raise WorkerError(f"{reason}{where}")
             case MachineFault(reason=reason):
                 where = f"on {post.host}" if post.host else f"at work in {self._folder}"
                 raise MachineError(f"{reason}, {where}")

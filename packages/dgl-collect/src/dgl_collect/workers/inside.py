@@ -11,7 +11,6 @@ from pathlib import Path
 from dgl_collect.files import describe_disk_fault
 from dgl_collect.results import package_versions
 from dgl_collect.workers.jobs import (
-    BuildFailed,
     Failure,
     Finished,
     Job,
@@ -19,6 +18,7 @@ from dgl_collect.workers.jobs import (
     Lost,
     MachineFault,
     Ready,
+    RunEnded,
     Work,
     describe_machine,
     load_callable,
@@ -35,7 +35,7 @@ class Workbench:
         self._factory: Callable[..., JobRunner] | None = None
         self._runner: JobRunner | None = None
 
-    def build(self) -> Ready | BuildFailed | MachineFault:
+    def build(self) -> Ready | RunEnded | MachineFault:
         """Make the job runner."""
         try:
             # Modules hold a million objects that live as long as the process. The garbage collector
@@ -51,10 +51,10 @@ class Workbench:
             logger.exception("the job runner cannot be built")
             if fault := describe_disk_fault(err):
                 return MachineFault(reason=fault)
-            return BuildFailed(reason=f"{type(err).__name__}: {err}")
+            return RunEnded(reason=f"the environment cannot be built: {type(err).__name__}: {err}")
         return Ready(machine=describe_machine(), versions=package_versions())
 
-    def do(self, job: Job, out_dir: Path) -> Finished | MachineFault | Lost:
+    def do(self, job: Job, out_dir: Path) -> Finished | RunEnded | MachineFault | Lost:
         """Do a job; `Lost` means that this process is not fit for another one."""
         logger.info("%s", job.name)
         started = time.monotonic()
@@ -71,6 +71,8 @@ class Workbench:
                 return Lost(how="out of memory")
             if fault := describe_disk_fault(err):
                 return MachineFault(reason=fault)
+            if getattr(err, "ends_run", False):
+                return RunEnded(reason=f"{job.name}: {err}")
             self.close()  # its state is unknown: the next job gets a new one
             failure = Failure(reason=f"exception: {type(err).__name__}", detail=str(err))
         return Finished(result=result, failure=failure, seconds=time.monotonic() - started)

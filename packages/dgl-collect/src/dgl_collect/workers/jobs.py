@@ -95,8 +95,8 @@ class Ready:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildFailed:
-    """A worker could not build its job runner."""
+class RunEnded:
+    """A fault that every worker and job would meet, as of a job runner that cannot be built."""
 
     reason: str
 
@@ -127,7 +127,7 @@ class Lost:
     """Its machine is gone too."""
 
 
-Message = Started | Ready | BuildFailed | Finished | MachineFault | Lost
+Message = Started | Ready | RunEnded | Finished | MachineFault | Lost
 
 
 def load_callable(dotted_path: str) -> Callable[..., Any]:

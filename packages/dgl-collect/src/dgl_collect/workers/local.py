@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dgl_collect.workers.engine import Worker
 from dgl_collect.workers.inside import Workbench
-from dgl_collect.workers.jobs import BuildFailed, Job, Lost, Message, Work
+from dgl_collect.workers.jobs import Job, Lost, Message, RunEnded, Work
 
 logger = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class LocalWorker:
         except (EOFError, OSError):
             how = self._describe_exit()
             if self._process.exitcode == UNGUARDED:
-                return BuildFailed(
+                return RunEnded(
                     reason="workers import the script that starts them: put its calls under "
                     "`if __name__ == '__main__':`"
                 )
@@ -145,7 +145,7 @@ def _work(work: Work, log_path: Path, channel: Connection) -> None:
     bench = Workbench(work)
     message = bench.build()
     channel.send(message)
-    if isinstance(message, BuildFailed):
+    if isinstance(message, RunEnded):
         return
     while (task := channel.recv()) is not None:
         job, out_dir = task
