@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.flags import Flags, WorkerFlags, tell_command, told_how_to_continue
+from dexgarmentlab.cli.flags import (
+    Flags,
+    WorkerFlags,
+    find_task,
+    tell_command,
+    told_how_to_continue,
+)
 from dgl_collect.options import RecordOptions, RunOptions
 
 if TYPE_CHECKING:
@@ -42,7 +48,7 @@ class CollectOptions:
     """
 
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
-    """Task, such as FoldTops-v1."""
+    """The task: an id such as FoldTops-v1, or a file or module of your own that declares one."""
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
     episodes: int = 10
@@ -85,7 +91,6 @@ def prepare_run(options: O, task: "Task") -> O:
 def run(options: CollectOptions) -> int:
     """Collect, write the report, and say how many attempts succeeded."""
     from dgl_collect import CollectConfig
-    from dgl_tasks import load_task
 
     command = tell_command("collect", options)
     config = CollectConfig(
@@ -95,7 +100,7 @@ def run(options: CollectOptions) -> int:
         workers=options.workers.make(),
         out=options.out,
         resume=options.resume,
-        options=prepare_run(options.run, load_task(options.task)),
+        options=prepare_run(options.run, find_task(options.task)),
         command=command + (" --resume" if options.resume else ""),
     )
     with told_how_to_continue(command):
@@ -129,10 +134,9 @@ def collect_with_progress(
     """
     from dexgarmentlab.reports.collection import write_report
     from dgl_collect import WorkerError, collect
-    from dgl_tasks import load_task
     from dgl_tasks.scene_check import check_scene
 
-    check_scene(load_task(config.task))  # before there is a folder
+    check_scene(find_task(config.task))  # before there is a folder
     shown = 0
     with console.progress(f"collecting {config.task}", config.episodes) as bar:
 

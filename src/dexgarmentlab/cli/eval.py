@@ -1,6 +1,5 @@
 """Verb `dgl eval`."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -10,7 +9,13 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import describe_failures, format_duration, prepare_run
-from dexgarmentlab.cli.flags import Flags, WorkerFlags, tell_command, told_how_to_continue
+from dexgarmentlab.cli.flags import (
+    Flags,
+    WorkerFlags,
+    find_task,
+    tell_command,
+    told_how_to_continue,
+)
 from dgl_collect.evaluation.options import EvaluationOptions
 
 if TYPE_CHECKING:
@@ -37,7 +42,7 @@ class EvalOptions:
     """
 
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
-    """Task, such as FoldTops-v1."""
+    """The task: an id such as FoldTops-v1, or a file or module of your own that declares one."""
     run: Flags[EvaluationOptions]
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
@@ -80,12 +85,9 @@ def run(options: EvalOptions) -> int:
     from dgl_collect.results import ATTEMPTS_FILE, read_results
     from dgl_collect.run_folder import RUN_FILE
     from dgl_files.whole import write_json
-    from dgl_tasks import load_task
 
     seeds = parse_seeds(options.seeds)
-    task, policy = load_task(options.task), options.run.policy
-    if ":" in policy and (here := str(Path.cwd())) not in sys.path:
-        sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
+    task, policy = find_task(options.task), options.run.policy
     check_method(task, options.run, METHODS)
     if (options.out / RUN_FILE).exists():
         raise ValueError(
@@ -158,11 +160,9 @@ def _configure(
 
 
 def _asked(options: EvalOptions, command: str) -> dict[str, object]:
-    from dgl_tasks import load_task
-
     asked = {item.name: getattr(options.run, item.name) for item in fields(options.run)}
     return {
-        "task": load_task(options.task).id,
+        "task": find_task(options.task).id,
         **{name: str(v) if isinstance(v, Path) else v for name, v in asked.items()},
         "episodes": options.episodes,
         "seeds": list(parse_seeds(options.seeds)),

@@ -2,17 +2,20 @@
 
 import dataclasses
 import shlex
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import tyro  # noqa: TID253 - the command line imports it anyway
 
 if TYPE_CHECKING:
     from dgl_collect.workers import Workers
+    from dgl_tasks.declaration import Task
 
-__all__ = ["Flags", "WorkerFlags", "tell_command", "told_how_to_continue"]
+__all__ = ["Flags", "WorkerFlags", "find_task", "tell_command", "told_how_to_continue"]
 
 T = TypeVar("T")
 Flags = Annotated[T, tyro.conf.arg(name="")]
@@ -81,6 +84,15 @@ def _split_words(options: Any) -> tuple[list[object], list[object]]:
 
 def _listed(value: object) -> list[object]:
     return [*value] if isinstance(value, tuple) else [value]
+
+
+def find_task(source: str) -> "Task":
+    """Find a task by id, file or module, and make its id known in this process."""
+    from dgl_tasks import load_task
+
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
+    return load_task(source)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
+from dexgarmentlab.cli.flags import find_task
 
 if TYPE_CHECKING:
     from dgl_collect.relabel import Relabelling
@@ -35,22 +36,25 @@ class RelabelOptions:
     within: float = 0.15
     """Farthest that a matched point may be from where the hand took hold [m]."""
     task: str | None = None
-    """Python file or module of the task, for episodes of a task of your own."""
+    """File or module that declares the task, where it is one of your own."""
+    demonstration: Path | None = None
+    """A demonstration of your own (JSON); the one that belongs to the task when not given."""
     json: bool = False
     """Write the result as JSON."""
 
 
 def run(options: RelabelOptions) -> int:
     """Relabel, and say what was left out."""
+    from dgl_collect import RunOptions
     from dgl_collect.relabel import Relabeller, relabel_episodes
-    from dgl_tasks import load_task
 
     paths = sorted(options.data.glob("*.h5"))
     if not paths:
         raise ValueError(f"no episodes (*.h5) in {options.data}")
     if options.task is not None:
-        load_task(options.task)  # makes its id known
-    relabeller = Relabeller(_find_task(paths), weights=options.weights)
+        find_task(options.task)
+    run_options = RunOptions(demonstration=options.demonstration)
+    relabeller = Relabeller(_read_task(paths), run_options, weights=options.weights)
     with console.progress("relabelling", len(paths)) as bar:
         result = relabel_episodes(
             paths, options.out, relabeller, within=options.within, on_file=lambda _: bar.advance()
@@ -69,7 +73,7 @@ def run(options: RelabelOptions) -> int:
     return EXIT_OK if result.written or result.kept else EXIT_FAILURE
 
 
-def _find_task(paths: list[Path]) -> str:
+def _read_task(paths: list[Path]) -> str:
     """Read the task of the first episode that can be read."""
     from dgl_collect import CorruptEpisodeError, read_episode
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
+from dexgarmentlab.cli.flags import find_task
 
 if TYPE_CHECKING:
     from dgl_collect.replay import Replay
@@ -34,10 +35,10 @@ class ReplayOptions:
     and the rule's value; above 0, pictures and clouds are not looked at."""
     video: Path | None = None
     """File .mp4 to write a film of the replay to."""
+    task: str | None = None
+    """File or module that declares the task, where it is one of your own."""
     robots: Path | None = None
     """Folder of imported robots, for episodes of a robot that is not built in."""
-    task: str | None = None
-    """Python file or module of the task, for episodes of a task of your own."""
     json: bool = False
     """Write the comparison as JSON."""
 
@@ -46,14 +47,13 @@ def run(options: ReplayOptions) -> int:
     """Replay, and say how far what came is from what was recorded."""
     from dgl_collect import RunOptions, VideoWriter, read_episode
     from dgl_collect.replay import replay_episode
-    from dgl_tasks import load_task
 
     if not 0 <= options.tolerance < math.inf:
         raise ValueError(
             f"--tolerance must be a finite number of at least 0; got {options.tolerance:g}"
         )
     if options.task is not None:
-        load_task(options.task)  # makes its id known
+        find_task(options.task)
     episode = read_episode(options.episode)
     steps = None if episode.commands is None else len(episode.commands)
     with ExitStack() as stack:

@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.flags import find_task
 
 if TYPE_CHECKING:
     from dgl_tasks.declaration import Task
@@ -21,15 +24,17 @@ class TasksOptions:
     Example: dgl tasks --json
     """
 
+    sources: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="TASK")] = ()
+    """Ids, or files or modules of your own that declare a task; all known tasks when not given."""
     json: bool = False
     """Write the result as JSON."""
 
 
 def run(options: TasksOptions) -> int:
     """Write every task with what its declaration says."""
-    from dgl_tasks import get_task, task_ids
+    from dgl_tasks import task_ids
 
-    tasks = [describe_task(get_task(task_id)) for task_id in task_ids()]
+    tasks = [describe_task(find_task(source)) for source in options.sources or task_ids()]
     if options.json:
         console.out_json({"tasks": tasks})
     else:
@@ -46,7 +51,7 @@ def describe_task(task: "Task") -> dict[str, Any]:
 
     stages, lacks = (), None
     try:
-        stages = load_demonstration(task.id).stages
+        stages = load_demonstration(task).stages
     except DemonstrationError as err:  # of a task that is being added
         lacks = str(err)
     return {

@@ -17,7 +17,7 @@ from dgl_bench.collect.rows import (
 from dgl_bench.collect.timed import FACTORY, AttemptTimes, TimedOptions
 from dgl_bench.rows import Row
 from dgl_collect import AttemptResult, CollectConfig, Progress, Workers, collect
-from dgl_tasks.tasks import get_task
+from dgl_tasks import load_task
 
 __all__ = ["Plan", "make_attempts", "measure_collection"]
 
@@ -38,7 +38,7 @@ class Plan:
     """
 
     tasks: tuple[str, ...] = TASKS
-    """Environment ids; several workers are tried at the first one."""
+    """Tasks, by id, file or module; several workers are tried at the first one."""
     attempts: int | None = None
     """Attempts at each task, at least 1; six, and one at Fling Tops, when None."""
     seed: int = 0
@@ -57,7 +57,7 @@ class Plan:
         if not self.tasks:
             raise ValueError("tasks must name at least one task; got none")
         for task in self.tasks:
-            get_task(task)
+            load_task(task)
 
     def count_attempts(self, task: str) -> int:
         """Tell how many attempts are made at a task."""

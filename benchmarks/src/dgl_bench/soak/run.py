@@ -11,7 +11,7 @@ import numpy as np
 
 from dgl_bench.soak.spell import Spell, SpellRequest
 from dgl_collect.workers import Dispatcher, Job, Work, Workers
-from dgl_tasks.tasks import get_task, task_ids
+from dgl_tasks import load_task, task_ids
 
 __all__ = ["SoakConfig", "list_requests", "soak"]
 
@@ -39,7 +39,7 @@ class SoakConfig:
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}; got {getattr(self, name)}")
         for task in self.tasks:
-            get_task(task)
+            load_task(task)
 
 
 def list_requests(config: SoakConfig) -> list[SpellRequest]:

@@ -9,6 +9,7 @@ import numpy as np
 from dgl_assets.robots import SIDES
 from dgl_bench.process_memory import measure_process_memory
 from dgl_physics import ContactOverflowError, PhysicsError
+from dgl_tasks import load_task
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.robot import BimanualUR10eShadow
 
@@ -104,10 +105,11 @@ class Spells:
         self._env = None
 
     def _get_env(self, task: str) -> GarmentEnv:
-        if self._env is None or self._env.task.id != task:
+        declared = load_task(task)
+        if self._env is None or self._env.task.id != declared.id:
             self.close()
             self._env = GarmentEnv(
-                task=task,
+                task=declared,
                 obs_mode="none",
                 reward_mode="normalized_dense",
                 sim_backend="physx_cpu",

@@ -28,6 +28,7 @@ from dgl_collect.workers import (
     stop_signals,
 )
 from dgl_tasks import load_task
+from dgl_tasks.declaration import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +40,7 @@ class CollectConfig:
     """
 
     task: str
-    """Environment id, or Python file or module of a task; see `dgl_tasks.load_task`."""
+    """Environment id, such as `FoldTops-v1`, or a task of your own; see `dgl_tasks.load_task`."""
     episodes: int
     """Attempts to make, at least 1; how many of them succeed is a result."""
     out: Path
@@ -70,11 +71,10 @@ class CollectConfig:
         except (TypeError, ValueError) as err:
             raise ValueError(f"options must be JSON-ready; {err}") from err
 
-    @property
-    def identity(self) -> dict[str, object]:
-        """Values that must be equal for a run to be continued."""
+    def make_identity(self, task: Task) -> dict[str, object]:
+        """Return the values that must be equal for a run to be continued."""
         return {
-            "task": load_task(self.task).id,
+            "task": task.id,
             "seed": self.seed,
             "attempt_factory": self.attempt_factory,
             "options": json.loads(json.dumps(self._plain_options)),
@@ -149,10 +149,13 @@ def collect(
         MachineError: If a disk is full or fails. The summary is written if there is room.
     """
     end_unguarded_import()
-    load_task(config.task)
+    task = load_task(config.task)
     check_workers(config.workers)
     folder = RunFolder(
-        config.out, identity=config.identity, resume=config.resume, command=config.command
+        config.out,
+        identity=config.make_identity(task),
+        resume=config.resume,
+        command=config.command,
     )
     began = time.monotonic()
     with folder, stop_signals() as stop:
@@ -174,11 +177,15 @@ def collect(
                 )
 
         dispatcher = Dispatcher(
-            (_make_job(config, index) for index in range(config.episodes) if index not in done),
+            (
+                _make_job(task.id, config.seed, index)
+                for index in range(config.episodes)
+                if index not in done
+            ),
             work=Work(
                 factory="dgl_collect.attempt_jobs:AttemptJobs",
                 arguments={
-                    "task": config.task,
+                    "task": locate_task(config.task),
                     "attempt_factory": config.attempt_factory,
                     "options": config.options,
                     "has_episodes": config.has_episodes,
@@ -202,9 +209,14 @@ def collect(
         return folder.write_summary(requested=config.episodes, status=status)
 
 
-def _make_job(config: CollectConfig, index: int) -> Job:
-    episode_id = make_episode_id(load_task(config.task).id, config.seed, index)
-    seed = make_attempt_seed(config.seed, index)
+def locate_task(source: str) -> str:
+    """Make the path of a task's file absolute, for workers in another folder; keep other sources."""
+    return str(Path(source).absolute()) if source.endswith(".py") else source
+
+
+def _make_job(task_id: str, run_seed: int, index: int) -> Job:
+    episode_id = make_episode_id(task_id, run_seed, index)
+    seed = make_attempt_seed(run_seed, index)
     request = AttemptRequest(index=index, seed=seed, episode_id=episode_id)
     return Job(name=episode_id, request=request)
 

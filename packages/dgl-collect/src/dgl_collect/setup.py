@@ -97,7 +97,7 @@ def make_setup(
     """Build the environment of a task, and everything that carrying out its demonstration needs.
 
     Args:
-        task: Environment id, or a declaration of one's own.
+        task: Environment id, file or module of a task of one's own, or a declaration.
         options: Those of the run; the defaults when None.
         demonstration: Of that task; the one that the options or the task name when None.
     """
