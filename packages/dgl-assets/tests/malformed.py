@@ -147,7 +147,8 @@ def changed(change: Callable[[np.ndarray, np.ndarray], tuple], name: str) -> Cas
             data = b"\0" * 80 + struct.pack("<I", len(faces)) + record.tobytes()
             return written(name, data)(folder)
         head = (
-            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
+            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float "
+            "x\n"
             f"property float y\nproperty float z\nelement face {len(faces)}\n"
             "property list uchar int vertex_indices\nend_header\n"
         )

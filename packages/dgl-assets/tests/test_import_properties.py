@@ -67,8 +67,10 @@ def write_obj(vertices, faces):
 
 def write_ply(vertices, faces):
     head = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty float "
+        "x\nproperty float y\n"
+        f"property float z\nelement face {len(faces)}\nproperty list uchar int "
+        "vertex_indices\nend_header\n"
     )
     record = np.zeros(len(faces), dtype=[("n", "u1"), ("i", "<i4", 3)])
     record["n"], record["i"] = 3, faces

@@ -117,7 +117,8 @@ def test_a_rod_without_thickness_gets_some(tmp_path):
     link = next(link for link in robot.links if link.name == "thumb_2")
     assert np.linalg.eigvalsh(link.inertia) == pytest.approx([THIN * 1e-5, 1e-5, 1e-5])
     assert notes == [
-        "links whose inertia has no thickness in the file get 0.001 of their largest moment: thumb_2"
+        "links whose inertia has no thickness in the file get 0.001 of their largest moment: "
+        "thumb_2"
     ]
 
 

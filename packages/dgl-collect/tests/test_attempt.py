@@ -177,9 +177,11 @@ def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path, monk
     monkeypatch.setattr(runner.env, "_task", dataclasses.replace(task, material=material))
     result = run(runner, tmp_path / "slippery")
     assert not result.success
-    # fingers may shovel cloth up by a few centimetres, or in several tries away from where it lay, but not carry it
+    # fingers may shovel cloth up by a few centimetres, or in several tries away from where it lay,
+    # but not carry it
     assert result.reason in ("missed grasp", "slipped", "perception"), result.detail
-    # the first stage was begun again as often as can be: the hand was seen to hold nothing each time
+    # the first stage was begun again as often as can be: the hand was seen to hold nothing each
+    # time
     assert result.measurements["further_tries"] >= TRIES - 1
     assert "episode" not in result.files
 

@@ -9,7 +9,8 @@ from dgl_tasks.success import CoversFlatArea, ShareInBox
 
 POINTS = {"left_hem": np.array([-0.2, 0.6, 0.0]), "right_hem": np.array([0.2, 0.6, 0.0])}
 FLAT, FOLDED = 0.0148, 0.04
-"""Height of what lies flat, and of folds as a fling leaves them, with air between their layers [m]."""
+"""Height of what lies flat, and of folds as a fling leaves them, with air between their layers
+[m]."""
 
 
 class Cameras:

@@ -385,7 +385,8 @@ def test_a_policy_that_has_lost_the_garment_begins_again(make_world, lost, tries
     ends = [mark.counts for mark in world.get_marks(StageEnds)]
     assert ends == [*[False] * (tries - 1), True]
     assert all(world.looks)
-    # the last try is gone through to its end; one that is lost ends as soon as two looks in turn have said so
+    # the last try is gone through to its end; one that is lost ends as soon as two looks in turn
+    # have said so
     begins = [mark.seen_at for mark in world.get_marks(StageBegins)]
     stage = [k for k, command in enumerate(world.commands) if command.recorded == "stage"]
     lengths = [

@@ -402,7 +402,8 @@ def test_a_script_without_a_guard_is_told_what_it_needs(tmp_path, fakes):
         "from pathlib import Path\n"
         "from dgl_collect import CollectConfig, collect\n"
         f"out = Path({str(tmp_path / 'out')!r})\n"
-        f"config = CollectConfig(task='FoldTops-v1', episodes=2, out=out, attempt_factory={fakes.FACTORY!r})\n"
+        "config = CollectConfig(task='FoldTops-v1', episodes=2, out=out, "
+        f"attempt_factory={fakes.FACTORY!r})\n"
         "collect(config)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)

@@ -272,7 +272,8 @@ def test_named_orientations_are_angles_that_anyone_can_give():
             np.testing.assert_allclose(
                 orient(angles, side, 0.4), turn_inward(given, 0.4, side), atol=1e-12
             )
-    # the thumb of a hand that points straight ahead sinks on both sides, and the palms see each other
+    # the thumb of a hand that points straight ahead sinks on both sides, and the palms see each
+    # other
     for side, sign in (("left", -1), ("right", 1)):
         x, y, z = to_rotation(orient(HandAngles(roll=90), side)).as_matrix().T
         np.testing.assert_allclose((x, sign * z), ((0, 1, 0), (0, 0, -1)), atol=1e-12)

@@ -15,8 +15,8 @@ from dgl_collect.workers import load_callable
 class AttemptRunner(Protocol):
     """Makes attempts, one after the other, in an environment that it builds once.
 
-    An attempt must depend on its seed alone, not on the attempts before it: then a run gives the same
-    episodes with any number of workers.
+    An attempt must depend on its seed alone, not on the attempts before it: then a run gives the
+    same episodes with any number of workers.
     """
 
     def run(
@@ -27,8 +27,8 @@ class AttemptRunner(Protocol):
         Args:
             attempt_index: Number of the attempt in the run, from 0.
             seed: The attempt's own seed, in [0, 2**32).
-            out_dir: An empty folder for this attempt's files, `<episode_id>.h5`, `.mp4` and `.png`. The
-                run moves them afterwards, so files left by a crash are never taken for whole.
+            out_dir: An empty folder for this attempt's files, `<episode_id>.h5`, `.mp4` and `.png`.
+                The run moves them afterwards, so files left by a crash are never taken for whole.
             episode_id: Stem of the files' names.
 
         Returns:

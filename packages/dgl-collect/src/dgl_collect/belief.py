@@ -10,8 +10,9 @@ from dgl_tasks.sensing import Sensed
 from dgl_tasks.success import AREA_CELL
 
 _PER_AREA, _PER_VOLUME = 0.51, 33.0
-# Flat area by covered area, and by the volume below the seen surface [1/m]: a least-squares fit to flings
-# of tops, dresses and trousers of the training split. Flat cloth is 15 mm high, folded cloth higher.
+# Flat area by covered area, and by the volume below the seen surface [1/m]: a least-squares fit to
+# flings of tops, dresses and trousers of the training split. Flat cloth is 15 mm high, folded cloth
+# higher.
 
 
 class BelievedView:
@@ -22,7 +23,8 @@ class BelievedView:
 
         Args:
             sensed: The present snapshot.
-            landmarks: Points of the demonstration, found before the garment was touched [m], shape (3,).
+            landmarks: Points of the demonstration, found before the garment was touched [m], shape
+                (3,).
         """
         self._sensed, self.landmarks = sensed, landmarks
 
@@ -60,7 +62,8 @@ def estimate_flat_area(points: np.ndarray) -> float:
     """Estimate the flat area of a garment on the ground from its height.
 
     Args:
-        points: Points seen from above [m], shape (N, 3): half of `AREA_CELL` apart, z from the ground.
+        points: Points seen from above [m], shape (N, 3): half of `AREA_CELL` apart, z from the
+            ground.
 
     Returns:
         The area [m^2], counted in cells as `dgl_tasks.success.compute_covered_area` does.

@@ -23,8 +23,8 @@ O = TypeVar("O", bound="RunOptions")
 class RunOptions:
     """Options that decide what happens in an attempt, whoever acts.
 
-    The command line makes a flag of each field. Workers receive the same object, a run's file records
-    `to_plain()`, and a resumed run must have equal options.
+    The command line makes a flag of each field. Workers receive the same object, a run's file
+    records `to_plain()`, and a resumed run must have equal options.
 
     Raises:
         ValueError: If a field is of another type or out of range.
@@ -33,10 +33,11 @@ class RunOptions:
     __pydantic_config__ = STRICT
 
     look: Literal["studio", "random"] = "studio"
-    """A plain floor with fabrics that stand out from it, or floors, mats and fabrics of all kinds."""
+    """A plain floor with fabrics that stand out from it, or floors, mats and fabrics of all
+    kinds."""
     garment: str | None = None
-    """The same garment in every attempt instead of a drawn one: an id of the catalogue, a mesh file of
-    your own, or a folder that `dgl assets import` has made."""
+    """The same garment in every attempt instead of a drawn one: an id of the catalogue, a mesh file
+    of your own, or a folder that `dgl assets import` has made."""
     matcher: MatcherName | None = None
     """Finds the demonstration's points: `exact` knows the simulated garment, `gam` is the Garment
     Affordance Model, which sees the cloud alone. Default: exact; gam for a garment of your own."""
@@ -81,5 +82,5 @@ class RecordOptions(RunOptions):
     """Options of a collection: those of a run, and what its episodes hold."""
 
     record: Literal["stages", "approaches"] = "stages"
-    """What episodes hold: the stages from the grasp points on, or these and the hands' approaches before
-    them, which policies that work without grasp points have to learn."""
+    """What episodes hold: the stages from the grasp points on, or these and the hands' approaches
+    before them, which policies that work without grasp points have to learn."""

@@ -68,7 +68,8 @@ class PointFinder:
     ) -> tuple[dict[Side, np.ndarray], np.ndarray]:
         """Find the grasp points of a stage.
 
-        After a first `look`, points are searched near their first positions; see `Stage.moved_at_most`.
+        After a first `look`, points are searched near their first positions; see
+        `Stage.moved_at_most`.
 
         Args:
             stage: The stage.
@@ -77,8 +78,9 @@ class PointFinder:
             names: Names for formulas; see `name_scene`.
 
         Returns:
-            The grasp point of each working hand [m], shape (3,), and the similarity of every cloud point
-            to those of the left and the right hand, shape (2, M); a resting hand has the other one's.
+            The grasp point of each working hand [m], shape (3,), and the similarity of every cloud
+            point to those of the left and the right hand, shape (2, M); a resting hand has the
+            other one's.
 
         Raises:
             PerceptionError: If nothing of the garment is near the first position of a point.

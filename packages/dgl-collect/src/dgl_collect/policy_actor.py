@@ -12,7 +12,8 @@ from dgl_tasks.holding import is_low
 from dgl_tasks.messages import Part
 
 CLOSED = 1.0
-"""How far the targets of a hand's joints have to have gone for it to be closed, as a Euclidean distance [rad]; 3.3 in demonstrations."""
+"""How far the targets of a hand's joints have to have gone for it to be closed, as a Euclidean
+distance [rad]; 3.3 in demonstrations."""
 
 
 class StagePolicy(Protocol):
@@ -48,8 +49,8 @@ class Learned:
 class PolicyActor:
     """Lets policies carry out what stages record.
 
-    Where the hands are sent to matched points first this is HALO. Where they are not, policies find their way from the
-    parked arms, without affordance.
+    Where the hands are sent to matched points first this is HALO. Where they are not, policies find
+    their way from the parked arms, without affordance.
 
     Source:
         DexGarmentLab, section on HALO; ablation "w/o GAM".
@@ -88,8 +89,9 @@ class PolicyActor:
 class _Watch:
     """Which hands of a stage may have lost the garment.
 
-    Of hands that have been down at the garment, and have come up. One look may be past cloth that the hand hides: two in
-    turn have to say the same. A hand that its policy has told to let go is not looked at any more.
+    Of hands that have been down at the garment, and have come up. One look may be past cloth that
+    the hand hides: two in turn have to say the same. A hand that its policy has told to let go is
+    not looked at any more.
     """
 
     def __init__(self, work: StageWork) -> None:

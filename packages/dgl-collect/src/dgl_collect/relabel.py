@@ -1,7 +1,7 @@
 """Relabelling: recorded episodes with the affordance of another matcher.
 
-Motions stay as they were. A policy that will run behind the Garment Affordance Model learns from the
-affordance of that model, and new weights of the model need no new demonstrations.
+Motions stay as they were. A policy that will run behind the Garment Affordance Model learns from
+the affordance of that model, and new weights of the model need no new demonstrations.
 """
 
 from collections.abc import Callable, Iterable
@@ -139,8 +139,8 @@ def relabel_episodes(
 ) -> Relabelling:
     """Write relabelled copies of the episodes whose matched points are near the recorded ones.
 
-    Other episodes would teach motions that do not follow from the match. Files that exist are whole and
-    are kept, so an interrupted run continues.
+    Other episodes would teach motions that do not follow from the match. Files that exist are whole
+    and are kept, so an interrupted run continues.
 
     Args:
         paths: Episode files.

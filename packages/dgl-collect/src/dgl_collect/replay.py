@@ -74,9 +74,9 @@ class Replay:
         """Tell if the replay equals the record.
 
         Args:
-            tolerance: Largest allowed difference of joints [rad], poses and particles [m], and of the
-                rule's value. At 0, the default, pictures and clouds must be equal as well, bit for bit;
-                above 0 they are not compared, since one pixel can change a cloud.
+            tolerance: Largest allowed difference of joints [rad], poses and particles [m], and of
+                the rule's value. At 0, the default, pictures and clouds must be equal as well, bit
+                for bit; above 0 they are not compared, since one pixel can change a cloud.
 
         Raises:
             ValueError: If the tolerance is negative or not finite.
@@ -102,8 +102,8 @@ def replay_episode(
     """Send the commands of an episode to a new environment of its seed and garment, and compare.
 
     Matcher and planner take no part: garment, robot, simulation, cameras and rule are tested. Every
-    recorded array but the affordance is compared. On the recording machine, with the same packages, all
-    are equal bit for bit. Elsewhere rounding differs, and cloth amplifies small differences.
+    recorded array but the affordance is compared. On the recording machine, with the same packages,
+    all are equal bit for bit. Elsewhere rounding differs, and cloth amplifies small differences.
 
     Args:
         episode: The record.

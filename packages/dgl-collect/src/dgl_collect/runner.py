@@ -46,7 +46,8 @@ class CollectConfig:
     out: Path
     """Output folder; empty or missing, unless `resume`."""
     seed: int = 0
-    """Seed of the run, at least 0; every attempt's seed follows from it and the attempt's number."""
+    """Seed of the run, at least 0; every attempt's seed follows from it and the attempt's
+    number."""
     workers: Workers = field(default_factory=Workers)
     """Number and place of the workers. The results do not depend on it."""
     resume: bool = False
@@ -129,10 +130,10 @@ def collect(
 ) -> Summary:
     """Make the attempts of a run that are missing.
 
-    Every finished attempt is on disk before the next progress report. Failed attempts, exceptions and
-    attempts that crash each time are results with a reason. An attempt that was lost with its worker or
-    machine is made again. In the main thread, an interrupt (SIGINT, SIGTERM, SIGHUP) ends the workers
-    and returns a summary with `status` `interrupted`; finished attempts are kept.
+    Every finished attempt is on disk before the next progress report. Failed attempts, exceptions
+    and attempts that crash each time are results with a reason. An attempt that was lost with its
+    worker or machine is made again. In the main thread, an interrupt (SIGINT, SIGTERM, SIGHUP) ends
+    the workers and returns a summary with `status` `interrupted`; finished attempts are kept.
 
     Args:
         config: The run.
@@ -145,7 +146,8 @@ def collect(
         UnknownTaskError: If the task is not known.
         OutputFolderError: If the output folder cannot be used.
         EngineError: If there is no Ray cluster at the address, or Ray is not installed.
-        WorkerError: If an environment cannot be built, workers keep dying, or their cluster is gone.
+        WorkerError: If an environment cannot be built, workers keep dying, or their cluster is
+            gone.
         MachineError: If a disk is full or fails. The summary is written if there is room.
     """
     end_unguarded_import()

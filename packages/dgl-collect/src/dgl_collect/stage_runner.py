@@ -21,8 +21,8 @@ from dgl_tasks.sensing import GARMENT_CAMERA, SENSOR_CAMERAS, Sensed
 from dgl_tasks.success import SuccessRule, Verdict
 
 TRIES = 3
-"""How often a stage is begun at most: hands that are seen to have come up empty, or to have lost what hung on them, go
-back."""
+"""How often a stage is begun at most: hands that are seen to have come up empty, or to have lost
+what hung on them, go back."""
 
 T = TypeVar("T")
 PartOf = Generator[Message, Sensed, T]
@@ -103,8 +103,8 @@ class _Course:
     def _go_through(self, stages: Sequence[Stage], *, is_last: bool) -> PartOf[bool]:
         """Run the stages of a round; says whether a further one could be different.
 
-        What is out of reach now is left out where a round before has carried it out, or while there are further rounds: the
-        stages after it may bring the garment nearer.
+        What is out of reach now is left out where a round before has carried it out, or while there
+        are further rounds: the stages after it may bring the garment nearer.
         """
         refused: list[UnreachableError] = []
         skipped: set[str] = set()
@@ -192,7 +192,8 @@ class _Course:
             except (UnreachableError, PerceptionError):
                 if number == 1:
                     raise
-                # A hand seen empty may have let go at the end of its way, and what it has carried does not lie where it lay.
+                # A hand seen empty may have let go at the end of its way, and what it has carried
+                # does not lie where it lay.
                 yield from self._end(stage, counts=True)
                 break
         return "all"

@@ -39,8 +39,8 @@ REACHABLE_SPACING = 0.02
 """Distance between places of the garment that are tried then [m]."""
 
 Reaction = Literal["give up", "lay down", "ignore"]
-"""What a hand that is seen to hold nothing leads to: the stage ends at once; it goes on while another hand holds something;
-or nobody looks."""
+"""What a hand that is seen to hold nothing leads to: the stage ends at once; it goes on while
+another hand holds something; or nobody looks."""
 Hold = Literal["all", "some"]
 """How many of the working hands held what the stage had to carry, as far as it was looked for."""
 
@@ -65,7 +65,8 @@ class StageWork:
     """What is known when it begins."""
     reaction: Reaction
     draw: tuple[int, int, int]
-    """Numbers of the stage, the try and the round from 1: they tell one time that a stage is carried out from another."""
+    """Numbers of the stage, the try and the round from 1: they tell one time that a stage is
+    carried out from another."""
     hold: Hold = "all"
     seen: dict[str, Value] = field(default_factory=dict)
     """What has been seen on the way, by name [m]."""
@@ -92,7 +93,8 @@ class StageWork:
         """Take hold of the garment as near as can be to points that are out of reach.
 
         Raises:
-            UnreachableError: If a hand can reach nothing of the garment within `REACHABLE_WITHIN` of its point.
+            UnreachableError: If a hand can reach nothing of the garment within `REACHABLE_WITHIN`
+                of its point.
         """
         for side, point in self.places.items():
             refused: UnreachableError | None = None
@@ -111,7 +113,8 @@ class StageWork:
         """Turn the hands so that all steps are within reach.
 
         Args:
-            must_do_all: Whether it is refused otherwise; else as much of it as can be will do, down to the approach.
+            must_do_all: Whether it is refused otherwise; else as much of it as can be will do, down
+                to the approach.
 
         Raises:
             UnreachableError: If a hand cannot do what it has to.

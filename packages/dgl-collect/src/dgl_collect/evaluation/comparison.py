@@ -58,8 +58,8 @@ class Pair:
     neither: Sequence[Key]
     """Failures of both."""
     p_value: float
-    """Two-sided p of the exact test of McNemar, "Note on the sampling error of the difference between
-    correlated proportions", 1947."""
+    """Two-sided p of the exact test of McNemar, "Note on the sampling error of the difference
+    between correlated proportions", 1947."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,8 @@ class LearnedMethod(Protocol):
 
 
 LearnedMethods = Mapping[str, LearnedMethod]
-"""Learned methods by name. This package knows none: whoever composes an evaluation passes them in."""
+"""Learned methods by name. This package knows none: whoever composes an evaluation passes them
+in."""
 
 
 def make_evaluation_attempts(
@@ -60,7 +61,8 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
     """Check the method of an evaluation without making it.
 
     Raises:
-        ValueError: If there is no such method or module, or what it needs is missing or of another kind.
+        ValueError: If there is no such method or module, or what it needs is missing or of another
+            kind.
     """
     name = options.policy
     if name in SCRIPTED:
@@ -87,8 +89,8 @@ def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethod
 
     Args:
         setup: Environment and demonstration.
-        options: `policy` is one of `SCRIPTED` or `learned`, or `module:factory` of your own, which is
-            called with the environment and gives a `Policy` or a `Method` of `dgl_tasks.policy`.
+        options: `policy` is one of `SCRIPTED` or `learned`, or `module:factory` of your own, which
+            is called with the environment and gives a `Policy` or a `Method` of `dgl_tasks.policy`.
         learned: Learned methods by name.
 
     Raises:

@@ -150,7 +150,8 @@ class Dispatcher:
 
         Raises:
             EngineError: If there is no cluster at the address, or Ray is not installed.
-            WorkerError: If a job runner cannot be built, workers keep dying, or the cluster is gone.
+            WorkerError: If a job runner cannot be built, workers keep dying, or the cluster is
+                gone.
             MachineError: If a disk is full, or fails.
         """
         shutil.rmtree(self._folder / STAGING, ignore_errors=True)  # of a run that was killed
