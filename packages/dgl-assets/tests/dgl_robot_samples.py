@@ -14,7 +14,8 @@ def link(name, mass=0.0, *, visual="", collision="", com=(0, 0, 0), size=0.05, e
         moment = 0.4 * mass * size**2
         inertial = (
             f'<inertial><origin xyz="{com[0]} {com[1]} {com[2]}"/><mass value="{mass}"/>'
-            f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/></inertial>'
+            f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/>'
+            "</inertial>"
         )
     return f'<link name="{name}">{inertial}{visual}{collision}{extra}</link>'
 
@@ -27,13 +28,14 @@ def joint(
         ""
         if limit is None
         else (
-            f'<limit lower="{limit[0]}" upper="{limit[1]}" effort="{limit[2]}" velocity="{limit[3]}"/>'
+            f'<limit lower="{limit[0]}" upper="{limit[1]}" effort="{limit[2]}" '
+            f'velocity="{limit[3]}"/>'
         )
     )
     axis_text = "" if kind == "fixed" else f'<axis xyz="{axis}"/>'
     return (
-        f'<joint name="{name}" type="{kind}"><origin xyz="{xyz}" rpy="{rpy}"/><parent link="{parent}"/>'
-        f'<child link="{child}"/>{axis_text}{text}</joint>'
+        f'<joint name="{name}" type="{kind}"><origin xyz="{xyz}" rpy="{rpy}"/>'
+        f'<parent link="{parent}"/><child link="{child}"/>{axis_text}{text}</joint>'
     )
 
 
@@ -136,7 +138,7 @@ SEVEN_HOME = {  # fingers forward, palm down, elbow up; the palm towards -y of l
 
 
 def write_seven_joint_arm(folder: Path) -> Path:
-    """Meshes in millimetres, package references, an endless first joint, and a gripper on its end."""
+    """A robot with meshes in millimetres, package references, an endless joint, and a gripper."""
     package = folder / "seven_description"
     (package / "meshes").mkdir(parents=True)
     (package / "urdf").mkdir()

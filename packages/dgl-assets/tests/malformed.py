@@ -203,7 +203,8 @@ def wrong_indices() -> Iterator[tuple[str, Case]]:
 
 
 def huge_claims() -> Iterator[tuple[str, Case]]:
-    head = "ply\nformat {form} 1.0\nelement vertex {v}\nproperty float x\nproperty float y\nproperty float z\n"
+    head = "ply\nformat {form} 1.0\nelement vertex {v}\n"
+    head += "property float x\nproperty float y\nproperty float z\n"
     head += "element face {f}\nproperty list uchar int vertex_indices\nend_header\n"
     for form in ("ascii", "binary_little_endian"):
         for v, f in ((10**12, 10), (10, 10**12), (900_000, 10), (-5, 10), (10, -5), (0, 0)):
@@ -357,7 +358,8 @@ def broken_surfaces() -> Iterator[tuple[str, Case]]:
         return np.vstack([vertices, np.tile(vertices, (2, 1))]), faces
 
     changes = (
-        repeated, line, point, slivers, fins, twin, flap, one, torn, sewn_up, ball, doughnut, twisted,
+        repeated, line, point, slivers, fins, twin, flap, one, torn, sewn_up, ball, doughnut,
+            twisted,
         strange_size, tiny, no_faces, no_vertices,
     )  # fmt: skip
     for change in changes:
@@ -457,7 +459,8 @@ def hostile_references() -> Iterator[tuple[str, Case]]:
         return make
 
     for reference in (
-        "../secret.png", "/etc/passwd", "C:\\textures\\cloth.png", "file:///etc/passwd", "missing.png",
+        "../secret.png", "/etc/passwd", "C:\\textures\\cloth.png", "file:///etc/passwd",
+            "missing.png",
         "http://example.org/cloth.png", "a/../../secret.png", "%2e%2e/secret.png",
     ):  # fmt: skip
         yield f"mtl picture {reference!r}", material(reference)
@@ -662,7 +665,8 @@ def folders() -> Iterator[tuple[str, Case]]:
 def cases() -> dict[str, Case]:
     """Every case by its name."""
     groups = (
-        truncated, not_finite, wrong_indices, huge_claims, wrong_types, broken_surfaces, hostile_archives,
+        truncated, not_finite, wrong_indices, huge_claims, wrong_types, broken_surfaces,
+            hostile_archives,
         hostile_references, broken_gltf, folders,
     )  # fmt: skip
     found: dict[str, Case] = {}

@@ -144,7 +144,7 @@ def test_landmarks_of_the_tasks_exist_and_are_mirrored(families, category):
 
 @each_category
 def test_a_point_goes_to_the_other_garment_and_back(families, category):
-    """Where both garments have the place; others map to an edge and do not return."""
+    """Points that both garments have; others map to an edge and do not return."""
     rng = np.random.default_rng(1)
     for source, target in itertools.pairwise(families[category]):
         points = source.vertices[rng.integers(len(source.vertices), size=150)]

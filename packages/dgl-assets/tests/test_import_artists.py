@@ -1,4 +1,4 @@
-"""Garments as artists and download sites hand them out: deep archives, bodies, pockets, thickness, loose seams."""
+"""Garments of artists and download sites: archives, bodies, pockets, thick or torn meshes."""
 
 import importlib.util
 import io

@@ -203,7 +203,10 @@ def ghost(tmp_path, monkeypatch):
     return trace
 
 
-SCRIPT = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n%%EndProlog\nshowpage\n%%EOF\n"
+SCRIPT = (
+    b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n"
+    b"%%EndProlog\nshowpage\n%%EOF\n"
+)
 
 
 def test_postscript_starts_no_interpreter(ghost, tmp_path, reads_here):

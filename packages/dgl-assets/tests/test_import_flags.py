@@ -1,4 +1,4 @@
-"""The command line's `assets import` and `import-robot`: options that choose, and hints that name its flags."""
+"""Options of `assets import` and `import-robot`, and hints that name their flags."""
 
 import zipfile
 

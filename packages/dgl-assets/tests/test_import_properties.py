@@ -124,7 +124,8 @@ WRITERS = {
 }  # fmt: skip
 # The last of each strategy is what damage puts in place of other bytes.
 SCRAPS = (
-    b"", b"\0", b"\xff", b"-", b"nan", b"1e999", b"9" * 400, b"[" * 50, b'"', b"\n", b"/", b"..", b"\x80\x00",
+    b"", b"\0", b"\xff", b"-", b"nan", b"1e999", b"9" * 400, b"[" * 50, b'"', b"\n", b"/", b"..",
+        b"\x80\x00",
 )  # fmt: skip
 
 
@@ -225,7 +226,8 @@ def test_a_damaged_mesh_is_read_or_refused_many_times(suffix, data):
 @settings(max_examples=80, **COMMON)
 @given(
     suffix=st.sampled_from((*SUFFIXES, ".zip", "")),
-    head=st.sampled_from((b"", b"ply\n", b"glTF\2\0\0\0", b"solid a\nfacet", b"v 0 0 0\n", b'{"asset":{}', b"PK\3\4")),
+    head=st.sampled_from((b"", b"ply\n", b"glTF\2\0\0\0", b"solid a\nfacet", b"v 0 0 0\n",
+        b'{"asset":{}', b"PK\3\4")),
     tail=st.binary(max_size=300),
 )  # fmt: skip
 def test_arbitrary_bytes_are_read_or_refused(suffix, head, tail):
@@ -297,8 +299,10 @@ names = st.lists(
 
 @settings(max_examples=80, **COMMON)
 @given(
-    members=st.lists(st.tuples(names, st.sampled_from(["/", "\\"]), st.binary(max_size=40)), max_size=5),
-    method=st.sampled_from([zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA]),
+    members=st.lists(st.tuples(names, st.sampled_from(["/", "\\"]), st.binary(max_size=40)),
+        max_size=5),
+    method=st.sampled_from([zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2,
+        zipfile.ZIP_LZMA]),
     data=st.data(),
 )  # fmt: skip
 def test_an_archive_is_unpacked_into_its_folder_or_refused(members, method, data):
@@ -419,7 +423,8 @@ def check_urdf(data, count):
     text = HAND.decode()
     for _ in range(data.draw(st.integers(1, count))):
         attribute = data.draw(
-            st.sampled_from(["value", "ixx", "iyz", "xyz", "rpy", "lower", "upper", "effort", "velocity", "size", "link", "name", "type"])
+            st.sampled_from(["value", "ixx", "iyz", "xyz", "rpy", "lower", "upper", "effort",
+                "velocity", "size", "link", "name", "type"])
         )  # fmt: skip
         pieces = text.split(f' {attribute}="')
         place = data.draw(st.integers(1, len(pieces) - 1))

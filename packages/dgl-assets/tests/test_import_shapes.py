@@ -27,7 +27,7 @@ COARSE = 0.022  # most tests need no more; the first is at the spacing of the pa
 
 
 def check(report: ImportReport, shape, *, category: str, openings: int, tolerance: float = 0.003):
-    """What must hold for every import of a known shape."""
+    """Check an import of a known shape."""
     garment = load_asset(report.folder)
     low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
     assert report.category == garment.category == category
@@ -212,7 +212,8 @@ def test_archive_with_buttons_faults_key_points_and_licence(tmp_path):
     files = {
         "shirt/mesh.obj": text.encode(),
         "shirt/keypoints.json": json.dumps({"keypoints": shape.landmarks}).encode(),
-        "shirt/meta.json": b'{"category": "Tops_LongSleeve", "license": "CC-BY-4.0", "source": "a friend"}',
+        "shirt/meta.json": b'{"category": "Tops_LongSleeve", "license": "CC-BY-4.0", '
+        b'"source": "a friend"}',
     }
     archive = foreign.save_zip(tmp_path / "shirt.zip", files)
     report = import_garment(archive, out=tmp_path / "out", spacing=COARSE)

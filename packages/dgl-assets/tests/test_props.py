@@ -28,7 +28,7 @@ from dgl_assets.props import person as person_module
 from dgl_assets.props.shapes import make_box, make_capsules, make_cylinder
 
 COVER = 0.0045
-"""How far the surface and the shapes around it may differ [m]."""
+"""Largest distance between the surface and its collision shapes [m]."""
 OTHERS = (
     HangerParameters(length=0.5, thickness=0.03, height=1.2, wood="walnut"),
     CoatHangerParameters(width=0.46, drop=0.11, sweep=0.04, hook_radius=0.03),

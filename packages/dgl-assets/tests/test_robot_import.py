@@ -1,4 +1,4 @@
-"""Importing robots of several styles: what comes out, and that a folder loads as what was imported."""
+"""Import of robots of several styles; a folder loads as it was imported."""
 
 import dataclasses
 import importlib.util
@@ -139,7 +139,7 @@ def test_home_holds_the_fingers_forward_and_the_palm_down(library, seven):
 
 
 def test_the_other_hand_is_the_reflection(library):
-    """Seen from `ee`, every link of the left hand is the right one reflected across fingers and palm."""
+    """The left hand is the right one, reflected across fingers and palm."""
     for name in ("sixteen", "lefty", "both"):
         hand = load_robot(name, library[0]).hand
         rng = np.random.default_rng(2)

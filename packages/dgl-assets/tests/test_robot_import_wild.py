@@ -1,4 +1,4 @@
-"""Robot descriptions as they are found: links without mass, tips without inertia, rods without thickness."""
+"""Faulty robot descriptions in use: no mass, no inertia, rods without thickness."""
 
 import importlib.util
 import re
@@ -123,7 +123,7 @@ def test_a_rod_without_thickness_gets_some(tmp_path):
 
 
 def test_a_link_without_mass_between_others_is_no_matter(tmp_path):
-    """Frames that are fixed to what has mass stay frames, and the written robot can be read again."""
+    """Frames fixed to a link with mass stay, and the written robot can be read again."""
     arm = samples.six_joint_arm()
     (tmp_path / "a.urdf").write_text(arm)
     robot, notes = settle_masses(read(tmp_path, arm))

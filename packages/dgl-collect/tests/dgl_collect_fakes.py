@@ -127,7 +127,7 @@ class FakeRunner:
         )
 
     def _is_first(self, option, attempt_index):
-        """Whether an option names the attempt, which is made for the first time."""
+        """True if an option names the attempt and it is made for the first time."""
         if attempt_index not in self.options.get(option, ()):
             return False
         sys.stdout.flush()

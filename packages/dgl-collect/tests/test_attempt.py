@@ -34,7 +34,7 @@ def run(runner, folder, *, seed=0):
 
 
 def reach_high(monkeypatch, runner, **changes):
-    """Let the following attempts look for the garment 3 m above the ground: short, since nothing is ever grasped."""
+    """Move the garment cloud 3 m up: attempts fail early, since nothing can be grasped."""
     demonstration = load_demonstration(TASK_ID)
     first = demonstration.stages[0]
     steps = (Approach(height=3.0), *first.steps[1:])
@@ -147,7 +147,7 @@ def test_equal_seeds_give_equal_files(runner, tmp_path):
 
 
 def check_episode(episode, result):
-    """What a policy learns from: whole stages in order, each from open hand to open hand."""
+    """Recorded stages are complete, in order, each from open hand to open hand."""
     stages = load_demonstration(TASK_ID).stages
     assert [stage.name for stage in episode.stages] == [stage.name for stage in stages]
     assert episode.success

@@ -1,4 +1,4 @@
-"""What a robot believes of the scene: from what cameras see and what it has found, and from nothing else."""
+"""The belief follows from cameras and matched points alone."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_what_is_out_of_sight_is_nowhere():
 
 
 def test_the_rule_is_applied_to_where_the_points_were_found():
-    """Whether or not they were found where they are."""
+    """Even if the points were found in the wrong place."""
     rule = ShareInBox(
         left=("left_hem",), right=("right_hem",), near="left_hem", far="left_hem",
         margins=(0.01,) * 4, threshold=0.8,

@@ -60,7 +60,7 @@ def get_stage(demonstration, name):
 
 
 def compute_targets(stage, points, *, seen=None):
-    """Where the hands of a stage go on a garment with these points, move after move."""
+    """Targets of the hands of a stage on a garment with these points, in order."""
     work = StageWork(
         stage=stage,
         hands=None,
@@ -292,7 +292,8 @@ FAULTS = (
     (_set(["points"], [[0, 0, 0]]), "points should be an object"),
     *(
         (_point([0, 0, 0], name), "a name must")
-        for name in ("", "a b", "garment", "now", "min", "value", "\x1b[31m", "in", "1st", "x" * 10**7)
+        for name in ("", "a b", "garment", "now", "min", "value", "\x1b[31m", "in", "1st",
+            "x" * 10**7)
     ),
     # stages and their steps, each with its place in the file
     (_set([*STAGE, "repeats"], True), r"stages\[0\].repeats: unexpected keyword"),
@@ -302,7 +303,8 @@ FAULTS = (
     (_drop(*STEPS), r"stages\[0\].steps: field required"),
     (_drop(*STEPS, 0), r"stages\[0\]: steps must have one approach; got 0"),
     (_set([*STAGE, "grasp"], {}), r"stages\[0\]: grasp must be of some of"),
-    (_set([*STAGE, "grasp"], {"middle": "left_cuff"}), "stages.*grasp.middle.* should be 'left' or 'right'"),
+    (_set([*STAGE, "grasp"], {"middle": "left_cuff"}),
+        "stages.*grasp.middle.* should be 'left' or 'right'"),
     (_set([*STEPS, 3, "recorded"], False), "recorded steps must follow each other; got rr-rrr"),
     (_set([*STAGE, "on_loss"], "giveup"), "on_loss should be 'again' or 'lay down'; got 'giveup'"),
     (_set([*STAGE, "moved_at_most"], -1.0), "moved_at_most should be greater"),
@@ -312,17 +314,22 @@ FAULTS = (
     (_step(1, {"step": ["move"]}), r"steps\[1\]: a step is one of"),
     (_step(1, "move"), r"steps\[1\]: a step is one of"),
     (_step(1, {"step": "hand_pose", "pose": "close", "speed": 2}), "speed: unexpected keyword"),
-    (_step(1, {"step": "hand_pose", "pose": "fist"}), r"a hand pose is one of \[.*'close'.*; got 'fist'"),
-    (_step(6, {"step": "release", "pose": "drop"}), r"a hand pose is one of \[.*'open'.*; got 'drop'"),
+    (_step(1, {"step": "hand_pose", "pose": "fist"}),
+        r"a hand pose is one of \[.*'close'.*; got 'fist'"),
+    (_step(6, {"step": "release", "pose": "drop"}),
+        r"a hand pose is one of \[.*'open'.*; got 'drop'"),
     (_step(0, {"step": "approach", "orientation": "hems"}), "'hems' is not for the left hand"),
-    (_step(0, {"step": "approach", "orientation": "sideways"}), "orientation .*'heap'.*; got 'sideways'"),
+    (_step(0, {"step": "approach", "orientation": "sideways"}),
+        "orientation .*'heap'.*; got 'sideways'"),
     (_set([*MOVE, "orientation"], "sideways"), "orientation .*'heap'.*; got 'sideways'"),
     (_step(3, {"step": "stretch", "sag": 0.03}), "by: field required"),
     (_step(2, STRETCH), r"a stretch needs both hands; got \['left'\]"),
     (_step(3, STRETCH | {"sag": 0}), "sag should be greater"),
     (_step(3, STRETCH | {"by": 1e-300}), "by should be greater"),
-    *((_step(3, {"step": "wait", "frames": n}), "frames should be") for n in (0, 10**12, 1.5, True)),
-    *((_set([*MOVE, "spacing"], v), "spacing should be") for v in (0, -0.01, 1e-300, "fast", 1e300)),
+    *((_step(3, {"step": "wait", "frames": n}), "frames should be") for n in (0, 10**12, 1.5,
+        True)),
+    *((_set([*MOVE, "spacing"], v), "spacing should be") for v in (0, -0.01, 1e-300, "fast",
+        1e300)),
     (_step(7, {"step": "retreat", "wait": 10**12}), "wait should be less"),
     (_step(7, {"step": "retreat", "spacing": 1e-300}), "spacing should be greater"),
     (_step(7, {"step": "retreat", "back": []}), "back.* at least 1 item"),
@@ -343,10 +350,12 @@ FAULTS = (
 )  # fmt: skip
 UNFIT = (
     (_set(["task"], "FoldDress-v1"), "task must be 'FoldTops-v1'; got 'FoldDress-v1'"),
-    (_set(["garment"], "Dress_LongSleeve/000000"), "garment must be of Tops_LongSleeve; got 'Dress"),
+    (_set(["garment"], "Dress_LongSleeve/000000"),
+        "garment must be of Tops_LongSleeve; got 'Dress"),
     (_set(["garment"], "Tops_LongSleeve/999999"), "999999"),
     (_drop("points", "collar"), "the points must have 'collar', which the rule judges"),
-    (_left("left_cuf.x", "0.8", "0.3"), "stage 'left_sleeve': .*unknown name 'left_cuf'; known: .*centre"),
+    (_left("left_cuf.x", "0.8", "0.3"),
+        "stage 'left_sleeve': .*unknown name 'left_cuf'; known: .*centre"),
     (_left("now.centre.x", "0.8", "0.3"), "unknown name 'now'"),
     (_left("left_cuff.w", "0.8", "0.3"), "'left_cuff.w' is neither"),
     (_left("left_cuff", "0.8", "0.3"), "'left_cuff' gives a point"),
@@ -356,9 +365,11 @@ UNFIT = (
     (_left("half_span", "0.8", "0.3"), "unknown name 'half_span'"),
     (_grasp("left_cuf"), r"unknown points \['left_cuf'\]; known: \['centre'"),
     (_grasp(["left_cuff", "left_cuf"]), r"unknown points \['left_cuf'\]"),
-    (_grasp({"at": ["garment.min.x", "garment.middle.y", "0"]}), "unknown name 'middle'; known: centre, max, min"),
+    (_grasp({"at": ["garment.min.x", "garment.middle.y", "0"]}),
+        "unknown name 'middle'; known: centre, max, min"),
     (_set([*STAGE, "definitions"], {"b": "a * 2", "a": "left_cuff.x"}), "unknown name 'a'"),
-    (_set([*STAGE, "definitions"], {"left_cuff": "1"}), "definition 'left_cuff' must not have the name"),
+    (_set([*STAGE, "definitions"], {"left_cuff": "1"}),
+        "definition 'left_cuff' must not have the name"),
     (_set([*STAGE, "when"], "left_knee.x > 0"), "unknown name 'left_knee'"),
     (_set([*STAGE, "when"], "now.max.z > 0"), "unknown name 'now'"),
     (_set([*STAGE, "when"], "held and"), "arithmetic expression"),

@@ -63,7 +63,7 @@ def find_depths(vertices, faces, eye, points):
 
 
 def is_same(first, second):
-    """Whether two files have equal arrays; the order of the metadata is not that of writing."""
+    """Compare the arrays of two files; the order of metadata may differ."""
     a, b = load_file(first), load_file(second)
     assert set(a) == set(b)
     return all(np.array_equal(a[name], b[name]) for name in a)

@@ -1,5 +1,4 @@
-"""Points of a demonstration in clouds of another garment: by matchers that take one side for the other, on garments that
-lie on their face, and after they have moved."""
+"""Search for points on other garments: mirrored matches, garments face down, moved garments."""
 
 import dataclasses
 
@@ -189,7 +188,7 @@ HEMS = load_demonstration("FoldTrousers-v1")
 
 
 def find_hems(apart, known):
-    """Where the hand of hems_to_waist goes when both hems are found so far from each other [m]."""
+    """Find the grasp point of hems_to_waist when both hems are found so far apart [m]."""
     finder, stage = make_finder(HEMS), HEMS.stages[1]
     if known:
         finder.points = {

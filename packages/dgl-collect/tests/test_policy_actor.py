@@ -1,4 +1,4 @@
-"""Policies that carry out stages: what they are given, where the hands are sent before, and when they have lost hold."""
+"""Policies as actors: observations, start poses, loss of the garment."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -77,7 +77,7 @@ class Listener:
 
 
 class Lifter(Listener):
-    """Closes the left hand, lifts it, and opens it once it is up: what a policy of a sleeve learns."""
+    """Closes the left hand, lifts it and opens it again, as a policy for a sleeve."""
 
     def act(self, observation):
         motion = self.world.motion
@@ -277,7 +277,7 @@ class Spy:
 
 
 def send_both(world_of, runner, *, number=0):
-    """Where the hands of a stage are sent, by the expert and by a policy: what was found, and where they took hold."""
+    """Collect the found and the used grasp points, of the expert and of a policy."""
     sent = []
     for make in (lambda world: Expert(), lambda world: _make_still(runner.demonstration, world)):
         world = world_of()
@@ -299,7 +299,7 @@ HEMS = TROUSERS.stages[1]
 
 @pytest.fixture(scope="module")
 def trousers():
-    """Trousers that lie with one leg over the other, a little beside it: their cloud, and the exact matcher."""
+    """The cloud of trousers with overlapping legs, and the exact matcher."""
     source, target = load_garment(TROUSERS.garment), load_garment("Trousers/000042")
     particles = target.vertices.astype(float)
     left = particles[:, 0] < 0
@@ -312,7 +312,7 @@ def trousers():
 
 
 def test_hems_are_taken_midway_between_two_matched_points_whoever_acts(make_world, trousers):
-    """By the expert and by a policy alike, and with the exact matcher, which knows no such point on the garment."""
+    """By the expert and by a policy, even with the exact matcher, which has no such point."""
     cloud, surface, matcher = trousers
     names = HEMS.grasp["right"].points
     wanted = np.array([TROUSERS.points[name] for name in names])
@@ -336,7 +336,7 @@ def test_hems_are_taken_midway_between_two_matched_points_whoever_acts(make_worl
 
 
 def test_where_two_hands_find_no_two_places_both_are_sent_alike(make_world):
-    """What lies near the old places is not as wide as two hands any more, and so the finder looks elsewhere."""
+    """The cloth near the old points is narrower than two hands, so the finder looks elsewhere."""
     before = np.array([(0.0, 0.6, 0.0), (0.2, 0.6, 0.0), (0.1, 0.95, 0.0)])
     after = np.array([(0.06, 0.6, 0.0), (0.14, 0.6, 0.0), (0.1, 0.95, 0.0)])
     points = {"left_cuff": before[0], "right_cuff": before[1]}

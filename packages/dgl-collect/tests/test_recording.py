@@ -1,4 +1,4 @@
-"""What is recorded of a stage, frame by frame, and which of several tries at it."""
+"""Recording of a stage, frame by frame, over several tries."""
 
 from types import SimpleNamespace
 
@@ -109,8 +109,7 @@ def test_what_does_not_change_in_a_stage_is_that_of_its_beginning():
 
 
 class Acts:
-    """Keeps the hands where they are, for as many frames as `frames` says for each time that a stage is begun; negative
-    where the garment is lost then."""
+    """Holds still for `frames` frames in each try; a negative number loses the garment then."""
 
     is_sent, follows_steps = False, False
 

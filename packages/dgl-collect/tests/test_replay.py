@@ -17,7 +17,8 @@ from dgl_tasks.messages import StageBegins, StageEnds
 from dgl_tasks.sensing import SENSOR_CAMERAS
 
 COMPARED = {
-    "garment_point_cloud", "object_point_cloud", "joint_state", "ee_pose", "image", "env_point_cloud",
+    "garment_point_cloud", "object_point_cloud", "joint_state", "ee_pose", "image",
+        "env_point_cloud",
     "action", FINAL_PARTICLES,
 }  # fmt: skip
 

@@ -53,7 +53,7 @@ def make_demonstration(*stages, **changes):
 
 
 class Matcher:
-    """Finds the first point of the cloud for the left cuff and the last for the right one, and counts who asks."""
+    """Finds the first cloud point for the left cuff, the last for the right, and counts calls."""
 
     def __init__(self):
         self.asked = []
@@ -67,7 +67,7 @@ class Matcher:
 
     @property
     def looks(self):
-        """How often the whole garment was looked at: both points at once."""
+        """Number of looks at the whole garment, for both points at once."""
         return self.asked.count(2)
 
 
@@ -88,7 +88,7 @@ class Rule:
 
 
 class Scripted:
-    """Moves nothing: it does what `turns` say by stage and time, where that is not simply to hold the garment."""
+    """Moves nothing; holds the garment, except as `turns` say by stage and try."""
 
     is_sent, follows_steps = False, False
 
@@ -204,7 +204,7 @@ def test_each_round_finds_the_points_anew(make_world):
 
 
 def test_what_decides_is_what_is_seen_and_found(make_world):
-    """The world knows nothing of the truth: the rule is shown what cameras see and a matcher makes of it."""
+    """The rule sees only the cameras and the matched points, never the truth."""
     world, rule = make_world(), Rule(0.5, 0.9)
     assert not hasattr(world, "env")
     world.frames = {"hanger": {"target": np.array([0.0, 0.8, 1.5])}}
@@ -239,7 +239,7 @@ def test_wrong_points_lead_to_another_decision(make_world):
             return super().match(source_cloud, source_points * [-1, 1, 1], target_cloud)
 
     class LiesLeft(Rule):
-        """Whether the left cuff lies to the left."""
+        """Judges if the left cuff lies to the left."""
 
         def __call__(self, view):
             self.values = [float(view.landmarks["left_cuff"][0] < 0)]
@@ -315,7 +315,7 @@ def test_what_was_let_go_is_waited_for_before_a_stage_is_begun_again(make_world)
 
 
 def test_one_try_is_told_from_another(make_world):
-    """What a policy draws depends on the stage, the try and the round, and on nothing else."""
+    """Random draws of a policy depend on stage, try and round alone."""
     turns = {("two", 1): "some", ("two", 4): "some"}
     actor, plain = Scripted(turns), Scripted()
     make_world().run(make_runner(make_demonstration(rounds=3), actor=actor))
@@ -413,7 +413,7 @@ def test_what_is_out_of_reach_and_not_begun_again_ends_the_episode(make_world):
 
 
 def test_a_hand_that_gets_stuck_on_its_way_lets_go_and_parks_before_what_follows(make_world):
-    """Not all of a stage can be planned before: what is seen when it is stretched says how far it goes."""
+    """A stage cannot be planned as a whole: the distance follows from the look after a stretch."""
     world = make_world()
 
     def get_stuck(work):
@@ -609,7 +609,7 @@ class KnownPlaces:
 
 
 def make_real(make_world, task_id="FoldTops-v1", *, ahead=0.8, **changes):
-    """A world in which the demonstration's own garment lies so far ahead [m], and a runner of the expert in it."""
+    """A world with the demonstration's garment so far ahead [m], and the expert's runner."""
     demonstration = load_demonstration(task_id)
     matcher = KnownPlaces(demonstration)
     world = make_world(task_id, matcher.places + np.array([0, ahead, 0]))
@@ -640,7 +640,7 @@ def test_the_expert_does_all_that_was_demonstrated(make_world):
 
 
 def lay_out(task, demonstration):
-    """The demonstration's garment as it might lie in the task, with the marked points: what is seen, and the places of objects."""
+    """The cloud of the demonstration's garment in the task, its points, and the frames."""
     frames = {
         item.name: make_prop(item.prop).compute_landmarks(
             np.array([*item.position, np.cos(item.yaw / 2), 0, 0, np.sin(item.yaw / 2)])
@@ -691,7 +691,7 @@ def test_every_demonstration_can_be_carried_out_on_its_own_garment(make_world, t
 
 
 def follow_hands(world, cloud):
-    """How far a garment has come that hands at its sides have lifted [m], shape (3,)."""
+    """Displacement of a garment lifted at its sides [m], shape (3,)."""
     hands = np.mean([world.get_grasp_point(side) for side in SIDES], axis=0)
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     is_lifted = hands[2] > high[2] + 0.1

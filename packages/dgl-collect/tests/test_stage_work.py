@@ -1,4 +1,4 @@
-"""One stage on the garment at hand: where the hands take hold, how they stretch, and what they see on their way."""
+"""One stage at work: grasp points, stretches and looks."""
 
 import dataclasses
 
@@ -445,7 +445,7 @@ def test_hands_that_look_put_right_how_the_garment_lies_in_them(make_world, shif
 
 
 def test_before_it_is_looked_at_the_garment_is_expected_as_it_was_grasped(make_world):
-    """What follows a look is rehearsed before the hands go: a place out of reach is refused then."""
+    """Steps after a look are planned first: a target out of reach is refused then."""
     far = Move(targets={"left": ("now.centre.x - 4", "now.left_hand.y", "0.3")})
     work = make_work(make_world(), make_stage(HandPose(pose="close"), Look(), far))
     with pytest.raises(UnreachableError):
@@ -455,7 +455,7 @@ def test_before_it_is_looked_at_the_garment_is_expected_as_it_was_grasped(make_w
 
 @pytest.mark.parametrize(("slips", "turn"), [(0.0, 0), (0.06, 15)])
 def test_hands_are_turned_where_what_is_seen_leads_out_of_reach(make_world, slips, turn):
-    """At z = 0.3 m and y = 0.7 m the left hand reaches x = 0.53 m, and 0.62 m turned inward by 15 degrees."""
+    """At z = 0.3 m and y = 0.7 m the left hand reaches x = 0.53 m, turned by 15 degrees 0.62 m."""
     world = make_world()
     lift = Move(targets={"left": (str(POINT[0]), "0.7", "0.3")})
     across = Move(targets={"left": ("0.5 + now.centre.x", "0.7", "0.3")})

@@ -99,7 +99,7 @@ def _load_robot(scene: sapien.Scene, folder: Path) -> sapien.physx.PhysxArticula
 
 
 class _Studio:
-    """What `light_scene` needs of ManiSkill's scene, around a plain one."""
+    """A stand-in for the ManiSkill environment that `light_scene` needs."""
 
     def __init__(self, scene: sapien.Scene) -> None:
         self.sub_scenes = [scene]

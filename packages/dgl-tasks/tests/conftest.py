@@ -174,7 +174,7 @@ def _make_planner():
 
 @pytest.fixture(scope="module")
 def coarse_garments():
-    """Let environments of a module have garments of a fifth of the particles, which settle as fast."""
+    """Give garments a fifth of the particles, so that they settle five times as fast."""
 
     def find(source):
         return (

@@ -40,7 +40,7 @@ def env(coarse_garments):
 
 @pytest.fixture(scope="module")
 def memory():
-    """Where `settled` keeps the state that it restores."""
+    """State that `settled` restores, kept for the module."""
     return {}
 
 

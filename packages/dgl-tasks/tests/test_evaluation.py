@@ -1,4 +1,4 @@
-"""How an episode goes and ends, in an environment that only looks like one."""
+"""Course and end of an episode, with a stand-in for the environment."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Whether hands hold a garment, on both sides of each limit."""
+"""Tests of holding, on both sides of each limit."""
 
 from types import SimpleNamespace
 

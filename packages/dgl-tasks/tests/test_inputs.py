@@ -1,4 +1,4 @@
-"""What callers hand to an environment is checked, and what is wrong with it is said in one line."""
+"""Arguments of an environment are checked, and each fault is named in one line."""
 
 import dataclasses
 
@@ -131,7 +131,7 @@ def test_actions_of_any_numeric_type_are_taken(env):
 
 
 def try_to(read, *arguments):
-    """What it gives, and what it says where it refuses."""
+    """Return the value and the message of a refusal."""
     try:
         return read(*arguments), ""
     except ValueError as err:

@@ -162,7 +162,7 @@ def test_the_video_camera_gives_a_picture(env):
 
 
 def test_a_picture_follows_the_garment(env):
-    """What was drawn before a change is not shown after it."""
+    """A change of the scene invalidates earlier pictures."""
     before = env.get_particles().copy()
     moved = before + np.float32([0.05, 0.0, 0.0])
     env.cloth.state.set_particles(moved[None])

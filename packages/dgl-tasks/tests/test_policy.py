@@ -1,4 +1,4 @@
-"""Who acts in an episode, with arms that are where they are told to be."""
+"""Policies and methods in an episode, with arms that reach every target at once."""
 
 import numpy as np
 import pytest

@@ -88,7 +88,7 @@ def test_a_rule_is_met_once_all_its_criteria_are():
 
 @pytest.mark.parametrize(("height", "share"), [(0.7, 0.0), (0.5, 0.5), (0.4, 0.75), (0.2, 1.0)])
 def test_progress_is_the_mean_of_all_criteria(height, share):
-    """What is off the ground has still to be brought to its place."""
+    """A raised garment has not reached its place yet."""
     now, then = (
         Criterion(name="height", value=value, comparison="<", threshold=0.3)
         for value in (height, 0.7)

@@ -1,4 +1,4 @@
-"""What a garment is made of, and what of it is its surface."""
+"""Particles of a garment, and its surface among them."""
 
 import numpy as np
 import pytest

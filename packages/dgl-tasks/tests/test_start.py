@@ -1,4 +1,4 @@
-"""What an episode begins with: a garment that is not where the task wants it already."""
+"""An episode begins with a garment that does not meet the rule already."""
 
 import dataclasses
 

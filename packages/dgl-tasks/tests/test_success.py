@@ -43,7 +43,7 @@ each_fold = pytest.mark.parametrize("task_id", BOXES)
 
 @dataclass
 class Scene:
-    """What a rule asks of a scene, from points made by hand."""
+    """A scene view from points made by hand."""
 
     top: np.ndarray
     landmarks: dict = field(default_factory=lambda: MARKS)

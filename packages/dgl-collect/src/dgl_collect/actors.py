@@ -1,4 +1,4 @@
-"""Who carries out what a stage records: the demonstration itself, or something that must never succeed."""
+"""Actors: they carry out the recorded steps of a stage."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,40 +11,40 @@ from dgl_tasks.handling import RELEASE_FRAMES
 from dgl_tasks.messages import Part
 
 LIFT_HEIGHT = 0.3
-"""How high the garment is lifted before it is dropped [m]."""
+"""Height to which `LiftAndDrop` lifts the garment [m]."""
 
 
 class Actor(Protocol):
-    """Carries out the recorded steps of stages, in its own way."""
+    """Carries out the recorded steps of a stage."""
 
     @property
     def is_sent(self) -> bool:
-        """Whether points are matched and the hands sent there; otherwise it finds its way from the parked arms."""
+        """True if the hands start at matched grasp points, false if at the parked arms."""
         ...
 
     @property
     def follows_steps(self) -> bool:
-        """Whether all of a stage's steps have to be within reach; otherwise the hands are sent as near as can be."""
+        """True if all steps must be within reach; else the hands grasp as near as they can."""
         ...
 
     def act(self, work: StageWork) -> Part:
-        """Act from the grasp points on.
+        """Carry out the stage, from the grasp points on.
 
         Raises:
-            HoldLost: If hands are seen to hold nothing, and that ends the stage.
-            UnreachableError: If a hand cannot go where it has to.
+            HoldLost: If the hands have lost the garment, and that ends the stage.
+            UnreachableError: If a target is out of reach.
         """
         ...
 
 
 class Expert:
-    """Does what was demonstrated."""
+    """Follows the demonstration."""
 
     is_sent = True
     follows_steps = True
 
     def act(self, work: StageWork) -> Part:
-        """Carry out the steps."""
+        """Carry out the recorded steps."""
         for step in work.stage.steps:
             if step.recorded:
                 yield from work.perform(step)
@@ -52,16 +52,16 @@ class Expert:
 
 @dataclass(frozen=True, kw_only=True)
 class LiftAndDrop:
-    """Lifts what it takes hold of straight up, and lets go.
+    """Lifts the garment straight up and drops it.
 
-    It handles the garment and does nothing of the task: what a success rule must not accept.
+    A control: it handles the garment without doing the task, so no success rule must accept it.
     """
 
     is_sent: bool = True
     follows_steps: bool = False
 
     def act(self, work: StageWork) -> Part:
-        """Grasp, lift and let go."""
+        """Grasp, lift and release."""
         hands, motion = work.hands, work.hands.motion
         up = np.array([0.0, 0.0, LIFT_HEIGHT])
         lifted: dict[Side, np.ndarray] = {side: point + up for side, point in work.grasp.items()}

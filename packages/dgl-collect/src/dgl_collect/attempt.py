@@ -1,4 +1,4 @@
-"""Attempts at a task: one method in one environment, filmed, judged and recorded."""
+"""Attempts: one method in one environment, filmed, judged and recorded."""
 
 import logging
 import time
@@ -173,7 +173,7 @@ def film_attempt(
                 listener=listener,
             )
         except MeshError:
-            raise  # no episode has begun, and there is nothing to be seen of it
+            raise  # no episode has begun, so there is no picture
         except (TaskError, PhysicsError) as err:
             logger.info("attempt %d: %s", index, err)
             error = err
@@ -192,7 +192,7 @@ def film_attempt(
 
 
 def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:
-    """Make the result of an attempt that came to its end, or that an error ended."""
+    """Make the result of an attempt, finished or ended by an error."""
     if not isinstance(ended, EpisodeResult):
         kind = type(ended).__name__.removesuffix("Error")
         words = "".join(f" {c.lower()}" if c.isupper() else c for c in kind).strip()

@@ -1,4 +1,4 @@
-"""Beliefs: the scene as cameras see it, for decisions and never for the verdict."""
+"""The belief about the scene, from the cameras; it never decides the verdict."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -54,7 +54,7 @@ class BelievedView:
     def _see(self, camera: str) -> np.ndarray:
         try:
             return self._sensed.see_points(camera)
-        except PerceptionError:  # it has been carried away
+        except PerceptionError:  # the garment is out of sight
             return np.empty((0, 3))
 
 

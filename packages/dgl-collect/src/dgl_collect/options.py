@@ -21,7 +21,7 @@ O = TypeVar("O", bound="RunOptions")
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options that decide what happens in an attempt, whoever acts.
+    """Options of an attempt, whichever method acts.
 
     The command line makes a flag of each field. Workers receive the same object, a run's file
     records `to_plain()`, and a resumed run must have equal options.
@@ -33,11 +33,10 @@ class RunOptions:
     __pydantic_config__ = STRICT
 
     look: Literal["studio", "random"] = "studio"
-    """A plain floor with fabrics that stand out from it, or floors, mats and fabrics of all
-    kinds."""
+    """A plain floor with contrasting fabrics, or any floor, mat and fabric."""
     garment: str | None = None
-    """The same garment in every attempt instead of a drawn one: an id of the catalogue, a mesh file
-    of your own, or a folder that `dgl assets import` has made."""
+    """One garment for every attempt instead of a drawn one: an id of the catalogue, a mesh file of
+    your own, or a folder made by `dgl assets import`."""
     matcher: MatcherName | None = None
     """Finds the demonstration's points: `exact` knows the simulated garment, `gam` is the Garment
     Affordance Model, which sees the cloud alone. Default: exact; gam for a garment of your own."""
@@ -51,7 +50,7 @@ class RunOptions:
     robots: Path | None = None
     """Folder of imported robots; see `dgl assets import-robot`."""
     render_backend: Literal["cpu", "gpu"] | None = None
-    """Where ManiSkill draws. Default: gpu where there is CUDA, else cpu."""
+    """Renderer of ManiSkill. Default: gpu if CUDA is available, else cpu."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -79,8 +78,8 @@ class RunOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordOptions(RunOptions):
-    """Options of a collection: those of a run, and what its episodes hold."""
+    """Options of a collection."""
 
     record: Literal["stages", "approaches"] = "stages"
-    """What episodes hold: the stages from the grasp points on, or these and the hands' approaches
-    before them, which policies that work without grasp points have to learn."""
+    """Recorded parts: the stages from the grasp points on, or also the approaches before them,
+    which policies without grasp points must learn."""

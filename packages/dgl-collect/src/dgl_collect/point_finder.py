@@ -1,4 +1,4 @@
-"""Points of the demonstration, found in clouds of the garment at hand."""
+"""Search for the points of a demonstration in clouds of another garment."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,9 +11,9 @@ from dgl_gam import GamError, Matcher, choose_pair, restrict_to_places
 from dgl_tasks.errors import PerceptionError
 
 HANDS_APART = 0.15
-"""Least distance between the grasp points of two hands [m]; nearer hands would collide."""
+"""Least distance between the grasp points of two hands, against collisions [m]."""
 APART = 0.25
-"""Largest distance between points that one hand takes together [m]."""
+"""Largest distance between points that one hand grasps together [m]."""
 PLACE_SCALE = 0.05
 """Distance at which the affordance around a grasp point falls to exp(-1/2) [m] (original code)."""
 
@@ -34,11 +34,11 @@ class PointFinder:
         """Positions of all points at the last `look` [m], shape (3,), world frame."""
 
     def look(self, cloud: np.ndarray, matcher: Matcher) -> None:
-        """Find all points, and tell if the garment lies on its face.
+        """Find all points, and check if the garment lies face down.
 
         Args:
-            cloud: Seen points of the garment [m], shape (M, 3), world frame.
-            matcher: Of the garment as it lies.
+            cloud: Visible points of the garment [m], shape (M, 3), world frame.
+            matcher: Of the garment in its present state.
         """
         self._is_turned_over = False
         self.points = self.find_points(cloud, matcher)
@@ -47,7 +47,7 @@ class PointFinder:
             self.points = self.find_points(cloud, matcher)
 
     def find_points(self, cloud: np.ndarray, matcher: Matcher) -> dict[str, np.ndarray]:
-        """Find all points in a cloud [m], shape (M, 3): each of shape (3,), world frame."""
+        """Find all points in a cloud [m], shape (M, 3); each has shape (3,), world frame."""
         names = list(self._demonstration.points)
         if not names:
             return {}
@@ -60,7 +60,7 @@ class PointFinder:
     def find_stage_points(
         self, stage: Stage, cloud: np.ndarray, matcher: Matcher
     ) -> dict[str, np.ndarray]:
-        """Return the points for a stage's formulas: found anew if it looks again, else the first."""
+        """Return the points for a stage's formulas, found again if the stage asks for it."""
         return self.find_points(cloud, matcher) if stage.looks_again else self.points
 
     def find_grasps(
@@ -74,7 +74,7 @@ class PointFinder:
         Args:
             stage: The stage.
             cloud: Seen points of the garment [m], shape (M, 3), world frame.
-            matcher: Of the garment as it lies.
+            matcher: Of the garment in its present state.
             names: Names for formulas; see `name_scene`.
 
         Returns:
@@ -119,7 +119,7 @@ class PointFinder:
         return found, similarity
 
     def _is_crossed(self, stage: Stage) -> bool:
-        """Tell if the left hand would grasp to the right of the right one."""
+        """Check if the left hand would grasp to the right of the right hand."""
         x = {
             side: np.mean([self.points[name][0] for name in stage.grasp[side].points])
             for side in SIDES
@@ -127,7 +127,7 @@ class PointFinder:
         return bool(x["left"] > x["right"])
 
     def _choose_grasp(self, names: Sequence[str], found: np.ndarray) -> np.ndarray:
-        """Return the mean of points [m], shape (N, 3), or the least moved of points too far apart."""
+        """Average points [m], shape (N, 3); if far apart, take the one that moved least."""
         distances = np.linalg.norm(found[:, None] - found[None], axis=2)
         if self.points and distances.max() > APART:
             moved = [np.linalg.norm(p - self.points[n]) for n, p in zip(names, found, strict=True)]
@@ -144,7 +144,7 @@ class PointFinder:
 
 
 def _has_pair(stage: Stage) -> bool:
-    """Tell if each hand grasps one point of its own."""
+    """Check that each hand grasps one point of its own."""
     return all(side in stage.grasp and len(stage.grasp[side].points) == 1 for side in SIDES)
 
 

@@ -1,4 +1,4 @@
-"""A learned policy for each stage as an actor: it takes over at the grasp points and moves the hands in its own way."""
+"""An actor with one learned policy for each stage."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,23 +12,26 @@ from dgl_tasks.holding import is_low
 from dgl_tasks.messages import Part
 
 CLOSED = 1.0
-"""How far the targets of a hand's joints have to have gone for it to be closed, as a Euclidean
-distance [rad]; 3.3 in demonstrations."""
+"""Change of the joint targets of a hand that counts as closing, a Euclidean distance [rad]. It is
+3.3 in demonstrations."""
 
 
 class StagePolicy(Protocol):
-    """Gives chunks of joint targets; `PolicyRunner` of `dgl_sadp` is one. Observations have the keys of episode files."""
+    """Gives chunks of joint targets, as `PolicyRunner` of `dgl_sadp` does.
+
+    Observations have the keys of episode files.
+    """
 
     def reset(self, observation: Mapping[str, np.ndarray], *, seed: int | None = None) -> None:
-        """Begin a stage with what stays the same in it: the clouds and the affordance."""
+        """Begin a stage; the observation holds its constant part: clouds and affordance."""
         ...
 
     def observe(self, observation: Mapping[str, np.ndarray]) -> None:
-        """Take the observation that follows each executed target but the last of a chunk."""
+        """Take the observation after each executed target but the last of a chunk."""
         ...
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Take the observation that follows the last target and return the next ones [rad], shape (n, D)."""
+        """Take the observation after a chunk; return the next targets [rad], shape (n, D)."""
         ...
 
 
@@ -38,7 +41,7 @@ class Learned:
 
     policy: StagePolicy
     chunks: int
-    """How many chunks of targets it executes."""
+    """Number of chunks to execute."""
 
     def __post_init__(self) -> None:
         if self.chunks < 1:
@@ -47,22 +50,22 @@ class Learned:
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyActor:
-    """Lets policies carry out what stages record.
+    """Carries out stages by learned policies.
 
-    Where the hands are sent to matched points first this is HALO. Where they are not, policies find
-    their way from the parked arms, without affordance.
+    With `is_sent` the hands start at matched grasp points, which is HALO. Without it, policies
+    start from the parked arms and see no affordance.
 
     Source:
         DexGarmentLab, section on HALO; ablation "w/o GAM".
     """
 
     policies: Mapping[str, Learned]
-    """By the name of the stage."""
+    """Policies by name of the stage."""
     is_sent: bool = True
     follows_steps: bool = False
 
     def act(self, work: StageWork) -> Part:
-        """Observe, act and execute, chunk after chunk, and look after each whether the hands hold the garment."""
+        """Observe, act and execute; check the hold after each chunk."""
         learned = self.policies[work.stage.name]
         policy, begins = learned.policy, work.begins
         first = {
@@ -87,11 +90,11 @@ class PolicyActor:
 
 
 class _Watch:
-    """Which hands of a stage may have lost the garment.
+    """Watches for hands that have lost the garment.
 
-    Of hands that have been down at the garment, and have come up. One look may be past cloth that
-    the hand hides: two in turn have to say the same. A hand that its policy has told to let go is
-    not looked at any more.
+    Only hands that have been down at the garment and are up again are checked. The far side of a
+    hand may hide cloth from the camera, so two checks in a row must agree. A hand that its policy
+    has opened is not checked any more.
     """
 
     def __init__(self, work: StageWork) -> None:
@@ -104,7 +107,7 @@ class _Watch:
         self._note_heights()
 
     def note(self, target: np.ndarray) -> None:
-        """Take note of joint targets that have been executed [rad], shape (D,)."""
+        """Note executed joint targets [rad], shape (D,)."""
         robot = self._work.hands.motion.robot
         for side in SIDES:
             part = robot.joint_slice(side, "hand")
@@ -113,7 +116,7 @@ class _Watch:
         self._note_heights()
 
     def find_empty(self) -> set[Side]:
-        """Look, and say which hands are empty for the second time in turn."""
+        """Find the hands that are empty in this check and in the one before."""
         before = self._empty
         self._empty = (self._work.find_empty() & self._were_down) - self._find_opened()
         return before & self._empty
@@ -123,7 +126,7 @@ class _Watch:
         self._were_down.update(side for side in self._work.stage.hands if is_low(sensed, side))
 
     def _find_opened(self) -> set[Side]:
-        """Say which hands have been told to close, and are on their way back by more than a half."""
+        """Find the hands that have closed and are more than half open again."""
         return {
             side
             for side in SIDES

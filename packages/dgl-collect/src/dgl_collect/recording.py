@@ -1,4 +1,4 @@
-"""Recording of stages: one frame at every fifth control step."""
+"""Recording of stages, one frame at every fifth control step."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 class StageRecorder:
-    """Accumulate the frames of one stage.
+    """Records the frames of one stage.
 
     Call `before_step` before every control step (of the approach too, to record it), and `begin`
     between the approach and the stage. It observes at every fifth step. The target in force at the
-    last of the five steps becomes that frame's action: a policy reaches it within five steps.
+    last of the five steps becomes the action of that frame: a policy reaches it within five steps.
 
     Args:
-        start: Data that does not change within the stage.
-        points: The named points, for people.
+        start: Constant data of the stage.
+        points: Matched points, stored for inspection.
     """
 
     def __init__(self, start: StageBegins, *, points: Points | None = None) -> None:
@@ -46,7 +46,7 @@ class StageRecorder:
         return len(self._observations)
 
     def begin(self, step: int) -> None:
-        """Begin the stage itself; the frames so far are the approach.
+        """Begin the stage; the frames so far are the approach.
 
         Args:
             step: Control steps since the reset.
@@ -64,7 +64,7 @@ class StageRecorder:
 
         Args:
             target: Commanded joint targets of this step [rad], shape (D,).
-            observe: Makes the observation, which renders; called at every fifth step only.
+            observe: Renders an observation; called at every fifth step only.
         """
         shape = self._actions[0].shape if self._actions else target.shape
         if target.ndim != 1 or target.shape != shape:
@@ -80,10 +80,10 @@ class StageRecorder:
         self._step_count += 1
 
     def finish(self) -> StageRecord:
-        """Return the recording, checked.
+        """Check the recording and return it.
 
         Raises:
-            ValueError: If nothing was recorded, or an array does not fit the format.
+            ValueError: If no frame was recorded, or an array does not fit the format.
         """
         if not self._observations:
             raise ValueError(f"stage {self._start.name!r} must have at least one frame; got 0")
@@ -111,11 +111,11 @@ class EpisodeRecorder:
     """Records every stage of an attempt; implements `dgl_tasks.driver.Listener`."""
 
     def __init__(self, env: GarmentEnv, *, with_approach: bool = False) -> None:
-        """Prepare an episode.
+        """Prepare to record an attempt.
 
         Args:
-            env: Says where the cameras stand.
-            with_approach: Record the hands' approach to the grasp points, too.
+            env: Gives the cameras' poses.
+            with_approach: Record the approach to the grasp points, too.
         """
         self.records: dict[str, StageRecord] = {}
         """The last recording of each stage, by name."""
@@ -128,7 +128,7 @@ class EpisodeRecorder:
         self._lost: StageRecorder | None = None
 
     def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
-        """Record a command, if it belongs to a stage's record."""
+        """Record a command that belongs to a stage."""
         if self._now is None or command.recorded is None:
             return
         if command.recorded == "stage" and not self._has_begun:
@@ -138,14 +138,14 @@ class EpisodeRecorder:
             self._now.before_step(command.target, lambda: look(ENVIRONMENT_CAMERA).observe())
 
     def note(self, mark: Mark, sensed: Sensed) -> None:
-        """Begin and end stages."""
+        """Note the beginning and the end of stages."""
         del sensed
         if isinstance(mark, StageBegins):
             self._now = StageRecorder(mark, points=self._describe(mark))
             self._has_begun = False
             self._began_at = time.perf_counter()
         elif isinstance(mark, StageEnds):
-            # where a retry could not even begin, the recording before it counts
+            # if a retry could not begin, the recording before it counts
             now, self._now = self._now or self._lost, None
             self._lost = None if mark.counts else now
             ended = time.perf_counter()

@@ -214,7 +214,7 @@ class _Comparison:
         """Nothing is marked in a replay."""
 
     def compare_end(self, particles: np.ndarray) -> None:
-        """Compare what is known at the end: recorded actions with the commands, and the particles."""
+        """Compare recorded actions with the commands, and the final particles."""
         commands = self._episode.commands
         assert commands is not None
         for step, (stage, k) in self._frames.items():

@@ -212,7 +212,7 @@ def collect(
 
 
 def locate_task(source: str) -> str:
-    """Make the path of a task's file absolute, for workers in another folder; keep other sources."""
+    """Make the path of a task file absolute, since workers run in another folder."""
     return str(Path(source).absolute()) if source.endswith(".py") else source
 
 

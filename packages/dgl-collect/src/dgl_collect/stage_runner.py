@@ -1,4 +1,4 @@
-"""The course of a task: look, match, approach, act, check, retry, release, park, whoever acts in between."""
+"""The stage runner: everything in a stage but its recorded steps."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
@@ -21,33 +21,33 @@ from dgl_tasks.sensing import GARMENT_CAMERA, SENSOR_CAMERAS, Sensed
 from dgl_tasks.success import SuccessRule, Verdict
 
 TRIES = 3
-"""How often a stage is begun at most: hands that are seen to have come up empty, or to have lost
-what hung on them, go back."""
+"""Most tries of a stage in one round. A hand that comes up empty, or loses the garment, leads to a
+retry."""
 
 T = TypeVar("T")
 PartOf = Generator[Message, Sensed, T]
-"""A part of a course that gives something at its end."""
+"""A generator of messages that returns a value."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageRunner:
-    """Goes through the stages of a demonstration; implements `dgl_tasks.policy.Method`.
+    """Runs the stages of a demonstration; implements `dgl_tasks.policy.Method`.
 
-    Retries rest on what cameras see, and on what the demonstration and the matcher make of it.
+    Retries rest on what the cameras see.
     """
 
     demonstration: Demonstration
     demo_cloud: np.ndarray
     """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
     rule: SuccessRule
-    """The task's, for what is believed."""
+    """The task's success rule, applied to the belief."""
     get_matcher: Callable[[], Matcher]
-    """Gives what finds the demonstration's points on the garment as it lies."""
+    """Gives the matcher for the garment in its present state."""
     actor: Actor
     rounds: int | None = None
-    """How often the stages are gone through at most; as the demonstration says when None."""
+    """Most rounds; by default the number in the demonstration."""
     tries: int = TRIES
-    """How often a stage is begun at most in a round."""
+    """Most tries of a stage in one round."""
 
     def __post_init__(self) -> None:
         for name in ("rounds", "tries"):
@@ -56,16 +56,16 @@ class StageRunner:
                 raise ValueError(f"{name} must be at least 1; got {count}")
 
     def run(self, hands: Handling) -> Part:
-        """Run all stages; some or all of them again while the task is believed not to be done.
+        """Run all stages, and repeat them while the task is believed not to be done.
 
         Raises:
-            TaskError: If a hand cannot go where it has to, or a camera sees no garment.
+            TaskError: If a target is out of reach, or a camera sees no garment.
         """
         yield from _Course(self, hands).perform()
 
 
 class _Course:
-    """One episode."""
+    """One run of a `StageRunner`."""
 
     def __init__(self, runner: StageRunner, hands: Handling) -> None:
         self.runner, self.hands = runner, hands
@@ -74,7 +74,7 @@ class _Course:
         self._carried_out: set[str] = set()
         self._skipped: set[str] = set()
         self._round = 1
-        self._is_begun = True  # whether a stage of the round has begun
+        self._is_begun = True  # a stage of the round has begun
         self._is_held = True
 
     def perform(self) -> Part:
@@ -85,9 +85,8 @@ class _Course:
             if self._round > 1:
                 stages = tuple(stage for stage in self.stages if stage.again)
                 self._is_begun = False
-                if (
-                    stages == self.stages
-                ):  # else how the garment lay at first says where it has to go
+                # with fewer stages, the first positions still say where the garment has to go
+                if stages == self.stages:
                     yield from self._look()
             is_last = self._round == rounds
             if not (yield from self._go_through(stages, is_last=is_last)):
@@ -97,14 +96,14 @@ class _Course:
 
     @property
     def _is_whole(self) -> bool:
-        """Whether all stages have been carried out, in one round or another."""
+        """True if every stage has been carried out, in any round."""
         return self._carried_out.issuperset(stage.name for stage in self.stages)
 
     def _go_through(self, stages: Sequence[Stage], *, is_last: bool) -> PartOf[bool]:
-        """Run the stages of a round; says whether a further one could be different.
+        """Run the stages of a round; return False if another round would be the same.
 
-        What is out of reach now is left out where a round before has carried it out, or while there
-        are further rounds: the stages after it may bring the garment nearer.
+        A stage out of reach is skipped if an earlier round has carried it out, or if rounds are
+        left: other stages may bring the garment nearer.
         """
         refused: list[UnreachableError] = []
         skipped: set[str] = set()
@@ -113,7 +112,7 @@ class _Course:
             if stage.when is not None and not (yield from self._meets(stage, stage.when)):
                 skipped.add(stage.name)
                 continue
-            if not self._is_begun:  # a round that needs no stage is none
+            if not self._is_begun:  # a round without stages does not count
                 self._is_begun = True
                 names = tuple(other.name for other in stages if other.name not in skipped)
                 yield from self.hands.mark(BeginsAgain(what="round", stages=names))
@@ -123,9 +122,7 @@ class _Course:
                 if (is_last or not stage.again) and stage.name not in self._carried_out:
                     raise
                 refused.append(err)
-                if (
-                    not self.hands.is_parked
-                ):  # it has got stuck on its way, and has been at the garment
+                if not self.hands.is_parked:  # it failed on its way, and has touched the garment
                     yield from self._give_up(stage)
                     self._is_held = False
                 continue
@@ -137,7 +134,7 @@ class _Course:
             return True
         if not self._is_whole:
             raise refused[0]
-        return False  # all is out of reach, and would be again
+        return False  # everything is out of reach, and would be again
 
     def _meets(self, stage: Stage, condition: str) -> PartOf[bool]:
         named = find_names(condition)
@@ -156,7 +153,7 @@ class _Course:
         return bool(evaluate_formula(condition, names))
 
     def _believe(self) -> PartOf[Verdict]:
-        """Apply the task's rule to what is believed of the scene, once it is at rest."""
+        """Settle, and apply the rule to the belief."""
         yield from self.hands.settle()
         sensed = yield from self.hands.look(*SENSOR_CAMERAS)
         view = BelievedView(sensed, landmarks=self.finder.points)
@@ -171,7 +168,7 @@ class _Course:
     # One stage -------------------------------------------------------------------------------
 
     def _run_stage(self, stage: Stage) -> PartOf[Hold | None]:
-        """Carry out a stage; how many hands held the garment to the end, None if none did."""
+        """Run a stage; return which hands held the garment to the end, None if none did."""
         if stage.on_loss == "lay down":
             try:
                 return (yield from self._try(stage, 1, "lay down"))
@@ -188,7 +185,7 @@ class _Course:
                 yield from self._give_up(stage)
                 yield from self.hands.mark(BeginsAgain(what="try", stages=(stage.name,)))
                 if stage is self.stages[0]:
-                    yield from self._look()  # what has been let go lies in another way
+                    yield from self._look()  # the released garment lies differently
             except (UnreachableError, PerceptionError):
                 if number == 1:
                     raise
@@ -228,7 +225,7 @@ class _Course:
         return work.hold
 
     def _begin(self, stage: Stage, number: int, reaction: Reaction) -> PartOf[StageWork]:
-        """Look at what a stage begins with, and find its points."""
+        """Look at the scene, and find the points of a stage."""
         matcher = self.runner.get_matcher()
         # seen again: the stages before may have dragged the garment along
         has_objects = bool(self.hands.sensed.frames)

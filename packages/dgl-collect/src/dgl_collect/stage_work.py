@@ -1,4 +1,4 @@
-"""One stage on the garment at hand: its steps with their formulas worked out, planned, and carried out."""
+"""One stage at work: formulas computed, motions planned and executed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,48 +30,47 @@ from dgl_tasks.messages import Carrying, Part, StageBegins
 from dgl_tasks.sensing import ENVIRONMENT_CAMERA, GARMENT_CAMERA
 
 LEAST_RISE = 0.004
-"""By how much each step of a stretch has to raise the sagging edge, or it is the last one [m]."""
+"""Least rise of the sagging edge in each step of a stretch, else it ends [m]."""
 SWING_FRAMES = 20
-"""Frames for a lifted garment to swing to rest before it is stretched."""
+"""Frames in which a lifted garment swings to rest before a stretch."""
 REACHABLE_WITHIN = 0.1
-"""How far from a point that is out of reach a hand may take hold of the garment instead [m]."""
+"""Largest distance of a substitute from a grasp point that is out of reach [m]."""
 REACHABLE_SPACING = 0.02
-"""Distance between places of the garment that are tried then [m]."""
+"""Spacing of the substitutes that are tried [m]."""
 
 Reaction = Literal["give up", "lay down", "ignore"]
-"""What a hand that is seen to hold nothing leads to: the stage ends at once; it goes on while
-another hand holds something; or nobody looks."""
+"""Reaction to an empty hand: end the stage at once; go on while the other hand holds the garment;
+or do not check."""
 Hold = Literal["all", "some"]
-"""How many of the working hands held what the stage had to carry, as far as it was looked for."""
+"""Working hands that held the garment throughout, as far as it was checked."""
 
 
-class HoldLost(Exception):  # noqa: N818 - no error, a turn that a course takes
-    """Hands were seen to hold nothing any more."""
+class HoldLost(Exception):  # noqa: N818 - it leads to a retry
+    """The hands have lost the garment."""
 
 
 @dataclass(kw_only=True, eq=False)
 class StageWork:
-    """A stage that is being carried out."""
+    """A stage being carried out."""
 
     stage: Stage
     hands: Handling
     names: Mapping[str, Value]
-    """What its formulas may name, but for its definitions and what it will see."""
+    """Values for the formulas, besides definitions and what is `seen`."""
     cloud: np.ndarray
-    """What is seen of the garment [m], shape (2048, 3), world frame."""
+    """Visible points of the garment [m], shape (2048, 3), world frame."""
     places: Mapping[Side, np.ndarray]
-    """The point on the garment for each working hand [m], shape (3,), world frame."""
+    """Matched grasp point of each working hand [m], shape (3,), world frame."""
     begins: StageBegins
-    """What is known when it begins."""
+    """Message at the beginning of the stage."""
     reaction: Reaction
     draw: tuple[int, int, int]
-    """Numbers of the stage, the try and the round from 1: they tell one time that a stage is
-    carried out from another."""
+    """Numbers of stage, try and round from 1; they seed the policy."""
     hold: Hold = "all"
     seen: dict[str, Value] = field(default_factory=dict)
-    """What has been seen on the way, by name [m]."""
+    """Values seen during the stage, by name [m]."""
     grasp: dict[Side, np.ndarray] = field(default_factory=dict)
-    """Where each working hand takes hold [m], shape (3,), world frame."""
+    """Grasp point actually used by each working hand [m], shape (3,), world frame."""
     _turns: dict[Side, float] = field(default_factory=dict)
     _orientation: Orientation = "standard"
     _targets: dict[Side, np.ndarray] = field(default_factory=dict)
@@ -84,17 +83,16 @@ class StageWork:
 
     @property
     def orientations(self) -> dict[Side, np.ndarray]:
-        """Orientation of `ee` of each working hand now, wxyz, shape (4,)."""
+        """Present orientation of `ee` of each working hand, wxyz, shape (4,)."""
         return {side: orient(self._orientation, side, turn) for side, turn in self._turns.items()}
 
     # Before it begins ----------------------------------------------------------------------
 
     def find_reachable(self) -> None:
-        """Take hold of the garment as near as can be to points that are out of reach.
+        """Replace grasp points that are out of reach by the nearest ones within reach.
 
         Raises:
-            UnreachableError: If a hand can reach nothing of the garment within `REACHABLE_WITHIN`
-                of its point.
+            UnreachableError: If no point of the garment within `REACHABLE_WITHIN` can be reached.
         """
         for side, point in self.places.items():
             refused: UnreachableError | None = None
@@ -113,11 +111,11 @@ class StageWork:
         """Turn the hands so that all steps are within reach.
 
         Args:
-            must_do_all: Whether it is refused otherwise; else as much of it as can be will do, down
-                to the approach.
+            must_do_all: Refuse a stage with a step out of reach. Otherwise leave out as many of the
+                last steps as necessary, down to the approach.
 
         Raises:
-            UnreachableError: If a hand cannot do what it has to.
+            UnreachableError: If no turn of a hand is enough.
         """
         counts = [len(self.stage.steps)]
         if not must_do_all:
@@ -132,7 +130,7 @@ class StageWork:
         )
 
     def _rehearse(self, steps: Sequence[Step], side: Side, turn: float, *, at: np.ndarray) -> None:
-        """Plan one hand's way through steps, from `at`; raises `UnreachableError`."""
+        """Plan steps for one hand, from `at`; raises `UnreachableError`."""
         motion, name = self.hands.motion, self._orientation
         for step in steps:
             match step:
@@ -158,7 +156,7 @@ class StageWork:
         )
 
     def _place(self, side: Side, point: np.ndarray) -> np.ndarray:
-        """Say where a hand takes hold at a point of the garment [m], shape (3,)."""
+        """Compute the grasp point of a hand at a point of the garment [m], shape (3,)."""
         step = self.stage.approach
         height = point[2] if step.height is None else step.height
         grasp = np.array([point[0], point[1], height], dtype=float)
@@ -175,7 +173,7 @@ class StageWork:
 
     @property
     def _known(self) -> Mapping[str, Value]:
-        # until it is looked at, the garment is expected where the hands have taken hold of it
+        # before the first look, the garment is expected at the grasp points
         hands = {f"{side}_hand": place for side, place in self.grasp.items()}
         names = {**self.names, "now": {**describe_cloud(self.cloud), **hands}, **self.seen}
         for name, formula in self.stage.definitions.items():
@@ -186,7 +184,10 @@ class StageWork:
     # Carrying it out -------------------------------------------------------------------------
 
     def iterate_scripted(self, *, is_after: bool) -> Iterator[Step]:
-        """Give the steps before, or after, those that are recorded; all of them before where none is."""
+        """Iterate over the unrecorded steps before or after the recorded ones.
+
+        Without recorded steps, all come before.
+        """
         is_past = False
         for step in self.stage.steps:
             is_past |= step.recorded
@@ -194,11 +195,11 @@ class StageWork:
                 yield step
 
     def perform(self, step: Step) -> Part:
-        """Carry out one step as demonstrated.
+        """Carry out one step of the demonstration.
 
         Raises:
-            HoldLost: If hands are seen to hold nothing, and that ends the stage.
-            UnreachableError: If a hand cannot go there.
+            HoldLost: If the hands have lost the garment, and that ends the stage.
+            UnreachableError: If a target is out of reach.
         """
         hands, motion = self.hands, self.hands.motion
         recorded = "stage" if step.recorded else None
@@ -221,7 +222,7 @@ class StageWork:
                     yield from self._check(step, f"move {self._lifts + 1}")
                     self._lifts += 1
             case Stretch():
-                if self.hold == "all":  # what has been lost cannot be stretched
+                if self.hold == "all":  # a lost garment cannot be stretched
                     yield from self._stretch(step)
                     yield from self._check(step, "stretch")
             case Look():
@@ -234,7 +235,7 @@ class StageWork:
                 yield from hands.retreat(self.stage.hands, step)
 
     def _check(self, step: Move | Stretch, where: str) -> Part:
-        """Look whether the hands hold the garment, where that is wanted."""
+        """Check the hold, if the step asks for it."""
         if step.checked and self.reaction != "ignore":
             yield from self.hands.look(ENVIRONMENT_CAMERA)
             self.react(self.find_empty())
@@ -249,7 +250,7 @@ class StageWork:
         return {**describe_cloud(sensed.see_garment()), **hands}
 
     def _turn_further(self, *, after: Step) -> None:
-        """Turn the hands so that the steps after one are within reach: what was seen has changed where they lead."""
+        """Turn the hands for the steps to come, whose targets follow from the last look."""
         steps = self.stage.steps
         to_come = steps[next(k for k, step in enumerate(steps) if step is after) + 1 :]
         places = self.grasp | self._targets
@@ -261,7 +262,7 @@ class StageWork:
         self._turns = {side: turn + further[side] for side, turn in self._turns.items()}
 
     def find_empty(self) -> set[Side]:
-        """See which working hands are up and hold nothing; none where nothing is seen of the garment."""
+        """Find raised working hands that are empty; none if the garment is out of sight."""
         sensed = self.hands.sensed
         try:
             return set(find_empty(sensed, self.stage.hands, sensed.see_points()))
@@ -269,10 +270,10 @@ class StageWork:
             return set()
 
     def react(self, empty: set[Side]) -> None:
-        """Take hands to have lost the garment.
+        """React to empty hands.
 
         Raises:
-            HoldLost: If the stage is given up then, or nothing is left to lay down.
+            HoldLost: If that ends the stage.
         """
         if not empty or self.reaction == "ignore":
             return
@@ -281,7 +282,7 @@ class StageWork:
             raise HoldLost
 
     def _stretch(self, step: Stretch) -> Part:
-        """Move the hands apart until the garment between them is taut, and see how it hangs."""
+        """Move the hands apart until the garment between them is taut, and measure it."""
         hands, motion = self.hands, self.hands.motion
         recorded = "stage" if step.recorded else None
         targets = dict(self._targets)
@@ -290,7 +291,7 @@ class StageWork:
         yield from hands.send(motion.hold(SWING_FRAMES), recorded=recorded)
         hanging = (yield from hands.look(ENVIRONMENT_CAMERA)).see_hanging()
         for _ in range(round(step.at_most / step.by)):
-            # an edge as low as the garment is long is none: it hangs from one hand
+            # an edge as low as the garment is long: the garment hangs from one hand
             if not step.sag < hanging.sag < hanging.length:
                 break
             targets["left"] = targets["left"] - step.by * outwards
@@ -300,7 +301,7 @@ class StageWork:
             before = hanging
             hanging = (yield from hands.look(ENVIRONMENT_CAMERA)).see_hanging()
             if hanging.sag > before.sag - LEAST_RISE:
-                break  # it slides out of a hand instead
+                break  # it slips from a hand
         span = float(np.linalg.norm(targets["right"] - targets["left"]))
         self.seen |= {
             "half_span": span / 2,
@@ -309,7 +310,7 @@ class StageWork:
 
 
 def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:
-    """Give places of a cloud around a point [m], shape (M, 3), from the nearest to the farthest."""
+    """Find spaced points of a cloud around a point [m], shape (M, 3), nearest first."""
     distances = np.linalg.norm(cloud[:, :2] - point[:2], axis=1)
     order = np.argsort(distances, kind="stable")
     order = order[distances[order] <= REACHABLE_WITHIN]

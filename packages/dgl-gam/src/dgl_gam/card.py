@@ -10,7 +10,8 @@ __all__ = ["format_card"]
 
 _TEMPLATE = """# {name}
 
-Weights of the Garment Affordance Model of `dgl_gam`: dense correspondence between clouds of garments of one category.
+Weights of the Garment Affordance Model of `dgl_gam`: dense correspondence between clouds of
+garments of one category.
 
 | | |
 |---|---|
@@ -33,15 +34,16 @@ indices, similarity = model.match(demonstrated_cloud, points, observed_cloud)
 
 ## How well it works
 
-On garments that it was not trained on. Errors are shares of the garment's horizontal diagonal; the conditions and the columns are
-explained in `docs/gam.md`. `noise_any`, and what hangs with `_any`, are the stricter readings of `noise_half` and of the others.
+On garments that it was not trained on. Errors are shares of the garment's horizontal diagonal; the
+conditions and the columns are explained in `docs/gam.md`. `noise_any`, and hanging states with
+`_any`, are the stricter readings of `noise_half` and of the others.
 
 {table}
 
 ## Limits
 
-A match is returned for a hidden point too: look at its confidence. Trained on generated garments: real ones that are
-asymmetric, torn or heavily decorated are outside of what it has seen. Licence: Apache-2.0.
+A match is returned for a hidden point too: look at its confidence. Trained on generated garments;
+asymmetric, torn or heavily decorated ones are outside of its training. Licence: Apache-2.0.
 """
 
 

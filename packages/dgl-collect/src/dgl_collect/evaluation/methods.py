@@ -37,8 +37,7 @@ class LearnedMethod(Protocol):
 
 
 LearnedMethods = Mapping[str, LearnedMethod]
-"""Learned methods by name. This package knows none: whoever composes an evaluation passes them
-in."""
+"""Learned methods by name. This package has none; the caller passes them in."""
 
 
 def make_evaluation_attempts(
@@ -61,8 +60,7 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
     """Check the method of an evaluation without making it.
 
     Raises:
-        ValueError: If there is no such method or module, or what it needs is missing or of another
-            kind.
+        ValueError: If the method or module is unknown, or its checkpoints are missing or unfit.
     """
     name = options.policy
     if name in SCRIPTED:

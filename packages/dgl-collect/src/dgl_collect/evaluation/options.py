@@ -30,4 +30,4 @@ class EvaluationOptions(RunOptions):
     actions: Annotated[int, Ge(1)] = 600
     """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Where policies compute."""
+    """Device on which policies compute."""

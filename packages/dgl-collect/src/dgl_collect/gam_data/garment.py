@@ -1,4 +1,4 @@
-"""The data of one garment: its states, the views of them, and the file."""
+"""Training data of one garment: states, views and file."""
 
 import importlib.metadata
 import time
@@ -44,9 +44,9 @@ class Made:
     """Outcome of one garment."""
 
     id: str
-    """Of the catalogue."""
+    """Id in the catalogue."""
     error: str = ""
-    """Why there is no file; empty when there is one."""
+    """Reason for a missing file; empty if there is one."""
     note: str = ""
     """Note of something unusual, such as another edge length; empty if nothing is."""
     seconds: float = 0.0
@@ -56,12 +56,12 @@ class Made:
 
 
 def get_versions() -> dict[str, str]:
-    """Give the versions of the packages that decide what is in a file."""
+    """Get the versions of the packages that decide the content of a file."""
     return {name: importlib.metadata.version(name) for name in _PACKAGES}
 
 
 def find_path(folder: Path, garment_id: str) -> Path:
-    """Give the file of a garment in a data set."""
+    """Get the path of a garment's file in a data set."""
     return folder / f"{garment_id}.safetensors"
 
 
@@ -70,9 +70,9 @@ class Entry:
     """A garment of a data set."""
 
     id: str
-    """Of the catalogue."""
+    """Id in the catalogue."""
     split: Split
-    """That it belongs to."""
+    """Split of the garment."""
     is_flat: bool = False
     """Make only the flat state, which needs no simulation."""
 
@@ -89,7 +89,7 @@ class GarmentMaker:
         return make_garment_data(request, seed=self._seed, path=out_dir / FILE)
 
     def close(self) -> None:
-        """Nothing is to be released."""
+        """Do nothing."""
 
 
 def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
@@ -134,7 +134,7 @@ def _load(garment_id: str) -> tuple[Garment, str]:
 
 
 def _see(garment: Garment, name: str, positions: np.ndarray, seed: int) -> list[View]:
-    """See a state from its directions, with the rounded positions that are kept."""
+    """Make the views of a state, with the rounded positions that are kept."""
     rng = make_rng(seed, garment.name, f"views of {name}")
     kept = positions.astype(np.float16).astype(np.float64)
     is_one_layer = len(np.unique(garment.canonical[:, 2])) == 1
@@ -147,7 +147,7 @@ def _see(garment: Garment, name: str, positions: np.ndarray, seed: int) -> list[
 
 
 def _choose_directions(name: str, rng: np.random.Generator) -> list[np.ndarray]:
-    """Choose camera directions: from above for what lies, from the front for what hangs."""
+    """Choose camera directions: from above for lying states, from the front for hanging ones."""
     if name in HANGING:
         front = make_direction(0.0, np.radians(rng.uniform(0.0, 15.0)))
         sides = [(rng.uniform(20.0, 70.0), 1), (rng.uniform(20.0, 70.0), -1)]

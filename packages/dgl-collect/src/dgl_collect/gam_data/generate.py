@@ -1,4 +1,4 @@
-"""A data set: many garments, by one or more workers, which can be interrupted and continued."""
+"""A data set of many garments, made by workers; an interrupted run can be resumed."""
 
 import json
 import threading
@@ -28,18 +28,17 @@ class DataConfig:
     """
 
     categories: tuple[str, ...] = ()
-    """Of the catalogue; all when none is named."""
+    """Categories of the catalogue; all by default."""
     train: int = 200
-    """Garments of each category to train on; the first ids of the catalogue's split, at most
-    8,000."""
+    """Training garments of each category, at most 8,000: the first ids of the split."""
     test: int = 40
-    """Garments of each category to measure on, at most 2,000."""
+    """Test garments of each category, at most 2,000."""
     flat: int = 0
     """Further training garments of each category, flat state only; the ids that follow."""
     flat_test: int = 0
-    """More garments of each category to measure on, likewise."""
+    """Further test garments of each category, flat state only."""
     seed: int = 0
-    """Of everything that is drawn; not negative."""
+    """Seed of all draws; not negative."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "categories", choose_categories(self.categories))
@@ -147,7 +146,7 @@ def generate_data(
 
 
 def _take(outcome: JobOutcome, folder: Path) -> Made:
-    """Take over a garment's file, or write a line that says why there is none."""
+    """Commit the file of a garment, or record the reason for its failure."""
     made = outcome.result
     if not isinstance(made, Made):
         assert isinstance(outcome.job.request, Entry)

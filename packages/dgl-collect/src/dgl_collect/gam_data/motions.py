@@ -11,7 +11,7 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Fold:
-    """A part of a garment is carried over a line and laid down on the rest."""
+    """A fold: part of a garment is carried over a line and laid on the rest."""
 
     state: str
     """Kind of the state."""
@@ -51,7 +51,7 @@ FOLDS: dict[str, tuple[Fold, ...]] = {
     ),
     "Scarf": (Fold(state="end_folded", grips=("{side}_end",), hinge=("centre",), nearest=0.4),),
 }
-"""Of the categories of cloth; one is drawn where there are several."""
+"""Folds of each category of cloth; one of several is drawn."""
 
 _UPPER: tuple[Pair, ...] = (
     ("left_shoulder", "right_shoulder"),

@@ -21,11 +21,11 @@ __all__ = ["GLOVE", "GarmentSimulation", "add_garment", "find_grip"]
 GLOVE = SolidMaterial(thickness=0.004)
 """Material of gloves: their layers lie 10 to 25 mm apart, so the contact thickness is small."""
 GRIP = 0.03
-"""Vertices so near to a landmark on the flat garment are gripped with it, of both layers [m]."""
+"""Radius around a landmark within which both layers are gripped, on the flat garment [m]."""
 SPEED = 0.8
-"""Of what is carried [m/s]."""
+"""Speed of carried grips [m/s]."""
 DRAG = 1.5
-"""Of the cloth in air [1/s]: what hangs comes to rest within seconds."""
+"""Drag of cloth in air; hanging cloth comes to rest within seconds [1/s]."""
 MEAN_STRAIN_LIMIT = 0.1
 """Largest mean change of edge length of a state. Crumpled coarse meshes reach 0.07, all else
 0.03."""
@@ -183,7 +183,7 @@ class GarmentSimulation:
         return Scene(builder, config)
 
     def _finish(self, scene: Scene) -> np.ndarray:
-        """Check the end and give the surface."""
+        """Check the final state and return the surface."""
         if not np.isfinite(scene.x).all():
             raise PhysicsError("positions are not finite")
         (own,) = scene.model.garments

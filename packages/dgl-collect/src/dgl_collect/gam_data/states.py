@@ -1,4 +1,4 @@
-"""The states of a garment: how it lies or hangs after what was done to it."""
+"""States of a garment: flat, dropped, folded, flung, hanging."""
 
 import zlib
 from collections.abc import Callable
@@ -22,7 +22,7 @@ _BAR, _BAR_HEIGHT = 0.02, 1.6  # radius, and height above the ground [m]
 
 
 def make_rng(seed: int, garment_id: str, subject: str) -> np.random.Generator:
-    """Make the source of randomness of one subject of one garment, whatever is drawn for others."""
+    """Make a random generator of one subject of one garment, independent of others."""
     return np.random.default_rng([seed, *(zlib.crc32(s.encode()) for s in (garment_id, subject))])
 
 

@@ -12,7 +12,7 @@ __all__ = ["DISTANCE", "POINTS", "TOLERANCE", "View", "make_direction", "see_sur
 
 POINTS = 2048
 DISTANCE = 6.75
-"""Of the camera from the middle of the garment [m]: as high as the tasks' garment camera hangs."""
+"""Distance of the camera from the middle of the garment, as in the tasks [m]."""
 TOLERANCE = 0.006
 """An inside is hidden by an outside so little below it [m]; layers of a seam are closer."""
 _SPARE = 3  # visible pixels for each point that is drawn from them

@@ -1,4 +1,4 @@
-"""Workers: processes of this machine or of a cluster that do the jobs of a run."""
+"""Workers: processes of this machine or of a cluster, for the jobs of a run."""
 
 from dgl_collect.workers.dispatch import Dispatcher as Dispatcher
 from dgl_collect.workers.dispatch import JobOutcome as JobOutcome

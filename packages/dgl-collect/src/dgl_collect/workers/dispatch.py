@@ -1,4 +1,4 @@
-"""Distribution of a run's jobs to workers: assignment, repetition, and giving up."""
+"""Distribution of jobs to workers, with repetition and limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 POLL_SECONDS = 0.2
 """Period of checks for time limits and interrupts [s]."""
 STAGING = ".staging"
-"""Folder, in that of a run, in which jobs write."""
+"""Subfolder of the run in which jobs write."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,15 +51,15 @@ class Limits:
     """
 
     job_seconds: Annotated[float, Gt(0)] = 1800.0
-    """Longest time of a job [s]; then its worker is ended, and the job has failed."""
+    """Time limit of a job [s]; beyond it the worker is ended and the job has failed."""
     build_seconds: Annotated[float, Gt(0)] = 900.0
-    """Longest time of building a job runner, compiling of kernels included [s]."""
+    """Time limit of building a job runner, kernel compilation included [s]."""
     crashes: Annotated[int, Ge(1)] = 5
-    """A job that ends its worker is done again; after so many times it has failed."""
+    """Crashes of a job, each of which ends its worker, after which it has failed."""
     machines: Annotated[int, Ge(1)] = 10
-    """A job whose machine is lost is done again; after so many times the run gives up."""
+    """Losses of a job's machine after which the run gives up."""
     crashes_in_a_row: Annotated[int, Ge(1)] = 5
-    """The run gives up after so many different jobs or starts in a row that ended their worker."""
+    """Crashes in a row, of different jobs or starts, after which the run gives up."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -67,7 +67,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class JobOutcome:
-    """The end of a job."""
+    """Outcome of a job."""
 
     job: Job
     result: object
@@ -76,7 +76,7 @@ class JobOutcome:
     seconds: float
     """Wall-clock time of the job on its worker [s]."""
     folder: Path
-    """With the job's files. It is removed when the next outcome is asked for."""
+    """Folder of the job's files. It is removed when the next outcome is asked for."""
 
 
 class _Post:
@@ -92,7 +92,7 @@ class _Post:
 
 
 class Dispatcher:
-    """Gives the jobs of one run to workers."""
+    """Distributes the jobs of one run to workers."""
 
     def __init__(
         self,
@@ -207,7 +207,7 @@ class Dispatcher:
         self._posts.append(_Post(engine.start(number, self._work, log_path)))
 
     def _take(self, engine: Engine, post: _Post, message: Message) -> JobOutcome | None:
-        """Take a message; the outcome of a job, if it brings one."""
+        """Handle a message; return the outcome of a job, if it brings one."""
         match message:
             case Started(host=host):
                 post.host, post.since = host, time.monotonic()
@@ -252,7 +252,7 @@ class Dispatcher:
     def _lose(
         self, engine: Engine, post: _Post, how: str, *, with_machine: bool
     ) -> JobOutcome | None:
-        """Replace a worker that is gone: its job is done again, or fails after too many times."""
+        """Replace a lost worker; its job is repeated, or fails after too many crashes."""
         post.worker.kill()
         if fault := describe_full_disk(self._folder):
             raise MachineError(fault)  # libraries crash when they cannot write
@@ -290,7 +290,7 @@ class Dispatcher:
     def _replace(
         self, engine: Engine, post: _Post, end: str, failure: Failure | None, *, counts: bool
     ) -> JobOutcome | None:
-        """Start another worker for one that has ended; the outcome of a job that failed with it."""
+        """Replace a worker that has ended; return the outcome if its job has failed."""
         self._last_end = end
         if counts:
             name = f"start {len(self._in_a_row)}" if post.job is None else post.job.name

@@ -1,4 +1,4 @@
-"""Interfaces of workers and of engines, which start workers and hear from them."""
+"""Interfaces of workers and of the engines that start them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Worker(Protocol):
     """A worker, as the run sees it. It builds its job runner as soon as it runs."""
 
     number: int
-    """Of the worker in the run."""
+    """Number of the worker in the run."""
     is_started: bool
     """True once it runs; a `Started` message tells when, if not at once."""
 
@@ -61,7 +61,7 @@ class Worker(Protocol):
 
 
 class Engine(Protocol):
-    """Starts workers, and hears from them."""
+    """Starts workers and receives their messages."""
 
     def start(self, number: int, work: Work, log_path: Path) -> Worker:
         """Start a worker; `log_path` receives what it prints."""
@@ -72,5 +72,5 @@ class Engine(Protocol):
         ...
 
     def close(self) -> None:
-        """End what the engine has started; its workers have ended by then."""
+        """Close the engine, after its workers have ended."""
         ...

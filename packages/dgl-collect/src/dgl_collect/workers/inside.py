@@ -1,4 +1,4 @@
-"""The inside of a worker, wherever it runs."""
+"""The inside of a worker, on either engine."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 class Workbench:
-    """Builds a job runner, and does jobs with it."""
+    """Builds a job runner and does jobs with it."""
 
     def __init__(self, work: Work) -> None:
         self._work = work
@@ -55,7 +55,7 @@ class Workbench:
         return Ready(machine=describe_machine(), versions=package_versions())
 
     def do(self, job: Job, out_dir: Path) -> Finished | RunEnded | MachineFault | Lost:
-        """Do a job; `Lost` means that this process is not fit for another one."""
+        """Do a job; return `Lost` if this process cannot do another one."""
         logger.info("%s", job.name)
         started = time.monotonic()
         result, failure = None, None

@@ -62,9 +62,9 @@ class Failure:
     """Reason why a job has no result."""
 
     reason: str
-    """In a few words without numbers, so that equal failures can be counted."""
+    """The reason in a few words without numbers, so that equal failures can be counted."""
     detail: str
-    """The same with numbers."""
+    """The reason with numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,14 +96,14 @@ class Ready:
 
 @dataclass(frozen=True, kw_only=True)
 class RunEnded:
-    """A fault that every worker and job would meet, as of a job runner that cannot be built."""
+    """A fault that concerns every worker and job, such as a job runner that cannot be built."""
 
     reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finished:
-    """A job is done, or has raised an exception that is its own fault."""
+    """A job is done, or has failed by its own exception."""
 
     result: object
     failure: Failure | None
@@ -113,18 +113,18 @@ class Finished:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineFault:
-    """The machine has failed, not the job: its disk is full, say."""
+    """The machine has failed, not the job; for example, its disk is full."""
 
     reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lost:
-    """A worker is gone, or unfit for another job."""
+    """A worker is lost, or cannot do another job."""
 
     how: str
     with_machine: bool = False
-    """Its machine is gone too."""
+    """The machine is lost, too."""
 
 
 Message = Started | Ready | RunEnded | Finished | MachineFault | Lost

@@ -1,4 +1,4 @@
-"""Workers that are processes of this machine."""
+"""Workers as processes of this machine."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LocalWorker:
             pass  # it has ended already
 
     def kill(self) -> None:
-        """End the process, politely first."""
+        """End the process: SIGTERM first, then SIGKILL."""
         if self._is_released:
             self._process.join(CLOSE_SECONDS)
         if self._process.is_alive():
@@ -113,7 +113,7 @@ class LocalEngine:
         return [(worker, worker.receive()) for worker in heard]
 
     def close(self) -> None:
-        """Nothing is left to end."""
+        """Do nothing: every worker has ended."""
 
 
 def end_unguarded_import() -> None:

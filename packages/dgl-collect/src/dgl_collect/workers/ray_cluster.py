@@ -1,4 +1,4 @@
-"""Workers that are actors of a Ray cluster."""
+"""Workers as actors of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Answer:
 
     message: Message
     files: Mapping[str, bytes]
-    """Files of the job by name, where they do not lie in the output folder already."""
+    """Files of the job by name, unless they lie in the output folder already."""
     printed: bytes
     """Output of the worker since its last answer."""
 
