@@ -1,7 +1,7 @@
 """Fail where a docstring opens with a question word, or a line of Markdown is too long.
 
-Checks the docstrings of modules, classes, functions and attributes. Markdown tables, code blocks,
-headings and lines with links may be longer.
+Checks the docstrings of modules, classes, functions and attributes. Tables and code blocks of
+Markdown may have longer lines.
 
 Example: python scripts/check_text.py
 """
@@ -33,8 +33,7 @@ def find_long_lines(text: str) -> Iterator[int]:
     is_code = False
     for number, line in enumerate(text.splitlines(), start=1):
         is_code ^= line.lstrip().startswith("```")
-        is_exempt = is_code or line.lstrip().startswith(("|", "#", "![")) or "](" in line
-        if len(line) > WIDTH and not is_exempt:
+        if len(line) > WIDTH and not is_code and not line.lstrip().startswith("|"):
             yield number
 
 
@@ -42,15 +41,12 @@ def find_faults() -> Iterator[str]:
     """Yield each fault of the tree as `path:line: message`."""
     for name in _SOURCES:
         for path in sorted((ROOT / name).rglob("*.py")) or [ROOT / name]:
-            relative = path.relative_to(ROOT).as_posix()
-            if path.is_file():
-                for line in find_questions(path.read_text(encoding="utf-8")):
-                    yield f"{relative}:{line}: docstring opens with a question word"
+            for line in find_questions(path.read_text(encoding="utf-8")):
+                yield f"{path.relative_to(ROOT)}:{line}: docstring opens with a question word"
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")]
     for path in sorted({*pages, *ROOT.glob("packages/*/README.md")}):
-        relative = path.relative_to(ROOT).as_posix()
         for line in find_long_lines(path.read_text(encoding="utf-8")):
-            yield f"{relative}:{line}: line of more than {WIDTH} characters"
+            yield f"{path.relative_to(ROOT)}:{line}: line of more than {WIDTH} characters"
 
 
 def main() -> int:

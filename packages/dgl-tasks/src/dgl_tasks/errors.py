@@ -47,7 +47,7 @@ class RobotFilesError(OSError):
 
 
 class PolicyError(ValueError):
-    """A policy gave actions of another form: no failed attempt, since each one would fail alike."""
+    """A policy gave actions of a wrong form; the run ends, since every attempt would fail."""
 
     ends_run = True
 
