@@ -47,9 +47,9 @@ class Attempts:
 
         Args:
             setup: Environment and demonstration.
-            method: Acts.
+            method: The method.
             recorded: Content of the episodes of successes; None for no episodes.
-            garments: Split that garments are drawn from; the environment draws when None.
+            garments: Split of the drawn garments; the environment draws when None.
         """
         self._setup, self._method = setup, method
         self._recorded, self._garments = recorded, garments
@@ -146,16 +146,16 @@ def film_attempt(
 
     Args:
         setup: The environment.
-        method: Acts.
+        method: The method.
         index: Number of the attempt.
-        seed: Of the episode.
+        seed: Seed of the attempt.
         garment: Catalogue id; drawn from the seed when None.
         out_dir: Folder for the film and the picture.
         episode_id: Stem of their names.
-        listener: As of `run_episode`.
+        listener: See `run_episode`.
 
     Returns:
-        The attempt's result, and the course's; None where an error, the attempt's reason, ended it.
+        The result of the attempt and that of the episode, None if an error has ended it.
     """
     started = time.perf_counter()
     env = setup.env

@@ -78,7 +78,7 @@ class AttemptJobs:
             task: Environment id.
             attempt_factory: `module:name` of an `AttemptFactory`.
             options: Its options.
-            has_episodes: Whether a success must leave an episode file.
+            has_episodes: A success must leave an episode file.
         """
         self._runner: AttemptRunner = load_callable(attempt_factory)(task, options)
         self._has_episodes = has_episodes

@@ -53,8 +53,8 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
 
     Args:
         source: A mesh file, or the folder of an imported garment.
-        task: To prepare it for.
-        folder: Of prepared garments; one that is there is not made again.
+        task: The task.
+        folder: Folder of prepared garments; an existing one is used again.
 
     Raises:
         ValueError: If there is nothing at `source`, or the garment is of another category or
@@ -153,9 +153,9 @@ def find_landmarks(garment: ImportedGarment, known: Garment, names: list[str]) -
     """Find landmarks of a known garment on another one of its category, both lying flat.
 
     Args:
-        garment: The other one.
-        known: Has the landmarks.
-        names: Of the landmarks.
+        garment: The garment without the landmarks.
+        known: A garment with the landmarks.
+        names: Names of the landmarks.
 
     Returns:
         Vertex of each landmark.

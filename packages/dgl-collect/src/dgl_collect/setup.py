@@ -1,4 +1,4 @@
-"""Everything that attempts at a task share: environment, demonstration, matcher, motion planner."""
+"""The shared parts of attempts: environment, demonstration, matcher, motion planner."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class Setup:
         tries: int = TRIES,
         demonstration: Demonstration | None = None,
     ) -> StageRunner:
-        """Make the stage runner of an actor; arguments that are given replace the setup's own."""
+        """Make the stage runner of an actor; given arguments replace those of the setup."""
         return StageRunner(
             demonstration=demonstration or self.demonstration,
             demo_cloud=self.demo_cloud,
@@ -69,9 +69,9 @@ def make_env(task: Task, options: RunOptions, *, robot: Robot | None = None) -> 
     """Build the environment of a task for whole attempts.
 
     Args:
-        task: Its declaration.
-        options: Those of the run.
-        robot: Loaded already; loaded by its name when None.
+        task: The declaration.
+        options: Options of the run.
+        robot: A robot loaded before; by default it is loaded by its name.
     """
     import torch
 
@@ -94,12 +94,12 @@ def make_setup(
     *,
     demonstration: Demonstration | None = None,
 ) -> Setup:
-    """Build the environment of a task, and everything that carrying out its demonstration needs.
+    """Build the environment and the demonstration of a task.
 
     Args:
-        task: Environment id, file or module of a task of one's own, or a declaration.
-        options: Those of the run; the defaults when None.
-        demonstration: Of that task; the one that the options or the task name when None.
+        task: Environment id, file or module of a task of your own, or a declaration.
+        options: Options of the run; the defaults when None.
+        demonstration: A demonstration of the task; by default that of the options or the task.
     """
     options = options or RunOptions()
     declared = task if isinstance(task, Task) else load_task(task)
@@ -124,18 +124,18 @@ def make_setup(
 
 
 def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
-    """Check the options of a run before it begins, and make a garment of one's own ready.
+    """Check the options of a run before it begins, and prepare a garment of your own.
 
     Args:
-        options: As asked for.
-        task: What they are for.
+        options: The requested options.
+        task: The task of the run.
 
     Returns:
-        The options with absolute paths, the prepared garment's folder and its matcher; and what was
-        assumed about the garment, to be told.
+        The options with absolute paths, the prepared garment's folder and its matcher; and notes on
+        assumptions about the garment, for the user.
 
     Raises:
-        ValueError: If something that they name is missing or does not fit.
+        ValueError: If a named file or folder is missing or does not fit.
         AssetError: If a garment or robot cannot be loaded.
         DemonstrationError: If the demonstration is damaged or does not fit the task.
     """
@@ -144,7 +144,7 @@ def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
     load_robot(options.robot, options.robots)
     load_demonstration(task, options.demonstration)
     values = {item.name: getattr(options, item.name) for item in dataclasses.fields(options)}
-    # a resumed run may be called from elsewhere
+    # a resumed run may start in another folder
     changes: dict[str, object] = {
         name: path.absolute() for name, path in values.items() if isinstance(path, Path)
     }

@@ -19,7 +19,7 @@ from dgl_tasks.grasps import Orientation, find_sides
 from dgl_tasks.handling import APPROACH_FROM, WayOut
 
 GARMENT_NAMES = ("min", "max", "centre")
-"""Corners and centre of what is seen of the garment: `garment.min.x` and so on in formulas."""
+"""Corners and centre of the visible garment: `garment.min.x` and so on in formulas."""
 CONDITION_NAMES = ("round", "held", "skipped", "value")
 """Further names that the condition of a stage may use."""
 SEEN_NAMES = ("half_span", "hanging")
@@ -34,7 +34,7 @@ def _check_name(name: str) -> str:
             f"a name must be at most 64 letters, digits and '_', and start with a letter; "
             f"got {show(name)}"
         )
-    if name in _TAKEN - set(SEEN_NAMES):  # a stage may define what it expects a stretch to see
+    if name in _TAKEN - set(SEEN_NAMES):  # a stage may define values that a stretch will measure
         raise ValueError(f"a name must not be one that formulas have already; got {name!r}")
     return name
 
@@ -75,8 +75,8 @@ Spacing: TypeAlias = Annotated[float, Ge(1e-4), Le(0.1)]
 Frames: TypeAlias = Annotated[int, Ge(1), Le(3600)]
 """Control steps of 1/60 s; one minute at most."""
 OnLoss: TypeAlias = Literal["again", "lay down"]
-"""Reaction to a hand that is seen to hold nothing. `again`: both hands let go and the stage begins
-again, up to three times. `lay down`: the stage goes on and lays down what the other hand holds."""
+"""Reaction to an empty hand. `again`: release, and begin the stage again, up to three tries. `lay
+down`: go on, and lay down what the other hand holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class Step:
     __pydantic_config__: ClassVar = STRICT
 
     recorded: bool = True
-    """Record the step; a policy learns recorded steps and carries them out in its own way."""
+    """Record the step; a policy learns recorded steps and replaces them."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -98,16 +98,16 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Approach(Step):
-    """Bring the open hands beside the grasp points, and straight to them."""
+    """Bring the open hands beside the grasp points, then straight to them."""
 
     recorded: bool = False
     orientation: Orientation = "standard"
-    """Of the hands; they turn about the vertical only where the steps after it need that."""
+    """Orientation of the hands; they turn about the vertical only if later steps need it."""
     height: Annotated[float, Ge(-0.5), Le(3.0)] | None = 0.03
-    """Height of the grasp points above the ground [m]; None keeps the height that was found."""
+    """Height of the grasp points above the ground [m]; None keeps the matched height."""
     short_by: Offset = 0.0
-    """Distance by which a hand stops short of the grasp point, along its fingers [m]: it then
-    takes less of what lies beyond."""
+    """Distance by which a hand stops short of the grasp point, along its fingers [m], to grasp less
+    of the cloth beyond."""
     come_from: tuple[Offset, Offset, Offset] = APPROACH_FROM
     """Offset of the start of the straight line [m]; x points outward for both hands."""
     spacing: Spacing = 0.01
@@ -122,23 +122,23 @@ class HandPose(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Release(HandPose):
-    """Open the working hands; from now on they hold nothing."""
+    """Open the working hands, which hold nothing afterwards."""
 
     pose: PoseName = "open"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Move(Step):
-    """Move grasp points of hands along straight lines that begin and end together."""
+    """Move grasp points along straight lines that begin and end together."""
 
     targets: Mapping[Side, Formulas]
     """Target of each moving hand."""
     orientation: Orientation | None = None
-    """Of the hands at the end; None keeps it."""
+    """Orientation of the hands at the end; None keeps it."""
     spacing: Spacing = 0.01
-    """On the longer line."""
+    """Spacing on the longer line."""
     checked: bool = False
-    """Look, at the end, whether the hands hold the garment."""
+    """Check at the end if the hands hold the garment."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,10 +148,10 @@ class Move(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch(Step):
-    """Move both hands apart until the garment between them is seen to be taut.
+    """Move both hands apart until the camera sees a taut garment between them.
 
-    Afterwards, `half_span`, half the distance of the hands [m], and `hanging`, the length of the
-    garment below them [m], are as seen, whatever the definitions of the stage expected.
+    Afterwards `half_span`, half the distance of the hands [m], and `hanging`, the length of the
+    garment below them [m], have their measured values instead of those in the definitions.
     """
 
     sag: Distance
@@ -167,12 +167,12 @@ class Stretch(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Look(Step):
-    """Look from above at the garment in the hands.
+    """Look at the garment in the hands, from above.
 
-    In a stage with a look, formulas and definitions may use `now.min`, `now.max` and `now.centre`,
-    corners and centre of the garment as last seen, and `now.left_hand` and `now.right_hand`, the
-    grasp points then [m]; before the first look, as the hands took hold. Where a target is then out
-    of reach, the hands turn about the vertical, as at the beginning.
+    In a stage with a look, formulas may use `now.min`, `now.max` and `now.centre`, corners and
+    centre of the garment as last seen, and `now.left_hand` and `now.right_hand`, the grasp points
+    at that time [m]; before the first look, those of the grasp. If a target is then out of reach,
+    the hands turn about the vertical, as at the beginning.
     """
 
 
@@ -185,7 +185,7 @@ class Wait(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Retreat(Step, WayOut):
-    """Draw the open hands out of the garment in this way, and park the arms."""
+    """Draw the open hands out of the garment, and park the arms."""
 
     recorded: bool = False
     pose: PoseName = "flat"
@@ -241,10 +241,10 @@ class Grasp:
     __pydantic_config__: ClassVar = STRICT
 
     points: tuple[str, ...] = ()
-    """Names of points of the demonstration. The middle of several takes hold of layers whose edges
-    do not lie exactly on each other."""
+    """Names of points of the demonstration. The middle of several grasps layers whose edges do not
+    lie exactly on each other."""
     at: Formulas | None = None
-    """A position instead, for garments whose shape alone tells where to grasp."""
+    """A position instead, for garments whose shape decides the grasp point."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -274,19 +274,19 @@ class Stage:
     definitions: Mapping[Name, Formula] = field(default_factory=dict)
     """Numbers by name, as formulas; each may use the ones before it."""
     looks_again: bool = False
-    """Find the points again when the stage begins: for a garment that earlier stages have laid out
-    differently."""
+    """Find the points again when the stage begins, after earlier stages have changed the
+    garment."""
     moved_at_most: Annotated[float, Ge(1e-3), Le(10.0)] | None = 0.15
-    """Largest distance of a grasp point from where it first lay [m]: left and right are not told
-    apart by the shape of a folded garment. None where an earlier stage moved it on purpose."""
+    """Largest distance of a grasp point from its first position [m], since the shape of a folded
+    garment does not tell left from right. None if an earlier stage has moved it on purpose."""
     on_loss: OnLoss = "again"
     again: bool = True
     """Repeat this stage in later rounds."""
     when: str | None = None
-    """Condition for the stage to begin: a formula over points, objects and what is seen of the
-    garment at rest. It may also use `round`, counted from 1; `held`, true if the stage before kept
-    hold of the garment; `skipped`, true if the last round left this stage out; and `value`, the
-    measure of the task's rule on what is believed of the scene."""
+    """Condition for the stage to begin: a formula over points, objects and the visible garment at
+    rest. It may also use `round`, counted from 1; `held`, true if the stage before kept its hold;
+    `skipped`, true if the last round skipped this stage; and `value`, the value of the rule in the
+    belief."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -321,7 +321,7 @@ class Stage:
 
     @property
     def is_learned(self) -> bool:
-        """True if a policy learns the stage; otherwise it is scripted, whoever acts."""
+        """True if a policy learns the stage; otherwise it is scripted for every actor."""
         return any(step.recorded for step in self.steps)
 
     @property
@@ -331,19 +331,19 @@ class Stage:
 
     @property
     def approach(self) -> Approach:
-        """The way to the grasp points."""
+        """The approach."""
         return next(step for step in self.steps if isinstance(step, Approach))
 
     @property
     def grasp_pose(self) -> str:
-        """The hand pose that takes hold: the last one before the hands release."""
+        """The hand pose of the grasp: the last one before the release."""
         poses = [s for s in self.steps if isinstance(s, HandPose)]
         held = [s.pose for s in poses if not isinstance(s, Release)]
         return held[-1] if held else "close"
 
     @property
     def retreat(self) -> Retreat:
-        """The way out of the garment."""
+        """The retreat."""
         return next((step for step in self.steps if isinstance(step, Retreat)), Retreat())
 
 
@@ -355,15 +355,15 @@ class Demonstration:
 
     task: Annotated[str, Len(1, 200)]
     garment: Annotated[str, Len(1, 200)]
-    """Catalogue id of the garment on which it was given."""
+    """Catalogue id of the demonstrated garment."""
     points: Mapping[Name, Annotated[np.ndarray, PlainValidator(_to_point)]]
-    """Marked points [m], shape (3,), frame of that garment lying flat."""
+    """Marked points [m], shape (3,), in the frame of that garment lying flat."""
     stages: tuple[Stage, ...]
     rounds: Annotated[int, Ge(1), Le(100)] = 1
-    """Largest number of passes through the stages; the task ends once it is believed done."""
+    """Most rounds; the task ends once it is believed done."""
     turns_over: bool = False
-    """The garment may come to lie on its face, left and right exchanged: the hands then exchange
-    their points."""
+    """The garment may end face down, with left and right exchanged; the hands then exchange their
+    points."""
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -64,7 +64,7 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Evaluations on the episodes that all of them have run."""
+    """Comparison of evaluations on their common episodes."""
 
     task: str
     """Environment id."""
@@ -105,7 +105,7 @@ def read_evaluation(folder: Path | str) -> Evaluation:
 
 
 def compare(evaluations: Sequence[Evaluation]) -> Comparison:
-    """Compare evaluations on the episodes that all of them have run.
+    """Compare evaluations on their common episodes.
 
     Args:
         evaluations: At least two, of one task.

@@ -27,11 +27,10 @@ __all__ = [
 ]
 
 SPACING = 0.021
-"""Edge length of cloth [m]. A visible point is then up to 13 mm from its vertex, 1 % of a garment;
-hats and gloves are finer."""
+"""Edge length of cloth [m]: a visible point is up to 13 mm, 1 % of a garment, from its vertex. Hats
+and gloves are finer."""
 _OTHER_SPACINGS = (0.022, 0.020)
-"""Further edge lengths [m], tried if an outline cannot be filled; one garment in several
-hundred."""
+"""Edge lengths for outlines that cannot be filled, one garment in several hundred [m]."""
 _SHELLS = ("Baseball_Cap", "Bowl_Hat", "Glove")
 FILE = "garment.safetensors"
 """Name of a garment's file in the folder of its job."""
@@ -50,7 +49,7 @@ class Made:
     note: str = ""
     """Note of something unusual, such as another edge length; empty if nothing is."""
     seconds: float = 0.0
-    """CPU time of building, simulating, seeing and writing it [s]."""
+    """CPU time [s]."""
     bytes: int = 0
     """Size of its file."""
 
@@ -81,7 +80,7 @@ class GarmentMaker:
     """Makes garments' files as jobs of a worker; see `dgl_collect.workers.JobRunner`."""
 
     def __init__(self, *, seed: int) -> None:
-        """Remember the seed of the data set."""
+        """Keep the seed of the data set."""
         self._seed = seed
 
     def run(self, request: Entry, out_dir: Path) -> Made:
@@ -96,13 +95,12 @@ def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
     """Make a garment's file, whole or not at all.
 
     Args:
-        entry: Which.
-        seed: With its id, of everything drawn.
-        path: Where the file belongs.
+        entry: The garment.
+        seed: Seed of all draws, together with the garment's id.
+        path: Path of the file.
 
     Returns:
-        The outcome; a garment that cannot be built, simulated or seen is no exception but an
-        outcome with the reason.
+        The outcome; it holds the reason if the garment cannot be built, simulated or seen.
     """
     begin = time.process_time()
     try:
@@ -118,7 +116,7 @@ def make_garment_data(entry: Entry, *, seed: int, path: Path) -> Made:
 
 
 def _load(garment_id: str) -> tuple[Garment, str]:
-    """Build a garment, at another edge length if need be; the second value says so."""
+    """Build a garment, at another edge length if necessary; the second value is a note on it."""
     if garment_id.partition("/")[0] in _SHELLS:
         return load_garment(garment_id), ""
     try:

@@ -96,21 +96,21 @@ def generate_data(
     resume: bool = False,
     stop: threading.Event | None = None,
 ) -> Generator[Made, None, None]:
-    """Make the garments of a data set that are not there yet.
+    """Make the missing garments of a data set.
 
     Each is on disk before it is yielded: its file, or a line with the reason among the failures.
-    What comes out does not depend on the number of workers.
+    The files do not depend on the number of workers.
 
     Args:
-        config: Which garments.
-        folder: Of the data set; missing or empty, unless `resume`.
-        workers: How many, and where; one of this machine when None.
+        config: The garments.
+        folder: Folder of the data set; missing or empty, unless `resume`.
+        workers: Number and engine; one worker of this machine when None.
         resume: Continue the data set in the folder.
         stop: Ends the run when it is set; see `dgl_collect.workers.stop_signals`.
 
     Yields:
-        Garments as they are finished; first those that an earlier run has left, in 0 s. Closing the
-        generator ends the workers.
+        Garments as they are finished; first those of an earlier run, in 0 s. Closing the generator
+        ends the workers.
 
     Raises:
         ValueError: If the folder is not empty, busy, or was made with other options.
@@ -164,7 +164,7 @@ def _take(outcome: JobOutcome, folder: Path) -> Made:
 
 
 def _open_run(config: DataConfig, folder: Path, *, resume: bool) -> dict[str, str]:
-    """Check the folder, remember the options, and give the failures that are there, by id."""
+    """Check the folder, write the options, and return earlier failures by id."""
     path = folder / RUN_FILE
     if any(folder.iterdir()):
         if not resume:

@@ -69,7 +69,7 @@ PAIRS: dict[str, tuple[Pair, ...]] = {
     ),
     "Scarf": (("left_end", "right_end"), ("left_quarter", "right_quarter")),
 }
-"""Landmarks that two hands hold. The first pair of a category is that of a fling."""
+"""Pairs of landmarks for two hands; the first pair of a category is for flings."""
 
 
 def make_arc(held: np.ndarray, hinge: np.ndarray, turn: float, *, speed: float) -> np.ndarray:
@@ -78,11 +78,11 @@ def make_arc(held: np.ndarray, hinge: np.ndarray, turn: float, *, speed: float) 
     Args:
         held: Middle of each grip [m], shape (G, 3).
         hinge: Point of the line [m], shape (3,).
-        turn: Of the line about the hinge, against the one that faces the grips' middle [rad].
-        speed: Of the fastest grip [m/s].
+        turn: Turn of the line about the hinge; at 0 it faces the middle of the grips [rad].
+        speed: Speed of the fastest grip [m/s].
 
     Returns:
-        Way since the start [m], shape (T, G, 3), one row for 1/60 s.
+        Displacement since the start [m], shape (T, G, 3), one row for 1/60 s.
     """
     toward = (hinge - held.mean(axis=0))[:2]
     toward /= np.linalg.norm(toward)
@@ -94,21 +94,21 @@ def make_arc(held: np.ndarray, hinge: np.ndarray, turn: float, *, speed: float) 
     angle = np.pi * part**2 * (3 - 2 * part)
     way = np.zeros((frames + 1, len(held), 3))
     way += (radius * (1 - np.cos(angle))[:, None])[..., None] * toward
-    # It comes down on the part that lies there, not into it.
+    # end on top of the lying part, not inside it
     way[..., 2] = 0.95 * radius * np.sin(angle)[:, None] + 0.03 * part[:, None]
     return way
 
 
 def make_fling(height: float, length: float, *, forward: float) -> np.ndarray:
-    """Make the way of hands that swing a garment forward and lay it down on the way back.
+    """Make the path of hands that swing a garment forward and lay it down on the way back.
 
     Args:
-        height: Of the hands above the ground at first [m].
-        length: Of the garment below the hands [m].
-        forward: How far they swing it [m].
+        height: Height of the hands at the start [m].
+        length: Length of the garment below the hands [m].
+        forward: Distance of the swing [m].
 
     Returns:
-        Way since the start [m], shape (T, 1, 3), towards +y and back.
+        Displacement since the start [m], shape (T, 1, 3), towards +y and back.
     """
     corners = np.array([[0.0, 0.0, 0.0], [0.0, forward, 0.1], [0.0, -0.5 * length, 0.04 - height]])
     legs = []

@@ -30,7 +30,7 @@ MEAN_STRAIN_LIMIT = 0.1
 """Largest mean change of edge length of a state. Crumpled coarse meshes reach 0.07, all else
 0.03."""
 _SUBSTEPS = 6  # of a frame of 1/60 s
-_FINE = 2  # steps of a frame while something is carried, so that it jumps by little
+_FINE = 2  # steps of a frame while something is carried, for small jumps
 
 
 def add_garment(
@@ -44,11 +44,11 @@ def add_garment(
     """Add a garment of the catalogue to a model: cloth as cloth, a shell as an elastic wall.
 
     Args:
-        builder: Of the model.
-        garment: Its rest shape, and the thickness of its wall.
-        start: Where its vertices are at first [m], shape (V, 3). A shell is unstrained there.
-        material: Of cloth; the default when None. A shell has that of its category.
-        pinned: Vertices that do not move by themselves.
+        builder: Builder of the model.
+        garment: Rest shape and wall thickness.
+        start: Positions of the vertices [m], shape (V, 3); a shell is unstrained there.
+        material: Material of cloth; the default when None. A shell has that of its category.
+        pinned: Fixed vertices.
     """
     if garment.wall_thickness is None:
         builder.add_garment(
@@ -74,8 +74,8 @@ class GarmentSimulation:
         """Prepare.
 
         Args:
-            garment: Of the catalogue.
-            material: Of cloth; the default when None.
+            garment: A garment of the catalogue.
+            material: Material of cloth; the default when None.
         """
         self.garment = garment
         self._material = replace(material or ClothMaterial(), drag=DRAG)
@@ -88,13 +88,13 @@ class GarmentSimulation:
         pinned: np.ndarray | tuple[int, ...] = (),
         shapes: tuple[Shape, ...] = (),
     ) -> np.ndarray:
-        """Let the garment go, until it is calm or for so many frames.
+        """Release the garment, and simulate until it is calm.
 
         Args:
             start: Positions [m], shape (V, 3).
-            frames: At most [1/60 s].
-            pinned: Vertices that are held where they are.
-            shapes: Of the world, beside the ground at z = 0.
+            frames: Most frames [1/60 s].
+            pinned: Fixed vertices.
+            shapes: Shapes of the world, besides the ground at z = 0.
 
         Returns:
             Positions [m], shape (V, 3).
@@ -117,7 +117,7 @@ class GarmentSimulation:
         Args:
             start: Positions [m], shape (V, 3).
             grips: Vertices of each grip.
-            paths: Way of each grip since the start [m], at equal times of 1/60 s, shape (T, G, 3).
+            paths: Displacement of each grip every 1/60 s [m], shape (T, G, 3).
 
         Returns:
             Positions at the end [m], shape (V, 3).

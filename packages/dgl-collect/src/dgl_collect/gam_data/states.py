@@ -16,8 +16,8 @@ HANGING = ("hung_one", "hung_two", "over_bar")
 """States that do not lie on the ground."""
 CALM, HANG = 120, 200
 """Longest times to become calm, lying and hanging [1/60 s]."""
-_REST = 0.005  # of the lowest point above the ground where it lies [m]
-_ROUGHNESS = 5e-4  # of upright cloth [m]
+_REST = 0.005  # height of the lowest point of a lying garment [m]
+_ROUGHNESS = 5e-4  # noise of upright cloth [m]
 _BAR, _BAR_HEIGHT = 0.02, 1.6  # radius, and height above the ground [m]
 
 
@@ -30,16 +30,16 @@ def make_states(garment: Garment, seed: int, *, is_flat: bool = False) -> dict[s
     """Simulate a garment's states.
 
     Args:
-        garment: Of the catalogue.
-        seed: With the garment's name, of everything drawn.
-        is_flat: Whether to leave out all states but the first.
+        garment: A garment of the catalogue.
+        seed: Seed of all draws, together with the garment's name.
+        is_flat: Make the flat state only.
 
     Returns:
-        Positions [m], each of shape (V, 3), float64, z up, by name. "flat" is first, and as the
-        garment was made; all others lie on the ground z = 0 or hang above it.
+        Positions [m], each of shape (V, 3), float64, z up, by name. "flat" is first, the garment as
+        made; all others lie on the ground z = 0 or hang above it.
 
     Raises:
-        PhysicsError: If one of them cannot be simulated; the message names it.
+        PhysicsError: If a state cannot be simulated; the message names it.
     """
     states = {"flat": garment.vertices.astype(np.float64)}
     if is_flat:
@@ -78,7 +78,7 @@ def _hang_one(simulation: GarmentSimulation, states: dict, rng: np.random.Genera
 
 
 def _drop_hung(simulation: GarmentSimulation, states: dict, rng: np.random.Generator):
-    # Cloth that falls exactly upright is compressed where it should buckle.
+    # cloth that falls exactly upright is compressed instead of buckling
     leaning = _tilt(_roughen(states["hung_one"], rng), rng, np.radians(rng.uniform(15.0, 40.0)))
     start = _lift(leaning, rng.uniform(0.02, 0.2))
     return "crumpled_1", simulation.settle(start, frames=CALM)
@@ -169,7 +169,7 @@ def _lift(positions: np.ndarray, height: float) -> np.ndarray:
 
 
 def _roughen(positions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Move vertices by a little, so that upright cloth is in no exact plane and can buckle."""
+    """Add noise, so that upright cloth is in no exact plane and can buckle."""
     return positions + rng.normal(0.0, _ROUGHNESS, positions.shape)
 
 
@@ -195,7 +195,7 @@ def _make_upright(flat: np.ndarray, grips: list[np.ndarray]) -> np.ndarray:
         across = (held[1] - held[0])[:2]
         level = np.array([-across[1], across[0]])
         up = level if level @ up >= 0 else -level
-    # What is held in the middle leaves the garment as it lies, neck up.
+    # a grip in the middle keeps the garment as it lies, neck up
     angle = np.pi / 2 - np.arctan2(up[1], up[0]) if np.linalg.norm(up) > 0.02 else 0.0
     turned = _turn(flat - centre, np.array([0.0, 0.0, 1.0]), angle)
     return np.column_stack([turned[:, 0], -turned[:, 2], turned[:, 1]])

@@ -14,7 +14,7 @@ POINTS = 2048
 DISTANCE = 6.75
 """Distance of the camera from the middle of the garment, as in the tasks [m]."""
 TOLERANCE = 0.006
-"""An inside is hidden by an outside so little below it [m]; layers of a seam are closer."""
+"""Depth below an inside within which an outside hides it [m]; layers of a seam are closer."""
 _SPARE = 3  # visible pixels for each point that is drawn from them
 _FINER = 5  # times that the picture is made finer, at most
 _FIRST_PIXELS = 16_000  # of the picture's rectangle, to begin with
@@ -25,7 +25,7 @@ class View:
     """Points of a surface that one camera sees."""
 
     points: np.ndarray
-    """[m], shape (N, 3), float64, in the frame of the surface."""
+    """Points [m], shape (N, 3), float64, in the frame of the surface."""
     vertices: np.ndarray
     """Nearest corner of the triangle that was hit, shape (N,), int32."""
     faces: np.ndarray
@@ -55,24 +55,23 @@ def see_surface(
     distance: float = DISTANCE,
     tolerance: float = TOLERANCE,
 ) -> View:
-    """Draw points of what a camera sees, by a depth buffer of the triangles.
+    """Draw visible points of a surface, by a depth buffer of its triangles.
 
     Args:
-        vertices: [m], shape (V, 3).
+        vertices: Positions [m], shape (V, 3).
         faces: Triangles, counter-clockwise seen from outside, shape (F, 3).
         direction: From the middle towards the camera, of any length, shape (3,).
         rng: Source of randomness.
-        count: How many points.
-        distance: Of the camera from the middle of the bounding box [m].
-        tolerance: How far behind the inside of a triangle an outside hides it [m]; 0 for a single
-            layer, whose two sides are alike.
+        count: Number of points.
+        distance: Distance of the camera from the middle of the bounding box [m].
+        tolerance: Depth behind the inside of a triangle within which an outside hides it [m]; 0 for
+            a single layer, whose two sides are alike.
 
     Returns:
-        The view; fewer pixels than points are never seen: the picture is made finer until there are
-        enough.
+        The view. The picture is made finer until it shows at least `count` pixels.
 
     Raises:
-        ValueError: If the surface cannot be seen at all, as when it is seen edge on.
+        ValueError: If the surface is not visible at all, such as edge on.
     """
     direction = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     vertices = vertices.astype(np.float64)
@@ -93,7 +92,7 @@ def see_surface(
     needed, hit, points = _SPARE * count, np.zeros(0, np.int32), np.zeros((0, 3))
     for _ in range(_FINER + 1):
         width, height = (2 * np.ceil(half / pixel).astype(int) + 2).tolist()
-        aside = pixel * distance * (rng.random(2) - 0.5)  # so that pixels are at no fixed places
+        aside = pixel * distance * (rng.random(2) - 0.5)  # random offset of the pixel grid
         camera = PinholeCamera.aim(
             middle + aside @ [right, np.cross(direction, right)],
             direction,
@@ -122,7 +121,7 @@ def see_surface(
 
 
 class _Sides:
-    """A surface whose inside is seen where no outside is just behind it."""
+    """A surface whose inside is visible unless an outside lies just behind it."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, tolerance: float) -> None:
         corners = vertices[faces]
@@ -140,11 +139,10 @@ class _Sides:
         self._both, self._outside = Rasteriser([mesh]), Rasteriser([outside])
 
     def see(self, camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:
-        """Find what the pixels show.
+        """Find the triangles that the pixels show.
 
         Returns:
-            Triangle of each pixel that shows one, shape (P,), int32, and its place [m], shape (P,
-            3).
+            Triangle of each covered pixel, shape (P,), int32, and its point [m], shape (P, 3).
         """
         eye, forward = np.array(camera.position), np.array(camera.axes[2])
         both, outside = (r.find_triangles(camera) for r in (self._both, self._outside))

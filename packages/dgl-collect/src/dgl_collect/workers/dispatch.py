@@ -108,13 +108,13 @@ class Dispatcher:
         """Prepare a run; nothing is started yet.
 
         Args:
-            jobs: To be done.
+            jobs: The jobs.
             work: Construction of the workers' job runners.
             workers: Number and engine.
-            folder: Of the run. Jobs write below `.staging` in it, workers print into `logs`.
+            folder: Folder of the run. Jobs write below `.staging`, workers print into `logs`.
             stop: Ends the run when set, as interrupts do.
-            limits: Of time and failures; the usual ones when None.
-            on_change: Called when there is news of workers.
+            limits: Limits of time and failures; the defaults when None.
+            on_change: Called when the state of a worker changes.
         """
         self.machines: set[Machine] = set()
         """Machines of the workers."""

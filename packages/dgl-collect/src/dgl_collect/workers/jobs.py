@@ -72,7 +72,7 @@ class Machine:
     """The machine of a worker."""
 
     host: str
-    """Its name in the network."""
+    """Host name."""
     cpu: str
     """Model of its processor."""
     cpu_code: str

@@ -44,7 +44,7 @@ class LocalWorker:
         )
         with _variables(), _interrupts_blocked():
             self._process.start()
-        child_end.close()  # so that the worker's death is seen as the end of the pipe
+        child_end.close()  # the pipe then ends when the worker dies
         self._is_released = False
 
     def assign(self, job: Job, out_dir: Path) -> None:
