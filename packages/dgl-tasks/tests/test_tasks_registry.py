@@ -35,7 +35,7 @@ def test_the_ids_are_registered_with_gymnasium():
 def test_an_unknown_id_names_the_closest_and_all(wrong):
     with pytest.raises(UnknownTaskError, match=f"unknown task {wrong!r}; did you mean") as caught:
         dgl_tasks.get_task(wrong)
-    assert f"nown tasks: {', '.join(dgl_tasks.task_ids())}" in str(caught.value)
+    assert f"Known tasks: {', '.join(dgl_tasks.task_ids())}" in str(caught.value)
     assert isinstance(caught.value, dgl_tasks.TaskError)
     assert isinstance(caught.value, ValueError)
 
