@@ -6,7 +6,7 @@ import json
 import pytest
 
 from dexgarmentlab.cli import main
-from dgl_collect import read_episode
+from dgl_collect import RunOptions, read_episode
 from dgl_sadp.synthetic import write_synthetic_episodes
 
 
@@ -15,8 +15,8 @@ class StubRelabeller:
 
     distance = 0.0
 
-    def __init__(self, task, *, weights=None):
-        assert (task, weights) == ("Synthetic-v1", None)
+    def __init__(self, task, options, *, weights=None):
+        assert (task, options, weights) == ("Synthetic-v1", RunOptions(), None)
 
     def relabel(self, episode):
         self.distance += 0.1

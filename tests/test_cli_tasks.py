@@ -43,7 +43,7 @@ def test_the_text_says_what_is_done_where_and_what_counts(capsys):
 
 def test_a_task_without_a_demonstration_is_listed_with_what_it_lacks(monkeypatch, capsys):
     def load(task):
-        if task == "FoldTops-v1":
+        if task.id == "FoldTops-v1":
             raise DemonstrationError("there is no demonstration of 'FoldTops-v1'")
         return load_demonstration(task)
 

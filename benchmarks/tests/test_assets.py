@@ -441,9 +441,7 @@ def test_the_command_writes_rows(tmp_path, capsys):
     assert rows["Glove.particles"]["ok"] is False  # gloves are small
     assert rows["Scarf.landmarks"]["value"] < 1e-3
     command = json.loads((out / "run.json").read_text())["commands"]
-    assert command == [
-        f"dgl bench assets --out {out} --count 2 --category Scarf Glove --frames 3 --workers 1"
-    ]
+    assert command == [f"dgl bench assets --out {out} --count 2 --category Scarf Glove --frames 3"]
     assert main(["bench", "assets", "--out", str(out), *words]) == 1
     assert "is not empty" in capsys.readouterr().err
 

@@ -233,7 +233,7 @@ def test_rows_as_json(monkeypatch, capsys):
         (["--attempts", "0"], 2, "attempts must be at least 1; got 0"),
         (["--workers", "0"], 2, "workers must be at least 1; got 0"),
         (["--seed", "-1"], 2, "seed must be at least 0; got -1"),
-        (["--task", "FoldTop-v1"], 1, "FoldTops-v1"),
+        (["--task", "FoldTop-v1"], 2, "FoldTops-v1"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(arguments, status, message, capsys):

@@ -7,8 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dgl_collect import EpisodeRecorder, NotReplayableError, read_episode, write_episode
-from dgl_collect.attempt import DemonstrationAttempts
+from dgl_collect import (
+    EpisodeRecorder,
+    NotReplayableError,
+    RecordOptions,
+    read_episode,
+    write_episode,
+)
+from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.episodes import FINAL_PARTICLES
 from dgl_collect.replay import Difference, Replay, replay_episode, replay_in
 from dgl_tasks.driver import Driver
@@ -67,7 +73,7 @@ def perform(attempts, fakes, *, seed):
 
 @pytest.fixture(scope="module")
 def attempts():
-    made = DemonstrationAttempts("HangTrousers-v1")
+    made = make_attempt_runner("HangTrousers-v1", RecordOptions())
     yield made
     made.close()
 

@@ -13,6 +13,7 @@ from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
 from dgl_collect.actors import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_collect.belief import BelievedView
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.options import RunOptions
 from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.setup import Setup, make_setup
 from dgl_collect.stage_runner import TRIES, StageRunner
@@ -733,6 +734,7 @@ def test_a_garment_that_lies_out_of_reach_is_said_to_be(make_world):
 def test_a_setup_makes_runners_for_the_garment_of_its_environment():
     env = SimpleNamespace(task=get_task("FoldTops-v1"))
     setup = Setup(
+        options=RunOptions(),
         env=env,
         demonstration=TOPS,
         matcher="exact",

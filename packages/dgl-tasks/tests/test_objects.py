@@ -162,7 +162,7 @@ def place_bars(*places, start=FOLD.start, **changes):
         ),
         (
             place_bars((0, 0.9), start=dataclasses.replace(FOLD.start, on="bar0.seat")),
-            r"'bar0.seat': bar0 has no place 'seat'; it has \['left_end', 'right_end', ",
+            r"'bar0.seat': bar0 has no frame 'seat'; it has \['left_end', 'right_end', ",
         ),
     ],
 )

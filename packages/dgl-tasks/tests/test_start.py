@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dgl_tasks
+from dgl_assets.importing import find_garment
 from dgl_assets.props import PlatformParameters
 from dgl_tasks.declaration import SceneObject, Start
 from dgl_tasks.success import Criterion, Verdict
@@ -57,7 +58,9 @@ def test_a_garment_is_dropped_onto_a_frame_of_an_object(coarse_garments):
     made.close()
 
 
+@pytest.mark.slow
 def test_what_falls_flat_is_dropped_again_steeper(env, monkeypatch):
+    monkeypatch.setattr("dgl_tasks.task_garment.find_garment", find_garment)  # not a coarse one
     limit = env.task.start.value_below
     any_start = dataclasses.replace(env.task.start, value_below=None)
     with monkeypatch.context() as patch:

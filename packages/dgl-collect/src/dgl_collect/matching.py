@@ -1,20 +1,18 @@
 """Matchers of attempts: the exact correspondence of generated garments, and the learned one."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dgl_assets import Garment, correspond
 from dgl_assets.importing import AnyGarment, ImportedGarment
+from dgl_collect.options import MatcherName
 from dgl_gam import GarmentAffordanceModel, Matcher
 
 if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
-
-MatcherName = Literal["exact", "gam"]
-"""`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
 
 FindMatcher = Callable[["GarmentEnv"], Matcher]
 """Function that makes the matcher for the present garment of an environment."""

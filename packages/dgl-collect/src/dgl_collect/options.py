@@ -8,10 +8,12 @@ from typing import Annotated, Literal, TypeVar
 
 from annotated_types import Ge
 
-from dgl_collect.matching import MatcherName
 from dgl_files.fields import STRICT, check_fields, from_plain
 
-__all__ = ["GarmentChoice", "RecordOptions", "RunOptions"]
+__all__ = ["GarmentChoice", "MatcherName", "RecordOptions", "RunOptions"]
+
+MatcherName = Literal["exact", "gam"]
+"""`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
 
 GarmentChoice = Literal["both", "train", "test"]
 """Garments of the training split, of the testing split, or of both by turns."""

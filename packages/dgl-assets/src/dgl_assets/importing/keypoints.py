@@ -11,6 +11,7 @@ import numpy as np
 from dgl_assets.importing.bounds import LARGEST_COORDINATE, MAX_KEYPOINTS, MAX_TEXT
 from dgl_assets.importing.errors import UnreadableFileError
 from dgl_assets.importing.paths import read_json
+from dgl_files.fields import show
 
 _OFF_SURFACE = 0.02  # of the bounding box's diagonal that a position may lie off the surface
 
@@ -52,7 +53,8 @@ def read_keypoints(path: Path, vertices: np.ndarray) -> Keypoints:
         if isinstance(value, int) and not isinstance(value, bool):
             if not 0 <= value < len(vertices):
                 raise UnreadableFileError(
-                    f"{path.name}: {name!r} is vertex {value}, but the mesh has {len(vertices)}"
+                    f"{path.name}: {name!r} is vertex {show(value)}, "
+                    f"but the mesh has {len(vertices)}"
                 )
             ids.append(value)
             positions.append(vertices[value])
