@@ -3,6 +3,8 @@
 import gc
 import os
 import signal
+import statistics
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -12,6 +14,10 @@ _costs: list[tuple[float, str]] = []
 """Processor time [s] of each test of this process, its fixtures and child processes included."""
 _total = 0.0
 """Processor time of xdist's workers that have ended [s]."""
+_slowness: list[float] = []
+"""Duration of a fixed computation [s]: of this process at its start and end, and of the workers."""
+_REFERENCE = 0.04
+"""Its duration [s] on the machine that the limit is for."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -21,7 +27,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=float,
         metavar="MINUTES",
         help="print the processor time of all tests and the longest ones; fail above so many "
-        "minutes",
+        "minutes of the reference machine",
     )
 
 
@@ -29,6 +35,7 @@ def pytest_collection_finish() -> None:
     """Exclude imported objects from garbage collection; ManiSkill collects in each reset."""
     gc.collect()
     gc.freeze()
+    _slowness.append(_calibrate())
 
 
 @pytest.hookimpl(wrapper=True)
@@ -47,16 +54,25 @@ def pytest_testnodedown(node: object) -> None:
     output = getattr(node, "workeroutput", {})
     _total += output.get("seconds", 0.0)
     _costs.extend(map(tuple, output.get("costs", ())))
+    _slowness.extend(output.get("slowness", ()))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Tell the controller the processor time; fail where it is above the limit."""
     if hasattr(session.config, "workeroutput"):
         longest = sorted(_costs, reverse=True)[:_SHOWN]
-        session.config.workeroutput |= {"seconds": _measure_seconds(), "costs": longest}
+        session.config.workeroutput |= {
+            "seconds": _measure_seconds(),
+            "costs": longest,
+            "slowness": [*_slowness, _calibrate()],
+        }
         return
     limit = session.config.getoption("--processor-limit")
-    if limit is not None and session.exitstatus == 0 and _measure_all() > 60 * limit:
+    if (
+        limit is not None
+        and session.exitstatus == 0
+        and _measure_all() / _find_factor() > 60 * limit
+    ):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
@@ -68,8 +84,25 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     terminalreporter.section(f"the {_SHOWN} longest tests, by processor time")
     for seconds, name in sorted(_costs, reverse=True)[:_SHOWN]:
         terminalreporter.line(f"{seconds:6.2f} s  {name}")
-    minutes = _measure_all() / 60
-    terminalreporter.line(f"processor time of all tests: {minutes:.1f} min; limit {limit:g} min")
+    minutes, factor = _measure_all() / 60, _find_factor()
+    terminalreporter.line(
+        f"processor time of all tests: {minutes:.1f} min, {minutes / factor:.1f} min on the reference "
+        f"machine, which is {factor:.1f} times as fast; limit {limit:g} min"
+    )
+
+
+def _find_factor() -> float:
+    """Tell how many times as fast as this machine the reference machine is."""
+    return statistics.median(_slowness) / _REFERENCE
+
+
+def _calibrate() -> float:
+    """Measure the processor time of a fixed computation [s]."""
+    began = time.process_time()
+    total = 0
+    for number in range(1_000_000):
+        total += number * number
+    return time.process_time() - began
 
 
 def _measure_all() -> float:
