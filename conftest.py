@@ -86,8 +86,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.line(f"{seconds:6.2f} s  {name}")
     minutes, factor = _measure_all() / 60, _find_factor()
     terminalreporter.line(
-        f"processor time of all tests: {minutes:.1f} min, {minutes / factor:.1f} min on the reference "
-        f"machine, which is {factor:.1f} times as fast; limit {limit:g} min"
+        f"processor time of all tests: {minutes:.1f} min, {minutes / factor:.1f} min on the "
+        f"reference machine, which is {factor:.1f} times as fast; limit {limit:g} min"
     )
 
 

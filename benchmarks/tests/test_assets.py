@@ -428,6 +428,7 @@ def test_a_folder_without_a_run_is_no_run(tmp_path):
         load_run(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_command_writes_rows(tmp_path, capsys):
     out = tmp_path / "drops"
     words = ["--count", "2", "--category", "Scarf", "Glove", "--frames", "3", "--json"]

@@ -673,7 +673,15 @@ class Marked:
         return indices, np.exp(-distance)
 
 
-@pytest.mark.parametrize("task_id", task_ids())
+@pytest.mark.parametrize(
+    "task_id",
+    [
+        pytest.param(
+            task, marks=() if task in ("FoldTops-v1", "StoreTops-v1") else pytest.mark.slow
+        )
+        for task in task_ids()
+    ],
+)
 def test_every_demonstration_can_be_carried_out_on_its_own_garment(make_world, task_id):
     task, demonstration = get_task(task_id), load_demonstration(task_id)
     cloud, frames = lay_out(task, demonstration)
