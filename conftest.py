@@ -16,7 +16,7 @@ _total = 0.0
 """Processor time of xdist's workers that have ended [s]."""
 _slowness: list[float] = []
 """Duration of a fixed computation [s]: of this process at its start and end, and of the workers."""
-_REFERENCE = 0.04
+_REFERENCE = 0.055
 """Its duration [s] on the machine that the limit is for."""
 
 

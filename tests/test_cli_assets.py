@@ -133,6 +133,7 @@ def measure(picture):
         return image.size
 
 
+@pytest.mark.slow
 def test_a_garment_and_a_category_are_shown(tmp_path, capsys):
     out = tmp_path / "pictures" / "cap.png"
     assert main(["assets", "show", "Baseball_Cap/000003", "--out", str(out), "--json"]) == 0
@@ -192,6 +193,7 @@ def test_a_failure_is_named_and_the_rest_is_built(tmp_path, capsys):
     assert "workers must be at least 1; got 0" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process group")
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_build_leaves_whole_files_and_says_how_to_go_on(tmp_path):

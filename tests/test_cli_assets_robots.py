@@ -66,6 +66,7 @@ def test_an_unknown_robot_is_said_before_anything_starts(verb, tmp_path, capsys)
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_run_remembers_its_robot(tmp_path, hand):
     robots = tmp_path / "robots"
     arguments = ["assets", "import-robot", str(hand), "--name", "sixteen", "--kind", "hand"]

@@ -89,6 +89,7 @@ def test_what_does_not_exist_is_refused(arguments, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_experiment_is_measured_and_reported(tmp_path):
     """Warp greets in a new process only; nothing but JSON comes out."""
     program = "import sys; from dexgarmentlab.cli import main; sys.exit(main())"

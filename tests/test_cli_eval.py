@@ -110,6 +110,7 @@ def interrupt_after_an_episode(out):
     os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
     fake(seconds=0.3)

@@ -71,6 +71,7 @@ def test_a_run_is_trained_and_found_again(data, runs, capsys):
     assert run["garments"] == 2
 
 
+@pytest.mark.slow
 def test_all_stages_of_the_shipped_weights_run_with_one_command(
     data, tmp_path, capsys, monkeypatch
 ):
@@ -188,6 +189,7 @@ def test_turning_an_axis_up_keeps_left_and_right():
         assert np.linalg.det(turned) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_meshes_of_others_are_brought_into_the_garment_frame(tmp_path, capsys):
     """An OBJ in centimetres, y up; the same faces in a PLY; and the folder of an asset."""
     import trimesh

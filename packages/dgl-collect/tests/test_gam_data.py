@@ -268,6 +268,7 @@ def test_a_garment_that_cannot_be_meshed_as_usual_has_other_edges(tmp_path, monk
     assert failed.error == "an outline cannot be filled"
 
 
+@pytest.mark.slow
 def test_a_run_keeps_files_and_failures_and_resumes(tmp_path):
     out = tmp_path / "data"
     config = DataConfig(categories=("Glove",), train=0, test=0, flat=1)

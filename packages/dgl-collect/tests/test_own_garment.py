@@ -202,6 +202,7 @@ def test_pictures_show_what_is_printed_on_it(env, prepared):
     assert (nearest == expected).all(axis=1).mean() > 0.97
 
 
+@pytest.mark.slow
 def test_an_environment_takes_an_id_a_folder_or_a_garment(env, prepared):
     env.reset(seed=3, options={"garment": str(prepared.folder)})
     assert env.draws["garment"] == str(prepared.folder)

@@ -214,6 +214,7 @@ def test_a_policy_that_finds_its_own_way_is_brought_back(make_world):
     assert all(world.is_open(side) for side in SIDES)
 
 
+@pytest.mark.slow
 def test_stages_follow_each_other_with_their_own_policies_and_seeds(make_world):
     def run(seed, **changes):
         world = make_world(cloud=CLOUD)

@@ -453,7 +453,10 @@ def test_collect_works_outside_the_main_thread(run):
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
-@pytest.mark.parametrize(("number", "least"), [(signal.SIGTERM, 3), (signal.SIGINT, 0)])
+@pytest.mark.parametrize(
+    ("number", "least"),
+    [pytest.param(signal.SIGTERM, 3, marks=pytest.mark.slow), (signal.SIGINT, 0)],
+)
 def test_an_interrupt_keeps_what_has_finished(tmp_path, number, least, fakes):
     """The whole process group is signalled, as a terminal does; also while workers are starting."""
     out = tmp_path / "out"
@@ -484,6 +487,7 @@ def test_an_interrupt_keeps_what_has_finished(tmp_path, number, least, fakes):
     assert [path for path in out.rglob("*") if ".partial" in path.name] == []
 
 
+@pytest.mark.slow
 def test_workers_end_when_the_run_is_killed(tmp_path, fakes):
     out = tmp_path / "out"
     with subprocess.Popen(

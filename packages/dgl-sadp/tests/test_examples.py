@@ -2,6 +2,8 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pytest
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
@@ -28,12 +30,14 @@ def test_read_windows(tmp_path, make_episode):
     }
 
 
+@pytest.mark.slow
 def test_train_and_run(tmp_path):
     result = load("train_and_run").main(tmp_path, episodes=3, epochs=1, runs=1)
     assert 0.3 < result["before"] < 1.5  # From home to a sheet in front [m].
     assert 0.0 < result["after"] < 1.5  # After one epoch nothing is learned yet.
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_readme_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8")

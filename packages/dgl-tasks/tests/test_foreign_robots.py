@@ -26,13 +26,10 @@ _SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)
 samples = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(samples)
 
-ROBOTS = (
-    "seven+lefty",
-    *(
-        pytest.param(name, marks=pytest.mark.slow)
-        for name in ("six+shadow", "ur10e+sixteen", "both")
-    ),
-)
+ROBOTS = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("seven+lefty", "six+shadow", "ur10e+sixteen", "both")
+]
 REST_SPEED = 1e-3
 """Speed of every joint below which a robot counts as at rest [rad/s or m/s]."""
 
