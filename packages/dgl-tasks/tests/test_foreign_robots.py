@@ -198,6 +198,7 @@ def test_masses_of_the_simulator_are_those_of_the_file(bench):
                 )
 
 
+@pytest.mark.slow
 def test_an_environment_takes_a_robot_by_name(library, coarse_garments):
     env = gym.make(
         "FoldTops-v1",
