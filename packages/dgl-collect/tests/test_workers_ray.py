@@ -88,7 +88,7 @@ def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_
 
 
 def test_an_attempt_that_hangs_is_ended(run, tmp_path):
-    run(episodes=2, options={"hang_at": [0]}, limits=Limits(job_seconds=1.5))
+    run(episodes=2, options={"hang_at": [0]}, limits=Limits(job_seconds=6.0))
     late, fine = read_results(tmp_path / "out/attempts.jsonl")
     assert (late.reason, fine.reason == "time limit") == ("time limit", False)
 
