@@ -15,8 +15,6 @@ from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 import dgl_tasks
 
-pytestmark = pytest.mark.usefixtures("coarse_garments")
-
 TASK = dgl_tasks.get_task("FoldTops-v1")
 HARDLY_SETTLED = dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2))
 
