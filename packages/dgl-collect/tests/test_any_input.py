@@ -173,6 +173,18 @@ def test_a_strange_value_does_not_break_the_line_of_its_error(demonstrations):
             parse_demonstration(content, source="mine.json")
 
 
+def test_a_point_is_three_numbers(demonstrations):
+    content = copy.deepcopy(demonstrations[0])
+    name = next(iter(content["points"]))
+    for value in (None, 1, "abc", [1, 2], [0, 0, "0"], [0, 0, True], [0, 0, None], [0, 0, {}],
+                  [0, 0, []], [0, 0, 10**400], [0, 0, -3.01], [0, 0, float("nan")]):  # fmt: skip
+        content["points"][name] = value
+        with pytest.raises(DemonstrationError, match=r"^mine.json: points.*three numbers.*; got"):
+            parse_demonstration(content, source="mine.json")
+    content["points"][name] = [3, -3.0, 0]
+    assert parse_demonstration(content, source="mine.json").points[name].tolist() == [3, -3, 0]
+
+
 @pytest.fixture(scope="module")
 def episode_bytes(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:

@@ -52,13 +52,13 @@ def _to_formula(value: object) -> object:
 
 
 def _to_point(value: Any) -> np.ndarray:
-    is_list = isinstance(value, list | tuple | np.ndarray) and len(value) == 3
-    if not is_list or any(isinstance(v, bool | str) or v is None for v in value):
+    numbers = value.tolist() if isinstance(value, np.ndarray) else value
+    is_list = isinstance(numbers, list | tuple) and len(numbers) == 3
+    if not is_list or not all(type(v) in (int, float) for v in numbers):
         raise ValueError(f"a point must be three numbers [m]; got {show(value)}")
-    point = np.array(value, dtype=np.float64)
-    if point.shape != (3,) or not (np.abs(point) <= 3).all():
+    if not all(abs(v) <= 3 for v in numbers):
         raise ValueError(f"a point must be three numbers within 3 m; got {show(value)}")
-    return point
+    return np.array(numbers, dtype=np.float64)
 
 
 Formula: TypeAlias = Annotated[str, BeforeValidator(_to_formula)]
