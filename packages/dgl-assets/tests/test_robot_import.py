@@ -11,12 +11,14 @@ import pytest
 import trimesh
 
 from dgl_assets import AssetError, AssetNotFoundError
-from dgl_assets.robots import DEFAULT_ROBOT, JOINT_NAMES, SIDES, Robot
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import RobotImportOptions, import_robot, list_robots, load_robot
 from dgl_assets.robots.importing.fingers import rest_positions
 from dgl_assets.robots.importing.home import ArmChain
 from dgl_assets.robots.importing.poses import _tip
 from dgl_assets.robots.importing.read_urdf import read_urdf
+
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
 
 _PATH = Path(__file__).parent / "dgl_robot_samples.py"
 _SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)

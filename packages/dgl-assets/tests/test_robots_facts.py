@@ -4,19 +4,13 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import (
+    DEFAULT_ROBOT,
     HAND_MASS,
     HAND_POSES,
-    HOME_CONFIGURATION,
-    JOINT_NAMES,
-    PUBLISHED_GAINS,
     SHADOW_HAND,
     SIDES,
     UR10E,
     CollisionShape,
-    build_bimanual_tree,
-    collision_shapes,
-    hand_joints,
-    joint_slice,
 )
 from dgl_assets.robots._frames import (
     quaternion_from_rotation,
@@ -24,6 +18,14 @@ from dgl_assets.robots._frames import (
     rotation_from_quaternion,
     rpy_from_rotation,
 )
+
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
+joint_slice = DEFAULT_ROBOT.joint_slice
+
+
+def collision_shapes(side):
+    tree = DEFAULT_ROBOT.build_side_tree(side, (0.0, 0.0, 0.0, 0.0))
+    return [shape for link in tree.links for shape in link.collision]
 
 
 def test_joint_names_are_sixty_in_task_order():
@@ -49,16 +51,16 @@ def test_slices_tile_the_vector():
 
 
 def test_tree_moves_the_joints_in_the_same_order():
-    assert build_bimanual_tree().moving_joint_names == JOINT_NAMES
+    assert DEFAULT_ROBOT.build_tree().moving_joint_names == JOINT_NAMES
 
 
 def test_home_is_mirrored_and_read_only():
-    left, right = HOME_CONFIGURATION[:6], HOME_CONFIGURATION[30:36]
+    left, right = (DEFAULT_ROBOT.arm.home[side] for side in SIDES)
     # Reflection of a UR arm: pan, elbow, wrist_2 change sign; lift and wrist_1 become -pi - q.
     np.testing.assert_allclose(right[[0, 2, 4]], -left[[0, 2, 4]])
     np.testing.assert_allclose(right[[1, 3]], -np.pi - left[[1, 3]], atol=5e-3)
     with pytest.raises(ValueError, match="read-only"):
-        HOME_CONFIGURATION[0] = 0.0
+        left[0] = 0.0
 
 
 def test_hand_poses_lie_within_the_hand_limits():
@@ -98,15 +100,16 @@ def test_hand_weighs_what_its_maker_says():
     assert {j.child for j in SHADOW_HAND} == set(HAND_MASS) - {"hand_forearm"}
 
 
-def test_every_joint_has_published_gains():
-    assert set(PUBLISHED_GAINS) == {n.removeprefix("left_") for n in JOINT_NAMES[:30]}
-    assert PUBLISHED_GAINS["LFJ5"].stiffness == 1
-    assert PUBLISHED_GAINS["THJ2"].stiffness == 1.5
+def test_drives_keep_published_torques_and_finger_gains():
+    arm = DEFAULT_ROBOT.arm
+    assert [gains.force_limit for gains in arm.gains] == [joint.torque for joint in UR10E]
+    hand = dict(zip((joint.name for joint in SHADOW_HAND), DEFAULT_ROBOT.hand.gains, strict=True))
+    assert hand["LFJ5"].stiffness == 1
+    assert hand["THJ2"].stiffness == 1.5
+    assert hand["WRJ2"].force_limit == 10
 
 
 def test_unknown_side_is_refused():
-    with pytest.raises(ValueError, match="'middle'"):
-        hand_joints("middle")
     with pytest.raises(ValueError, match="'middle'"):
         collision_shapes("middle")
 

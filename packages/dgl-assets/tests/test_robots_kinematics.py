@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import (
+    DEFAULT_ROBOT,
     HAND_POSES,
     HAND_TIPS,
-    HOME_CONFIGURATION,
-    JOINT_NAMES,
     SIDES,
-    arm_joint_names,
-    build_bimanual_tree,
-    build_side_tree,
-    hand_joint_names,
 )
 from dgl_assets.robots.hand import HAND_MASS
+
+build_side_tree = DEFAULT_ROBOT.build_side_tree
 
 # Universal Robots' published standard Denavit-Hartenberg table: a, d, alpha.
 UR_TABLE = (
@@ -44,9 +41,9 @@ def _dh_flange(q):
 
 
 def _poses(side, arm_q, hand_q, base=(0.0, 0.0, 0.0, 0.0)):
-    names = (*arm_joint_names(side), *hand_joint_names(side))
-    return build_side_tree(side, base).compute_link_poses(
-        dict(zip(names, np.concatenate([arm_q, hand_q]), strict=True))
+    tree = build_side_tree(side, base)
+    return tree.compute_link_poses(
+        dict(zip(tree.moving_joint_names, np.concatenate([arm_q, hand_q]), strict=True))
     )
 
 
@@ -70,9 +67,8 @@ def test_base_placement_moves_everything():
 
 
 def test_home_holds_both_hands_forward_between_the_bases():
-    poses = build_bimanual_tree().compute_link_poses(
-        dict(zip(JOINT_NAMES, HOME_CONFIGURATION, strict=True))
-    )
+    home = zip(DEFAULT_ROBOT.joint_names, DEFAULT_ROBOT.compute_start(), strict=True)
+    poses = DEFAULT_ROBOT.build_tree().compute_link_poses(dict(home))
     for side, sign in zip(SIDES, (-1, 1), strict=True):
         ee = poses[f"{side}_ee"]
         assert ee[1, 0] > 0.99, "fingers point to +y"
@@ -155,7 +151,6 @@ def test_standard_grasp_turns_the_palm_down():
 
 
 def test_missing_joint_is_named():
+    tree = build_side_tree("left", (0, 0, 0, 0), with_hand=False)
     with pytest.raises(ValueError, match="left_wrist_3_joint"):
-        build_side_tree("left", (0, 0, 0, 0), with_hand=False).compute_link_poses(
-            dict.fromkeys(arm_joint_names("left")[:5], 0.0)
-        )
+        tree.compute_link_poses(dict.fromkeys(tree.moving_joint_names[:5], 0.0))

@@ -5,7 +5,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from dgl_assets.robots import HAND_MASS, HAND_POSES, JOINT_NAMES, SIDES, build_bimanual_urdf
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_MASS, HAND_POSES, SIDES
+
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
+build_bimanual_urdf = DEFAULT_ROBOT.build_urdf
 
 BASES = {"left": (-0.8, 0.0, 0.5, 0.3), "right": (1.25, 1.15, 0.45, np.pi / 2)}
 

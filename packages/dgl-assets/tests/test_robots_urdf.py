@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dgl_assets.robots import (
-    HAND_MASS,
-    JOINT_NAMES,
-    SIDES,
-    UR10E,
-    build_arm_urdf,
-    build_bimanual_urdf,
-    collision_shapes,
-)
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_MASS, SIDES, UR10E
 from dgl_assets.robots._solids import Section, ball, cylinder, loft, rounded_box, shade
 from dgl_assets.robots.visual import (
     FINISHES,
@@ -24,6 +16,10 @@ from dgl_assets.robots.visual import (
     build_shadow_meshes,
     build_ur10e_meshes,
 )
+
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
+build_arm_urdf = DEFAULT_ROBOT.build_arm_urdf
+build_bimanual_urdf = DEFAULT_ROBOT.build_urdf
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +34,7 @@ def test_urdf_has_all_joints_links_and_shapes(bimanual):
     links = {link.get("name") for link in robot.findall("link")}
     assert len(links) == 77
     assert {f"{s}_{n}" for s in SIDES for n in ("ee", "ff_tip", "th_tip", "palm")} <= links
-    expected = sum(len(collision_shapes(side)) for side in SIDES)
+    expected = sum(len(link.collision) for link in DEFAULT_ROBOT.build_tree().links)
     assert len(robot.findall("link/collision")) == expected
     base = robot.find("joint[@name='right_base_joint']/origin")
     assert base.get("xyz") == "0.8 0 0.5"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dgl_assets.robots import SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_collect import read_episode
 from dgl_collect.actors import Expert
 from dgl_collect.attempt import make_attempt_runner
@@ -17,6 +17,8 @@ from dgl_collect.stage_runner import TRIES
 from dgl_collect.steps import Approach
 from dgl_tasks import get_task
 from dgl_tasks.policy import Nothing
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 TASK_ID = "FoldTops-v1"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dgl_assets import load_garment
-from dgl_assets.robots import DEFAULT_ROBOT, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_collect.actors import Expert
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.matching import ExactMatcher
@@ -21,6 +21,8 @@ from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import orient
 from dgl_tasks.messages import BeginsAgain, StageBegins, StageEnds
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 POINTS = {"left_cuff": np.array([-0.4, 0.7, 0.01]), "right_cuff": np.array([0.4, 0.7, 0.01])}
 CLOUD = np.array([POINTS["left_cuff"], (0.0, 0.8, 0.0), POINTS["right_cuff"]])

@@ -9,7 +9,7 @@ import pytest
 
 from dgl_assets import load_garment
 from dgl_assets.props import make_prop
-from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_collect.actors import LIFT_HEIGHT, Expert, LiftAndDrop
 from dgl_collect.belief import BelievedView
 from dgl_collect.demonstration import load_demonstration
@@ -35,6 +35,8 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.messages import BeginsAgain, Believes, StageBegins, StageEnds
 from dgl_tasks.policy import Method
 from dgl_tasks.success import CoversFlatArea, Criterion, Verdict
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 TOPS = load_demonstration("FoldTops-v1")
 CUFF = np.array([-0.4, 0.7, 0.01])

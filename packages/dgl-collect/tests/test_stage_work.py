@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.stage_work import (
     REACHABLE_SPACING,
@@ -30,6 +30,8 @@ from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, point_along_fingers
 from dgl_tasks.hanging import Hanging
 from dgl_tasks.messages import Carrying, StageBegins
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 POINT = np.array([-0.4, 0.7, 0.015])
 TOPS = load_demonstration("FoldTops-v1")

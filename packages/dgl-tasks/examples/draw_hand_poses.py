@@ -13,18 +13,11 @@ import sapien
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 
-from dgl_assets.robots import (
-    DEFAULT_ROBOT,
-    HAND_POSES,
-    HOME_CONFIGURATION,
-    JOINT_NAMES,
-    SIDES,
-    build_bimanual_urdf,
-    joint_slice,
-)
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.studio import light_scene
 
 POSES = tuple(HAND_POSES)
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
 STEPS_A_SECOND = 240
 WIDTH, HEIGHT, LABEL = 320, 440, 34  # pixels of one picture and of the line under it
 
@@ -59,9 +52,7 @@ def _draw(path: Path, folder: Path, *, seconds: float, samples: int) -> dict[str
     camera = _hold_camera(scene, robot, samples)
     speeds, pictures = {}, []
     for pose in POSES:
-        target = HOME_CONFIGURATION.copy()
-        for side in SIDES:
-            target[joint_slice(side, "hand")] = HAND_POSES[pose]
+        target = DEFAULT_ROBOT.compute_start(pose)
         for name, value in zip(JOINT_NAMES, target, strict=True):
             joints[name].set_drive_target(float(value))
         for _ in range(round(seconds * STEPS_A_SECOND)):
@@ -81,11 +72,12 @@ def _load_robot(scene: sapien.Scene, folder: Path) -> sapien.physx.PhysxArticula
     """Put the robot at home, with the drives of the tasks."""
     loader = scene.create_urdf_loader()
     loader.fix_root_link = True
-    robot = loader.load(str(build_bimanual_urdf(folder)))
+    robot = loader.load(str(DEFAULT_ROBOT.build_urdf(folder)))
     joints = {joint.name: joint for joint in robot.active_joints}
     for side in SIDES:
         for part, gains in (("arm", DEFAULT_ROBOT.arm.gains), ("hand", DEFAULT_ROBOT.hand.gains)):
-            for name, gain in zip(JOINT_NAMES[joint_slice(side, part)], gains, strict=True):
+            names = JOINT_NAMES[DEFAULT_ROBOT.joint_slice(side, part)]
+            for name, gain in zip(names, gains, strict=True):
                 joints[name].set_drive_properties(gain.stiffness, gain.damping, gain.force_limit)
                 joints[name].set_armature(np.array([gain.armature], dtype=np.float32))
     for link in robot.links:
@@ -93,7 +85,7 @@ def _load_robot(scene: sapien.Scene, folder: Path) -> sapien.physx.PhysxArticula
         for shape in link.collision_shapes:
             # the shapes of neighbours overlap: a side ignores itself, as in the tasks
             shape.set_collision_groups([1, 1, 1 << (27 if "left" in link.name else 28), 0])
-    home = dict(zip(JOINT_NAMES, HOME_CONFIGURATION, strict=True))
+    home = dict(zip(JOINT_NAMES, DEFAULT_ROBOT.compute_start(), strict=True))
     robot.set_qpos(np.array([home[name] for name in joints], dtype=np.float32))
     return robot
 

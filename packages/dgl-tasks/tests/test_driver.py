@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.driver import PASSAGE_FILM_STEPS, Driver
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
 from dgl_tasks.handling import Handling, plan_approach
@@ -18,6 +18,8 @@ from dgl_tasks.motion import PARKED
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.policy import FromStart
 from dgl_tasks.sensing import Sensed
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
 GARMENT = "Tops_LongSleeve/000000"

@@ -13,7 +13,7 @@ from mani_skill.utils.geometry.rotation_conversions import (
 )
 
 import dgl_tasks
-from dgl_assets.robots import HAND_POSES, JOINT_NAMES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES
 from dgl_tasks.control import interpolate_action
 from dgl_tasks.env import STILL_SPEED
 from dgl_tasks.errors import RenderingUnavailableError
@@ -21,6 +21,9 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.success import CoversFlatArea
 from dgl_tasks.views import TrueView
+
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 TASK = dgl_tasks.get_task("FoldTops-v1")
 HARDLY_SETTLED = dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2))

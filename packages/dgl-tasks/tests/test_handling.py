@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from dgl_assets.robots import HAND_POSES, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, wrist_to_grasp
 from dgl_tasks.handling import (
@@ -27,6 +27,8 @@ from dgl_tasks.handling import (
 from dgl_tasks.messages import Believes
 from dgl_tasks.motion import HAND_FRAMES, PARKED
 from dgl_tasks.observation import STEPS_PER_ACTION
+
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 POINT = {"left": np.array([-0.4, 0.7, 0.1])}
 STANDARD = {"left": GRASP_ORIENTATIONS["standard"]["left"]}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks import get_task
 from dgl_tasks.control import ARM_SPEED_LIMITS, CONTROL_DT, ArmKinematics
 from dgl_tasks.errors import UnreachableError
@@ -18,6 +18,9 @@ from dgl_tasks.grasps import (
 )
 from dgl_tasks.motion import HAND_FRAMES, PARKED, RAMP_FRAMES, TURNS, BimanualMotion
 from dgl_tasks.rotations import to_rotation
+
+HOME_CONFIGURATION = DEFAULT_ROBOT.compute_start()
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 TASK = get_task("FoldTops-v1")
 STANDARD = GRASP_ORIENTATIONS["standard"]

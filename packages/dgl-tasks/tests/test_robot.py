@@ -10,14 +10,7 @@ from mani_skill.utils.building.ground import build_ground
 from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import SimConfig
 
-from dgl_assets.robots import (
-    HAND_POSES,
-    HOME_CONFIGURATION,
-    JOINT_NAMES,
-    SIDES,
-    build_bimanual_tree,
-    joint_slice,
-)
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, grasp_to_wrist
 from dgl_tasks.robot import (
@@ -25,6 +18,11 @@ from dgl_tasks.robot import (
     let_robot_pass,
     make_agent_class,
 )
+
+HOME_CONFIGURATION = DEFAULT_ROBOT.compute_start()
+JOINT_NAMES = DEFAULT_ROBOT.joint_names
+build_bimanual_tree = DEFAULT_ROBOT.build_tree
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 SIGN = {"left": -1.0, "right": 1.0}
 

@@ -11,10 +11,13 @@ from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import SimConfig
 
-from dgl_assets.robots import HAND_POSES, HOME_CONFIGURATION, SIDES, joint_slice
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.control import ArmKinematics
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, grasp_to_wrist
 from dgl_tasks.robot import BimanualUR10eShadow, make_agent_class
+
+HOME_CONFIGURATION = DEFAULT_ROBOT.compute_start()
+joint_slice = DEFAULT_ROBOT.joint_slice
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "draw_hand_poses.py"
 REST_SPEED = 1e-3

@@ -62,7 +62,7 @@ class BimanualUR10eShadow(BaseAgent):
     """Two UR10e arms with Shadow Hands under one fixed root; gravity does not act on them.
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
-    `dgl_assets.robots.JOINT_NAMES`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
+    `DEFAULT_ROBOT.joint_names`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
     in the world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand;
     an arm that cannot reach its pose stays. Robot and bases are class attributes;
     `make_agent_class` makes variants.
@@ -172,7 +172,7 @@ class BimanualUR10eShadow(BaseAgent):
         Args:
             positions: Joint positions [rad], shape (D,) or (B, D), in the order of the model.
         """
-        # A copy: torch warns about read-only arrays such as HOME_CONFIGURATION.
+        # A copy: torch warns about read-only arrays such as `ArmPart.home`.
         if isinstance(positions, np.ndarray):
             positions = torch.from_numpy(np.array(positions, dtype=np.float32))
         q = positions.to(device=self.device, dtype=torch.float32)

@@ -7,50 +7,12 @@ Source: published numbers on which the Shadow models of MuJoCo Menagerie (Apache
 agree. Only numbers are taken; the geometry drawn here is our own.
 """
 
-from dataclasses import dataclass, replace
 from math import cos, radians, sin
-from typing import Literal
 
 import numpy as np
 
-from dgl_assets.robots._frames import rotation_about, transform
-
-Side = Literal["left", "right"]
-SIDES: tuple[Side, ...] = ("left", "right")
-
-
-@dataclass(frozen=True, kw_only=True)
-class HandJoint:
-    """One revolute joint of the hand, in the frame of its parent link."""
-
-    name: str
-    """Joint name without the side prefix."""
-    parent: str
-    """Parent link without the side prefix."""
-    child: str
-    """Moved link without the side prefix."""
-    xyz: tuple[float, float, float]
-    """Offset from the parent link's frame [m]."""
-    axis: tuple[float, float, float]
-    """Axis in the joint's own frame (after `turn`)."""
-    lower: float
-    """Lower limit [rad]."""
-    upper: float
-    """Upper limit [rad]."""
-    effort: float
-    """Largest torque [N m]."""
-    speed: float
-    """Largest speed [rad/s]."""
-    turn: tuple[Literal["y", "z"], float] | None = None
-    """Fixed rotation of the joint frame after the offset: axis name and angle [rad]."""
-
-    @property
-    def joint_to_parent(self) -> np.ndarray:
-        """Constant transform from the joint frame to the parent link's frame, shape (4, 4)."""
-        if self.turn is None:
-            return transform(self.xyz)
-        axis = np.eye(3)["xyz".index(self.turn[0])]
-        return transform(self.xyz, rotation_about(axis, self.turn[1]))
+from dgl_assets.robots._frames import AXIS_Y, AXIS_Z, rotation_about, transform
+from dgl_assets.robots.tree import TreeJoint
 
 
 def _joint(
@@ -61,20 +23,20 @@ def _joint(
     axis: tuple[float, float, float],
     limits_deg: tuple[float, float],
     effort: float,
-    turn: tuple[Literal["y", "z"], float] | None = None,
-) -> HandJoint:
-    lower, upper = radians(limits_deg[0]), radians(limits_deg[1])
-    return HandJoint(
+    rotation: np.ndarray | None = None,
+) -> TreeJoint:
+    """Make a joint at `xyz` [m] in its parent; `axis` is in its own frame, after `rotation`."""
+    lower, upper = (radians(limit) for limit in limits_deg)
+    return TreeJoint(
         name=name,
         parent=parent,
         child=child,
-        xyz=xyz,
+        joint_to_parent=transform(xyz, rotation),
         axis=axis,
         lower=lower,
         upper=upper,
         effort=effort,
-        speed=4.0 if not name.startswith("WR") else 2.0,
-        turn=turn,
+        speed=2.0 if name.startswith("WR") else 4.0,
     )
 
 
@@ -92,7 +54,7 @@ THUMB_TIP_OFFSET = 0.0275
 
 def _finger(
     prefix: str, base: str, xyz: tuple[float, float, float], axis: tuple[float, float, float]
-) -> list[HandJoint]:
+) -> list[TreeJoint]:
     """List J4 to J1 of one finger whose J4 sits at `xyz` in link `base`."""
     p = prefix.lower()
     return [
@@ -107,7 +69,7 @@ def _finger(
     ]
 
 
-SHADOW_HAND: tuple[HandJoint, ...] = (
+SHADOW_HAND: tuple[TreeJoint, ...] = (
     _joint("WRJ2", "hand_forearm", "wrist", (0, -0.010, 0.21301), _PLUS_Y, (-30, 10), 10.0),
     _joint("WRJ1", "wrist", "palm", (0, 0, 0.034), _X, (-40, 28), 30.0),
     *_finger("FF", "palm", (0.033, 0, 0.095), _MINUS_Y),
@@ -131,7 +93,7 @@ SHADOW_HAND: tuple[HandJoint, ...] = (
         (0, 0, -1),
         (-60, 60),
         5.0,
-        ("y", radians(45)),
+        rotation_about(AXIS_Y, radians(45)),
     ),
     _joint("THJ4", "th_base", "th_proximal", _O, _X, (0, 70), 3.0),
     _joint("THJ3", "th_proximal", "th_hub", (0, 0, 0.038), _X, (-12, 12), 2.0),
@@ -144,7 +106,7 @@ SHADOW_HAND: tuple[HandJoint, ...] = (
         _X,
         (-15, 90),
         1.0,
-        ("z", radians(-90)),
+        rotation_about(AXIS_Z, radians(-90)),
     ),
 )
 """The 24 joints of the right hand in finger-wise order: wrist, first to little finger, thumb."""
@@ -175,24 +137,3 @@ HAND_MASS: dict[str, float] = {
 
 ROTATION_HAND_TO_EE = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 """Axes of the hand's forearm frame in `ee`, as columns: hand x = ee z, y = -ee y, z = ee x."""
-
-
-def hand_joints(side: Side) -> tuple[HandJoint, ...]:
-    """List the 24 joints of one hand; the left hand is the reflection of the right one in x.
-
-    Under the reflection an offset changes the sign of its x, a rotation axis (ax, ay, az) becomes
-    (ax, -ay, -az) and a fixed turn about y or z changes its sign.
-    """
-    if side not in SIDES:
-        raise ValueError(f"side must be 'left' or 'right'; got {side!r}")
-    if side == "right":
-        return SHADOW_HAND
-    return tuple(
-        replace(
-            j,
-            xyz=(-j.xyz[0], j.xyz[1], j.xyz[2]),
-            axis=(j.axis[0], -j.axis[1], -j.axis[2]),
-            turn=None if j.turn is None else (j.turn[0], -j.turn[1]),
-        )
-        for j in SHADOW_HAND
-    )

@@ -1,42 +1,9 @@
-"""The 60-number state and action vector, its home configuration and the named hand poses."""
+"""Home of the UR10e, and the named poses of the Shadow Hand."""
 
 import numpy as np
 
-from dgl_assets.robots.arm import UR10E
-from dgl_assets.robots.hand import SHADOW_HAND, SIDES, Side
-
-ARM_DOF = len(UR10E)
-HAND_DOF = len(SHADOW_HAND)
-SIDE_DOF = ARM_DOF + HAND_DOF
-
-
-def arm_joint_names(side: Side) -> tuple[str, ...]:
-    """List the six arm joints of a side, base to flange."""
-    return tuple(f"{side}_{joint.name}" for joint in UR10E)
-
-
-def hand_joint_names(side: Side) -> tuple[str, ...]:
-    """List the 24 hand joints of a side: WRJ2-1, FFJ4-1, MFJ4-1, RFJ4-1, LFJ5-1, THJ5-1."""
-    return tuple(f"{side}_{joint.name}" for joint in SHADOW_HAND)
-
-
-JOINT_NAMES: tuple[str, ...] = tuple(
-    name for side in SIDES for name in (*arm_joint_names(side), *hand_joint_names(side))
-)
-"""Order of the 60 numbers: left arm 6, left hand 24, right arm 6, right hand 24."""
-
-
-def joint_slice(side: Side, part: str) -> slice:
-    """Give the slice of `part` ("arm", "hand" or "all") of a side in the 60-vector."""
-    start = SIDES.index(side) * SIDE_DOF
-    spans = {
-        "arm": slice(start, start + ARM_DOF),
-        "hand": slice(start + ARM_DOF, start + SIDE_DOF),
-        "all": slice(start, start + SIDE_DOF),
-    }
-    if part not in spans:
-        raise ValueError(f"part must be one of {sorted(spans)}; got {part!r}")
-    return spans[part]
+from dgl_assets.robots.hand import SHADOW_HAND
+from dgl_assets.robots.tree import Side
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:
@@ -44,17 +11,11 @@ def _frozen(values: np.ndarray) -> np.ndarray:
     return values
 
 
-HOME_CONFIGURATION: np.ndarray = _frozen(
-    np.concatenate(
-        [
-            (-1.57, -1.84, -2.5, -1.89, -1.57, 0.0),
-            np.zeros(HAND_DOF),
-            (1.57, -1.3, 2.5, -1.25, 1.57, 0.0),
-            np.zeros(HAND_DOF),
-        ]
-    )
-)
-"""Start of every episode [rad], shape (60,), in the order of JOINT_NAMES, read-only."""
+HOME: dict[Side, np.ndarray] = {
+    "left": _frozen(np.array((-1.57, -1.84, -2.5, -1.89, -1.57, 0.0))),
+    "right": _frozen(np.array((1.57, -1.3, 2.5, -1.25, 1.57, 0.0))),
+}
+"""Start of the UR10e on either side [rad], shape (6,), base to flange, read-only."""
 
 # Poses of one person's hand, shared by both sides; "flat" is "open" with the thumb beside the palm.
 _POSE_NAMES = ("open", "close", "pinch", "cradle", "smooth", "flat")

@@ -7,18 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
+from dgl_assets.ranges import check_choice
 from dgl_assets.robots._frames import transform
+from dgl_assets.robots.built_in_trees import build_shadow_tree, build_ur10e_tree
 from dgl_assets.robots.gains import DRIVE_GAINS, JointGains
-from dgl_assets.robots.hand import ROTATION_HAND_TO_EE, SIDES, Side
-from dgl_assets.robots.layout import HAND_POSES, HOME_CONFIGURATION, joint_slice
+from dgl_assets.robots.hand import ROTATION_HAND_TO_EE
+from dgl_assets.robots.layout import HAND_POSES, HOME
 from dgl_assets.robots.tree import (
     DEFAULT_LEFT_BASE,
     DEFAULT_RIGHT_BASE,
+    SIDES,
     BasePlacement,
     KinematicTree,
+    Side,
     TreeJoint,
-    build_shadow_tree,
-    build_ur10e_tree,
     join_pair,
     join_side,
 )
@@ -122,8 +124,7 @@ class Robot:
 
     def joint_slice(self, side: Side, part: str) -> slice:
         """Give the slice of `part` ("arm", "hand" or "all") of a side in the vector."""
-        if side not in SIDES:
-            raise ValueError(f"side must be one of {SIDES}; got {side!r}")
+        check_choice("side", side, SIDES)
         start, middle = SIDES.index(side) * self.dof // 2, len(self.arm_joints)
         spans = {"arm": (0, middle), "hand": (middle, self.dof // 2), "all": (0, self.dof // 2)}
         if part not in spans:
@@ -155,18 +156,29 @@ class Robot:
 
     def get_grasp_offset(self, side: Side) -> np.ndarray:
         """Give the grasp point between the fingers, in axes of `ee` [m], shape (3,)."""
-        if side not in SIDES:
-            raise ValueError(f"side must be one of {SIDES}; got {side!r}")
+        check_choice("side", side, SIDES)
         return np.array(self.hand.grasp_point) * (1, 1, 1 if side == "right" else -1)
 
     def build_side_tree(
         self, side: Side, base: BasePlacement, *, with_hand: bool = True
     ) -> KinematicTree:
         """Build one side under the world-fixed root; see `tree.join_side`."""
+        check_choice("side", side, SIDES)
         if not with_hand:
             return join_side(side, base, self.arm.tree)
         return join_side(
             side, base, self.arm.tree, self.hand.trees[side], hand_to_ee=self.hand.mounts[side]
+        )
+
+    def build_tree(
+        self,
+        *,
+        left_base: BasePlacement = DEFAULT_LEFT_BASE,
+        right_base: BasePlacement = DEFAULT_RIGHT_BASE,
+    ) -> KinematicTree:
+        """Build both sides under one root; moving joints follow `joint_names`."""
+        return join_pair(
+            self.build_side_tree("left", left_base), self.build_side_tree("right", right_base)
         )
 
     def build_urdf(
@@ -190,9 +202,7 @@ class Robot:
             Path of the URDF; its meshes lie in `meshes/` beside it.
         """
         bases = {"left": left_base, "right": right_base}
-        tree = join_pair(
-            self.build_side_tree("left", left_base), self.build_side_tree("right", right_base)
-        )
+        tree = self.build_tree(left_base=left_base, right_base=right_base)
         meshes = LinkMeshes(files={}, by_link={})
         for side in SIDES:
             parts = (self.arm.load_meshes(), self.hand.load_meshes(side))
@@ -221,7 +231,7 @@ class Robot:
 
 def _park(side: Side) -> np.ndarray:
     """Give home with the arm swung outwards, out of the view of the cameras above."""
-    q = HOME_CONFIGURATION[joint_slice(side, "arm")].copy()
+    q = HOME[side].copy()
     q[0] += PARK_ANGLE if side == "left" else -PARK_ANGLE
     return q
 
@@ -234,7 +244,7 @@ _SHADOW_TREES: dict[Side, KinematicTree] = {side: build_shadow_tree(side) for si
 UR10E_ARM = ArmPart(
     name="ur10e",
     tree=build_ur10e_tree(),
-    home={side: HOME_CONFIGURATION[joint_slice(side, "arm")] for side in SIDES},
+    home=HOME,
     parked={side: _park(side) for side in SIDES},
     gains=tuple(DRIVE_GAINS[name] for name in build_ur10e_tree().moving_joint_names),
     load_meshes=build_ur10e_meshes,
@@ -263,18 +273,3 @@ SHADOW_HAND_PART = HandPart(
 
 DEFAULT_ROBOT = Robot(arm=UR10E_ARM, hand=SHADOW_HAND_PART)
 """The robot of the paper: UR10e arms with Shadow Hands, 60 joints."""
-
-
-def build_bimanual_urdf(
-    directory: Path | str,
-    *,
-    left_base: BasePlacement = DEFAULT_LEFT_BASE,
-    right_base: BasePlacement = DEFAULT_RIGHT_BASE,
-) -> Path:
-    """Write the default robot; see `Robot.build_urdf`."""
-    return DEFAULT_ROBOT.build_urdf(directory, left_base=left_base, right_base=right_base)
-
-
-def build_arm_urdf(directory: Path | str, side: Side, base: BasePlacement) -> Path:
-    """Write one bare arm of the default robot; see `Robot.build_arm_urdf`."""
-    return DEFAULT_ROBOT.build_arm_urdf(directory, side, base)

@@ -7,15 +7,12 @@ from typing import Literal
 import numpy as np
 
 from dgl_assets.robots._frames import AXIS_Z, rotation_about, transform
-from dgl_assets.robots.arm import ARM_BASE_MASS, ROTATION_EE_TO_FLANGE, UR10E
-from dgl_assets.robots.collision import CollisionShape, hand_link_extent, link_shapes
-from dgl_assets.robots.hand import (
-    HAND_MASS,
-    HAND_TIPS,
-    ROTATION_HAND_TO_EE,
-    Side,
-    hand_joints,
-)
+from dgl_assets.robots.collision import CollisionShape
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = ("left", "right")
+REFLECTION = np.diag([-1.0, 1.0, 1.0, 1.0])
+"""Reflection in x of each frame: it makes a left hand of a right one."""
 
 BasePlacement = tuple[float, float, float, float]
 """Placement of an arm's base: x, y, z [m] and yaw [rad], world frame."""
@@ -166,126 +163,17 @@ def join_pair(left: KinematicTree, right: KinematicTree) -> KinematicTree:
     return KinematicTree(links=left.links + right.links[1:], joints=left.joints + right.joints)
 
 
-def build_side_tree(side: Side, base: BasePlacement, *, with_hand: bool = True) -> KinematicTree:
-    """Build one arm, with its hand or ending at `ee`, under the world-fixed root.
-
-    Args:
-        side: "left" or "right".
-        base: Placement of the arm's base; ROS convention, the arm's zero pose points along +x.
-        with_hand: Mount the Shadow Hand.
-    """
-    if not with_hand:
-        return join_side(side, base, build_ur10e_tree())
-    mount = transform((0, 0, 0), ROTATION_HAND_TO_EE)
-    return join_side(side, base, build_ur10e_tree(), build_shadow_tree(side), hand_to_ee=mount)
-
-
-def build_bimanual_tree(
-    *,
-    left_base: BasePlacement = DEFAULT_LEFT_BASE,
-    right_base: BasePlacement = DEFAULT_RIGHT_BASE,
-) -> KinematicTree:
-    """Build both arms with hands under one world-fixed root; moving joints follow JOINT_NAMES."""
-    return join_pair(build_side_tree("left", left_base), build_side_tree("right", right_base))
-
-
 def make_frame_link(name: str) -> TreeLink:
     """Make a link that is a pure frame."""
     return TreeLink(name=name, mass=0.0, inertial_to_link=np.eye(4), inertia=np.zeros((3, 3)))
 
 
-def build_ur10e_tree() -> KinematicTree:
-    """Build the bare arm from `base_link` to `ee`, names without a side."""
-    # A solid cylinder, radius 75 mm, height 99 mm, as in the manufacturer's description.
-    radius, height = 0.075, 0.099
-    lateral = ARM_BASE_MASS * (3 * radius**2 + height**2) / 12
-    links = [
-        TreeLink(
-            name="base_link",
-            mass=ARM_BASE_MASS,
-            inertial_to_link=transform((0, 0, height / 2)),
-            inertia=np.diag([lateral, lateral, ARM_BASE_MASS * radius**2 / 2]),
-            collision=link_shapes("right", "base_link"),
-        )
-    ]
-    joints = []
-    parent = "base_link"
-    # Universal Robots' DH frames are those of the ROS base turned half round about z.
-    joint_to_parent = transform((0, 0, 0), np.diag([-1.0, -1.0, 1.0]))
-    for spec in UR10E:
-        joints.append(
-            TreeJoint(
-                name=spec.name,
-                parent=parent,
-                child=spec.link,
-                joint_to_parent=joint_to_parent,
-                axis=(0.0, 0.0, 1.0),
-                lower=-spec.limit,
-                upper=spec.limit,
-                effort=spec.torque,
-                speed=spec.speed,
-            )
-        )
-        ixx, iyy, izz, ixy, ixz, iyz = spec.inertia
-        links.append(
-            TreeLink(
-                name=spec.link,
-                mass=spec.mass,
-                inertial_to_link=spec.link_to_next @ transform(spec.com),
-                inertia=np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]),
-                collision=link_shapes("right", spec.link),
-            )
-        )
-        parent, joint_to_parent = spec.link, spec.link_to_next
-    joints.append(
-        TreeJoint(
-            name="ee_joint",
-            parent=parent,
-            child=EE_LINK,
-            joint_to_parent=joint_to_parent @ transform((0, 0, 0), ROTATION_EE_TO_FLANGE),
-        )
-    )
-    links.append(make_frame_link(EE_LINK))
-    return KinematicTree(links=tuple(links), joints=tuple(joints))
-
-
-def build_shadow_tree(side: Side) -> KinematicTree:
-    """Build one hand from `hand_forearm` to the fingertips, names without a side."""
-    links = [_hand_link(side, "hand_forearm")]
-    joints = []
-    for spec in hand_joints(side):
-        joints.append(
-            TreeJoint(
-                name=spec.name,
-                parent=spec.parent,
-                child=spec.child,
-                joint_to_parent=spec.joint_to_parent,
-                axis=spec.axis,
-                lower=spec.lower,
-                upper=spec.upper,
-                effort=spec.effort,
-                speed=spec.speed,
-            )
-        )
-        links.append(_hand_link(side, spec.child))
-    for tip, (distal, offset) in HAND_TIPS.items():
-        frame = transform((0, 0, offset))
-        joints.append(
-            TreeJoint(name=f"{tip}_joint", parent=distal, child=tip, joint_to_parent=frame)
-        )
-        links.append(make_frame_link(tip))
-    return KinematicTree(links=tuple(links), joints=tuple(joints))
-
-
-def _hand_link(side: Side, link: str) -> TreeLink:
-    """Make a hand link with the inertia of a solid box around its collision shapes."""
-    mass = HAND_MASS[link]
-    low, high = hand_link_extent(side, link)
-    xx, yy, zz = (high - low) ** 2
-    return TreeLink(
-        name=link,
-        mass=mass,
-        inertial_to_link=transform((low + high) / 2),
-        inertia=mass / 12 * np.diag([yy + zz, xx + zz, xx + yy]),
-        collision=link_shapes(side, link),
-    )
+def reflect_joint(joint: TreeJoint) -> TreeJoint:
+    """Reflect a joint by `REFLECTION`; an equal value gives the reflected pose."""
+    axis = joint.axis
+    if axis is not None:
+        x, y, z = axis
+        # the direction of a slide is reflected; that of a turn is reflected and reversed
+        axis = (-x, y, z) if joint.kind == "prismatic" else (x, -y, -z)
+    reflected = REFLECTION @ joint.joint_to_parent @ REFLECTION
+    return replace(joint, joint_to_parent=reflected, axis=axis)

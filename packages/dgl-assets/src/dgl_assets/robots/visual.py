@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_assets.robots._solids import Solid, shade
-from dgl_assets.robots.hand import HAND_MASS, Side
+from dgl_assets.robots.hand import HAND_MASS
+from dgl_assets.robots.tree import Side
 from dgl_assets.robots.visual_arm import build_arm_solids, build_pedestal_solids
 from dgl_assets.robots.visual_hand import build_hand_solids
 

@@ -24,11 +24,10 @@ from dgl_assets.robots._frames import (
 from dgl_assets.robots.collision import CollisionShape
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.gains import JointGains
-from dgl_assets.robots.hand import SIDES, Side
 from dgl_assets.robots.importing.raw import RawLink, RawRobot, RawShape
 from dgl_assets.robots.importing.read_urdf import read_urdf
 from dgl_assets.robots.robot import ArmPart, HandPart
-from dgl_assets.robots.tree import EE_LINK, KinematicTree, TreeLink
+from dgl_assets.robots.tree import EE_LINK, SIDES, KinematicTree, Side, TreeLink
 from dgl_assets.robots.urdf import FRAME_MASS, make_urdf_text
 from dgl_assets.robots.visual import LinkMeshes
 

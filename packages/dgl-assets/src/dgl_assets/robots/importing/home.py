@@ -7,9 +7,8 @@ import numpy as np
 
 from dgl_assets.robots._frames import rotation_about, transform
 from dgl_assets.robots.errors import RobotImportError
-from dgl_assets.robots.hand import Side
 from dgl_assets.robots.robot import PARK_ANGLE, UR10E_ARM
-from dgl_assets.robots.tree import EE_LINK, KinematicTree, TreeJoint
+from dgl_assets.robots.tree import EE_LINK, KinematicTree, Side, TreeJoint
 
 STARTS = 60
 STEPS = 60

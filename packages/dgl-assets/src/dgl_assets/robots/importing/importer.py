@@ -14,7 +14,6 @@ from dgl_assets.importing.paths import read_json
 from dgl_assets.importing.staging import stage_folder
 from dgl_assets.robots._frames import transform
 from dgl_assets.robots.errors import RobotImportError
-from dgl_assets.robots.hand import SIDES, Side
 from dgl_assets.robots.importing.collision import METHODS, CollisionMethod
 from dgl_assets.robots.importing.convert import ConvertedPart, convert
 from dgl_assets.robots.importing.drives import choose_gains
@@ -35,7 +34,15 @@ from dgl_assets.robots.importing.read_urdf import read_foreign_urdf
 from dgl_assets.robots.importing.reflect import reflect_meshes, reflect_tree
 from dgl_assets.robots.importing.topology import drop_subtrees, take_subtree
 from dgl_assets.robots.robot import ArmPart, HandPart
-from dgl_assets.robots.tree import EE_LINK, ROOT_LINK, KinematicTree, TreeJoint, make_frame_link
+from dgl_assets.robots.tree import (
+    EE_LINK,
+    ROOT_LINK,
+    SIDES,
+    KinematicTree,
+    Side,
+    TreeJoint,
+    make_frame_link,
+)
 
 RobotKind = Literal["arm", "hand", "pair"]
 KINDS: tuple[RobotKind, ...] = get_args(RobotKind)

@@ -11,17 +11,15 @@ import numpy as np
 from dgl_assets.robots.collision import CollisionShape
 from dgl_assets.robots.importing.collision import mirror_hull
 from dgl_assets.robots.importing.meshes import mirror_glb
-from dgl_assets.robots.tree import KinematicTree, TreeJoint, TreeLink
+from dgl_assets.robots.tree import REFLECTION, KinematicTree, TreeLink, reflect_joint
 from dgl_assets.robots.visual import LinkMeshes
-
-REFLECTION = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
 def reflect_tree(tree: KinematicTree) -> KinematicTree:
     """Reflect a tree; its mesh shapes name the files of `reflect_meshes`."""
     return KinematicTree(
         links=tuple(_reflect_link(link) for link in tree.links),
-        joints=tuple(_reflect_joint(joint) for joint in tree.joints),
+        joints=tuple(reflect_joint(joint) for joint in tree.joints),
     )
 
 
@@ -65,12 +63,3 @@ def _reflect_shape(shape: CollisionShape) -> CollisionShape:
     x, y, z = shape.xyz
     w, a, b, c = shape.wxyz
     return replace(shape, xyz=(-x, y, z), wxyz=(w, a, -b, -c))
-
-
-def _reflect_joint(joint: TreeJoint) -> TreeJoint:
-    axis = joint.axis
-    if axis is not None:
-        x, y, z = axis
-        # the direction of a slide is reflected; that of a turn is reflected and reversed
-        axis = (-x, y, z) if joint.kind == "prismatic" else (x, -y, -z)
-    return replace(joint, joint_to_parent=_reflect(joint.joint_to_parent), axis=axis)
