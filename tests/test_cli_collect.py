@@ -15,8 +15,8 @@ from dexgarmentlab.cli import demo as demo_verb
 from dexgarmentlab.cli import main
 from dgl_assets.importing import AssetImportError
 from dgl_collect import AttemptResult, RecordOptions, own_garment
+from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.errors import OutputFolderError, WorkerError
-from dgl_collect.runner import make_attempt_seed
 from dgl_tasks.errors import UnknownTaskError
 
 COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"

@@ -20,14 +20,14 @@ from dexgarmentlab.cli import eval as verb
 from dexgarmentlab.cli.flags import WorkerFlags, tell_command
 from dexgarmentlab.learned_methods import make_evaluation_runner
 from dgl_assets import garment_ids
-from dgl_collect import AttemptResult
+from dgl_collect import AttemptRequest, AttemptResult
 from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import choose_split, draw_garment
+from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import SCRIPTED, check_method, make_method
 from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.evaluation.results import Run, summarize
-from dgl_collect.runner import make_attempt_seed
 from dgl_collect.setup import Setup
 from dgl_physics import MeshError
 from dgl_tasks import get_task
@@ -355,7 +355,7 @@ def run_fake(monkeypatch, folder, end, **options):
 
     monkeypatch.setattr("dgl_collect.attempt.run_episode", run_episode)
     runner = make_evaluation_runner("FoldTops-v1", EvaluationOptions(policy="nothing", **options))
-    result = runner.run(attempt_index=1, seed=5, out_dir=folder, episode_id="e")
+    result = runner.run(AttemptRequest(index=1, seed=5, episode_id="e"), folder)
     runner.close()
     return result, asked
 
@@ -432,7 +432,7 @@ def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path):
     options = EvaluationOptions(policy="nothing", garments="test", friction=0.0)
     runner = make_evaluation_runner("FoldTops-v1", options)
     try:
-        result = runner.run(attempt_index=0, seed=11, out_dir=tmp_path, episode_id="e")
+        result = runner.run(AttemptRequest(index=0, seed=11, episode_id="e"), tmp_path)
         assert runner._setup.env.task.material.friction == 0.0
     finally:
         runner.close()

@@ -6,8 +6,8 @@ import pytest
 
 from dexgarmentlab.cli import main
 from dgl_collect import AttemptResult
+from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.run_folder import RunFolder
-from dgl_collect.runner import make_attempt_seed
 
 IDENTITY = {"task": "FoldTops-v1", "seed": 1_000_003, "attempt_factory": "m:f", "options": {}}
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dexgarmentlab.learned_methods import METHODS, count_chunks, make_evaluation_runner
+from dgl_collect import AttemptRequest
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import check_method, make_method
 from dgl_collect.evaluation.options import EvaluationOptions
@@ -269,7 +270,7 @@ def test_an_episode_of_halo_goes_to_every_stage_and_is_judged(tmp_path):
     )
     runner = make_evaluation_runner("FoldTops-v1", options)
     try:
-        result = runner.run(attempt_index=0, seed=5, out_dir=tmp_path / "out", episode_id="e")
+        result = runner.run(AttemptRequest(index=0, seed=5, episode_id="e"), tmp_path / "out")
     finally:
         runner.close()
     assert not result.success

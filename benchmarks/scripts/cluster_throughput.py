@@ -19,8 +19,14 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
 from random_kills import StandIn
 
-from dgl_collect import CollectConfig, Progress, Workers, collect
-from dgl_collect.results import AttemptResult
+from dgl_collect import (
+    AttemptRequest,
+    AttemptResult,
+    CollectConfig,
+    Progress,
+    Workers,
+    collect,
+)
 
 FRAMES = 13
 """Of a stand-in's episode, 1 MB each."""
@@ -35,23 +41,19 @@ class Courier(StandIn):
         self._pause = seconds
         self._kept: dict[str, bytes] = {}
 
-    def run(
-        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
-    ) -> AttemptResult:
+    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
         """Make one attempt."""
         names = {"video": ".mp4", "picture": ".png", "episode": ".h5"}
-        files = {kind: episode_id + suffix for kind, suffix in names.items()}
+        files = {kind: request.episode_id + suffix for kind, suffix in names.items()}
         if not self._kept:
-            super().run(
-                attempt_index=attempt_index, seed=seed, out_dir=out_dir, episode_id=episode_id
-            )
+            super().run(request, out_dir)
             self._kept = {kind: (out_dir / name).read_bytes() for kind, name in files.items()}
         time.sleep(self._pause)
         for kind, name in files.items():
             (out_dir / name).write_bytes(self._kept[kind])
         return AttemptResult(
-            index=attempt_index,
-            seed=seed,
+            index=request.index,
+            seed=request.seed,
             success=True,
             value=0.5,
             garment_id="stand-in",
@@ -61,7 +63,7 @@ class Courier(StandIn):
 
 
 def make_courier(task: str, options: dict) -> Courier:
-    """Build stand-ins; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build stand-ins; see `dgl_collect.CollectConfig.attempt_factory`."""
     return Courier(options["seconds"])
 
 

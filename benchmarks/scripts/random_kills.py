@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from dgl_collect import (
+    AttemptRequest,
     AttemptResult,
     CollectConfig,
     Episode,
@@ -48,21 +49,20 @@ class StandIn:
         """Take so many seconds, and write so many frames; two of three succeed, or all."""
         self._seconds, self._frames, self._succeeds = seconds, frames, succeeds
 
-    def run(
-        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
-    ) -> AttemptResult:
+    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
         """Make one attempt."""
+        seed, stem = request.seed, request.episode_id
         rng = np.random.default_rng(seed)
         time.sleep(self._seconds)
-        files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
+        files = {"video": f"{stem}.mp4", "picture": f"{stem}.png"}
         (out_dir / files["video"]).write_bytes(rng.bytes(400_000))
         save_png(out_dir / files["picture"], rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
         success = self._succeeds or seed % 3 > 0
         if success:
-            files["episode"] = f"{episode_id}.h5"
+            files["episode"] = f"{stem}.h5"
             write_episode(out_dir / files["episode"], make_episode(rng, seed, self._frames))
         return AttemptResult(
-            index=attempt_index,
+            index=request.index,
             seed=seed,
             success=success,
             value=0.5,
@@ -105,7 +105,7 @@ def make_episode(rng: np.random.Generator, seed: int, frames: int) -> Episode:
 
 
 def make_stand_in(task: str, options: dict) -> StandIn:
-    """Build stand-ins; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build stand-ins; see `dgl_collect.CollectConfig.attempt_factory`."""
     return StandIn(
         options.get("seconds", 1.0), options.get("frames", 4), succeeds=options.get("all", False)
     )

@@ -19,7 +19,7 @@ from dgl_bench.collect.rows import (
 from dgl_bench.collect.stopwatch import Stopwatch, find_owner, watch_functions
 from dgl_bench.collect.throughput import compare_throughput
 from dgl_bench.collect.timed import AttemptTimes, TimedAttempts
-from dgl_collect import AttemptResult
+from dgl_collect import AttemptRequest, AttemptResult
 
 
 class Hand:
@@ -91,10 +91,10 @@ class StillRunner:
 
     closed = False
 
-    def run(self, *, attempt_index, seed, out_dir, episode_id):
-        if attempt_index > 0:
+    def run(self, request, out_dir):
+        if request.index > 0:
             Hand().hold()
-        return AttemptResult(index=attempt_index, seed=seed, success=True)
+        return AttemptResult(index=request.index, seed=request.seed, success=True)
 
     def close(self):
         self.closed = True
@@ -106,7 +106,7 @@ def test_attempts_time_themselves(monkeypatch, tmp_path):
     runner = StillRunner()
     timed = TimedAttempts(runner, launched=0.0)
     results = [
-        timed.run(attempt_index=k, seed=k, out_dir=tmp_path, episode_id=f"{k}") for k in range(3)
+        timed.run(AttemptRequest(index=k, seed=k, episode_id=f"{k}"), tmp_path) for k in range(3)
     ]
     times = [AttemptTimes.from_result(result) for result in results]
     assert [t.start is None for t in times] == [True, False, True]  # the first step of the process

@@ -84,7 +84,7 @@ METHODS: Mapping[str, CheckpointMethod] = {
 
 
 def make_evaluation_runner(task: str, options: EvaluationOptions) -> Attempts:
-    """Build the attempts of an evaluation; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build the attempts of an evaluation; see `dgl_collect.CollectConfig.attempt_factory`."""
     return make_evaluation_attempts(task, options, METHODS)
 
 

@@ -67,7 +67,8 @@ class FakeRunner:
     def __init__(self, options):
         self.options = options
 
-    def run(self, *, attempt_index, seed, out_dir, episode_id):
+    def run(self, request, out_dir):
+        attempt_index, seed, episode_id = request.index, request.seed, request.episode_id
         sys.stdout.write(f"attempt {attempt_index} speaks\n")
         save_png(out_dir / f"{episode_id}.png", np.full((8, 8, 3), attempt_index, np.uint8))
         (out_dir / f"{episode_id}.mp4").write_bytes(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
-from dgl_collect import read_episode
+from dgl_collect import AttemptRequest, read_episode
 from dgl_collect.actors import Expert
 from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.demonstration import load_demonstration
@@ -32,7 +32,7 @@ def runner():
 
 def run(runner, folder, *, seed=0):
     folder.mkdir()
-    return runner.run(attempt_index=0, seed=seed, out_dir=folder, episode_id="episode")
+    return runner.run(AttemptRequest(index=0, seed=seed, episode_id="episode"), folder)
 
 
 def reach_high(monkeypatch, runner, **changes):

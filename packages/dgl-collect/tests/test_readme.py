@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dgl_collect import AttemptRequest
+
 README = Path(__file__).parents[1] / "README.md"
 
 
@@ -43,7 +45,7 @@ def test_a_runner_of_ones_own_makes_attempts(tmp_path):
     names: dict = {}
     exec(compile(find_block("Bring your own attempt"), "README.md", "exec"), names)
     runner = names["make_runner"]("FoldTops-v1", {})
-    result = runner.run(attempt_index=3, seed=7, out_dir=tmp_path, episode_id="a")
+    result = runner.run(AttemptRequest(index=3, seed=7, episode_id="a"), tmp_path)
     assert (result.index, result.seed, result.success, result.reason) == (3, 7, False, "not tried")
     runner.close()
 

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dgl_collect import EpisodeRecorder, Observation, StageRecorder
+from dgl_collect import EpisodeRecorder, StageRecorder
 from dgl_collect.stage_runner import StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_tasks import get_task
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.messages import StageBegins
+from dgl_tasks.observation import Observation
 from dgl_tasks.perception import find_pixel
 
 TASK = get_task("FoldTops-v1")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dgl_collect import (
+    AttemptRequest,
     EpisodeRecorder,
     NotReplayableError,
     RecordOptions,
@@ -167,7 +168,7 @@ def test_a_tolerance_applies_to_numbers_and_never_to_the_verdict():
 @pytest.mark.timeout(1800)
 @pytest.mark.render
 def test_a_whole_attempt_reproduces(attempts, tmp_path):
-    result = attempts.run(attempt_index=0, seed=0, out_dir=tmp_path, episode_id="e")
+    result = attempts.run(AttemptRequest(index=0, seed=0, episode_id="e"), tmp_path)
     episode = read_episode(tmp_path / result.files["episode"])
     replay = replay_episode(episode)  # in an environment of its own
     assert replay.reproduces(), replay

@@ -24,12 +24,12 @@ from dgl_collect import (
     read_episode,
     run_folder,
 )
+from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import RunFolder
-from dgl_collect.runner import make_attempt_seed
 from dgl_collect.workers import dispatch
+from dgl_collect.workers.engine import Lost, Worker
 from dgl_collect.workers.inside import Workbench
-from dgl_collect.workers.jobs import Lost
 from dgl_files.whole import append_line
 from dgl_tasks.errors import UnknownTaskError
 
@@ -44,17 +44,16 @@ def be_silent():
     raise Silence
 
 
-class InProcessWorker:
+class InProcessWorker(Worker):
     """A worker without a process: `SystemExit` is its end, `Silence` its hanging."""
 
-    is_started = True
-
     def __init__(self, number, work, log_path):
-        self.number, self._log_path = number, log_path
+        super().__init__(number)
+        self.since, self._log_path = time.monotonic(), log_path
         self._bench, self._task = Workbench(work), None
         self.is_busy = True  # building
 
-    def assign(self, job, out_dir):
+    def _send(self, job, out_dir):
         self._task, self.is_busy = (job, out_dir), True
 
     def receive(self):

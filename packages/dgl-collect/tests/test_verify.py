@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from dgl_collect import CollectConfig, collect
+from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.errors import FileUnavailableError
 from dgl_collect.results import drop_lost_attempts, read_results, summarize, write_summary
-from dgl_collect.runner import make_attempt_seed
 from dgl_collect.verify import verify_run
 from dgl_collect.video import VideoWriter, save_png
 

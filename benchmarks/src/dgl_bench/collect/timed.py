@@ -9,8 +9,8 @@ from pathlib import Path
 from dgl_bench.collect.components import COMPONENTS, REST, STEP
 from dgl_bench.collect.stopwatch import Stopwatch, watch_functions
 from dgl_bench.process_memory import measure_process_memory
-from dgl_collect.attempt import make_attempt_runner
-from dgl_collect.attempt_jobs import AttemptRunner
+from dgl_collect.attempt import Attempts, make_attempt_runner
+from dgl_collect.attempt_jobs import AttemptRequest
 from dgl_collect.options import RecordOptions
 from dgl_collect.results import AttemptResult
 
@@ -96,14 +96,14 @@ class TimedOptions(RecordOptions):
 
 
 def make_timed_attempts(task: str, options: TimedOptions) -> "TimedAttempts":
-    """Build the attempts of a task; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build the attempts of a task; see `dgl_collect.CollectConfig.attempt_factory`."""
     return TimedAttempts(make_attempt_runner(task, options), options.launched)
 
 
 class TimedAttempts:
     """Makes another runner's attempts, and adds their times to what they measure."""
 
-    def __init__(self, runner: AttemptRunner, launched: float) -> None:
+    def __init__(self, runner: Attempts, launched: float) -> None:
         """Time a runner's attempts; `launched` is the start of the collection [s since 1970]."""
         self._runner, self._launched = runner, launched
         self._has_started = False
@@ -112,15 +112,11 @@ class TimedAttempts:
         """Release the environment."""
         self._runner.close()
 
-    def run(
-        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
-    ) -> AttemptResult:
-        """Make one attempt; see `dgl_collect.attempt_jobs.AttemptRunner`."""
+    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
+        """Make one attempt."""
         watch, began = Stopwatch(), time.time()
         with watch_functions(watch, COMPONENTS), watch.part(REST):
-            result = self._runner.run(
-                attempt_index=attempt_index, seed=seed, out_dir=out_dir, episode_id=episode_id
-            )
+            result = self._runner.run(request, out_dir)
         times = {_COMPONENT + name: watch.seconds[name] for name in (*COMPONENTS, REST)}
         times |= {_PROCESS: os.getpid(), _BEGAN: began, _ENDED: time.time()}
         times[_MEMORY] = measure_process_memory()

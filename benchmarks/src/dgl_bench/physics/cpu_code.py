@@ -37,7 +37,7 @@ class Comparison:
 def measure_cpu_code(bench: Bench) -> Result:
     """Play the three scenes with both codes."""
     from dgl_bench.physics.fold_replay import record_fold
-    from dgl_collect.runner import make_attempt_seed
+    from dgl_collect.attempt_jobs import make_attempt_seed
 
     if obstacle := find_vector_obstacle():
         note = f"skipped: this CPU runs no vector code: {obstacle}"

@@ -4,8 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dgl_collect.attempt_jobs import AttemptFactory as AttemptFactory
-    from dgl_collect.attempt_jobs import AttemptRunner as AttemptRunner
+    from dgl_collect.attempt_jobs import AttemptRequest as AttemptRequest
     from dgl_collect.episodes import Episode as Episode
     from dgl_collect.episodes import StageRecord as StageRecord
     from dgl_collect.episodes import read_episode as read_episode
@@ -32,43 +31,25 @@ if TYPE_CHECKING:
     from dgl_collect.runner import collect as collect
     from dgl_collect.video import VideoWriter as VideoWriter
     from dgl_collect.video import save_png as save_png
+    from dgl_collect.workers import JobRunner as JobRunner
     from dgl_collect.workers import Limits as Limits
     from dgl_collect.workers import Workers as Workers
-    from dgl_tasks.observation import Observation as Observation
 
-_MODULES = {
-    "AttemptFactory": "dgl_collect.attempt_jobs",
-    "AttemptRunner": "dgl_collect.attempt_jobs",
-    "Episode": "dgl_collect.episodes",
-    "StageRecord": "dgl_collect.episodes",
-    "read_episode": "dgl_collect.episodes",
-    "write_episode": "dgl_collect.episodes",
-    "CollectionError": "dgl_collect.errors",
-    "CorruptEpisodeError": "dgl_collect.errors",
-    "DemonstrationError": "dgl_collect.errors",
-    "EngineError": "dgl_collect.errors",
-    "MachineError": "dgl_collect.errors",
-    "NotReplayableError": "dgl_collect.errors",
-    "OutputFolderError": "dgl_collect.errors",
-    "WorkerError": "dgl_collect.errors",
-    "RecordOptions": "dgl_collect.options",
-    "RunOptions": "dgl_collect.options",
-    "EpisodeRecorder": "dgl_collect.recording",
-    "StageRecorder": "dgl_collect.recording",
-    "AttemptResult": "dgl_collect.results",
-    "Criterion": "dgl_collect.results",
-    "Summary": "dgl_collect.results",
-    "package_versions": "dgl_collect.results",
-    "wilson_interval": "dgl_collect.results",
-    "CollectConfig": "dgl_collect.runner",
-    "Progress": "dgl_collect.runner",
-    "collect": "dgl_collect.runner",
-    "VideoWriter": "dgl_collect.video",
-    "save_png": "dgl_collect.video",
-    "Limits": "dgl_collect.workers",
-    "Workers": "dgl_collect.workers",
-    "Observation": "dgl_tasks.observation",
-}
+_NAMES = {
+    "attempt_jobs": ("AttemptRequest",),
+    "episodes": ("Episode", "StageRecord", "read_episode", "write_episode"),
+    "errors": (
+        "CollectionError", "CorruptEpisodeError", "DemonstrationError", "EngineError",
+        "MachineError", "NotReplayableError", "OutputFolderError", "WorkerError",
+    ),
+    "options": ("RecordOptions", "RunOptions"),
+    "recording": ("EpisodeRecorder", "StageRecorder"),
+    "results": ("AttemptResult", "Criterion", "Summary", "package_versions", "wilson_interval"),
+    "runner": ("CollectConfig", "Progress", "collect"),
+    "video": ("VideoWriter", "save_png"),
+    "workers": ("JobRunner", "Limits", "Workers"),
+}  # fmt: skip
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 __all__ = list(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -76,4 +57,4 @@ def __getattr__(name: str) -> object:
     """Import a public name when it is first used: options are needed without the simulation."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

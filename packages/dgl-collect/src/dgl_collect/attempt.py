@@ -1,8 +1,6 @@
 """Attempts: one method in one environment, filmed, judged and recorded."""
 
 import logging
-import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +9,7 @@ import numpy as np
 from dgl_assets import garment_ids
 from dgl_assets.garments.catalogue import Split
 from dgl_collect.actors import Expert
+from dgl_collect.attempt_jobs import AttemptRequest
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, write_episode
 from dgl_collect.options import GarmentChoice, RecordOptions
 from dgl_collect.recording import EpisodeRecorder
@@ -19,7 +18,6 @@ from dgl_collect.setup import Setup, make_setup
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import MeshError, PhysicsError
 from dgl_tasks import TaskError
-from dgl_tasks.driver import Listener
 from dgl_tasks.evaluation import EpisodeResult, run_episode
 from dgl_tasks.policy import Method
 
@@ -27,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 def make_attempt_runner(task: str, options: RecordOptions) -> "Attempts":
-    """Build the attempts of a collection; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build the attempts of a collection; see `CollectConfig.attempt_factory`."""
     setup = make_setup(task, options)
     return Attempts(setup, setup.make_runner(Expert()), recorded=options.record)
 
@@ -59,43 +57,58 @@ class Attempts:
         """Release the environment."""
         self.env.close()
 
-    def run(
-        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
-    ) -> AttemptResult:
-        """Make one attempt; see `dgl_collect.attempt_jobs.AttemptRunner`."""
+    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
+        """Make one attempt, with a film and a picture of its end, and the episode of a success."""
+        env, stem = self.env, request.episode_id
+        garment, drawn = self._choose_garment(request)
         recorder = None
         if self._recorded is not None:
-            recorder = EpisodeRecorder(self.env, with_approach=self._recorded == "approaches")
-        garment, drawn = self._setup.options.garment, {}
-        if self._garments is not None:
-            drawn = {"split": "own"}
-            if garment is None:
-                split = choose_split(self._garments, attempt_index)
-                garment = draw_garment(self.env.task.category, split, seed)
-                drawn = {"split": split}
-        result, ended = film_attempt(
-            self._setup,
-            self._method,
-            index=attempt_index,
-            seed=seed,
-            garment=garment,
-            out_dir=out_dir,
-            episode_id=episode_id,
-            listener=recorder,
-        )
-        result = replace(result, randomisation={**result.randomisation, **drawn})
-        if recorder is None:
-            return result
-        files = dict(result.files)
-        if ended is not None and ended.success:
-            files["episode"] = f"{episode_id}.h5"
-            write_episode(out_dir / files["episode"], self._make_episode(seed, ended, recorder))
-        return replace(
-            result,
+            recorder = EpisodeRecorder(env, with_approach=self._recorded == "approaches")
+        files = {"video": f"{stem}.mp4", "picture": f"{stem}.png"}
+        ended, error = None, None
+        with VideoWriter(out_dir / files["video"]) as video:
+            try:
+                ended = run_episode(
+                    env,
+                    self._setup.motion,
+                    self._method,
+                    seed=request.seed,
+                    garment=garment,
+                    film=video.add,
+                    listener=recorder,
+                )
+            except MeshError:
+                raise  # no episode has begun, so there is no picture
+            except (TaskError, PhysicsError) as err:
+                logger.info("attempt %d: %s", request.index, err)
+                error = err
+                video.add(env.film())
+        save_png(out_dir / files["picture"], ended.picture if ended else env.film())
+        if recorder is not None and ended is not None and ended.success:
+            files["episode"] = f"{stem}.h5"
+            episode = self._make_episode(request.seed, ended, recorder)
+            write_episode(out_dir / files["episode"], episode)
+        records = recorder.records.values() if recorder is not None else ()
+        return describe_episode(
+            ended or error,
+            index=request.index,
+            seed=request.seed,
+            garment_id=str(env.draws["garment"]) if "garment" in env.draws else None,
             files=files,
-            frames=sum(record.frame_count for record in recorder.records.values()),
-            stage_seconds=recorder.seconds,
+            randomisation={**env.draws, **drawn},
+            frames=sum(record.frame_count for record in records),
+            stage_seconds=recorder.seconds if recorder is not None else {},
         )
+
+    def _choose_garment(self, request: AttemptRequest) -> tuple[str | None, dict[str, str]]:
+        """Return the garment, None for one that the environment draws, and the drawn split."""
+        garment = self._setup.options.garment
+        if self._garments is None:
+            return garment, {}
+        if garment is not None:
+            return garment, {"split": "own"}
+        split = choose_split(self._garments, request.index)
+        return draw_garment(self.env.task.category, split, request.seed), {"split": split}
 
     def _make_episode(self, seed: int, result: EpisodeResult, recorder: EpisodeRecorder) -> Episode:
         """Build the episode of an attempt from its recorded stages."""
@@ -129,66 +142,6 @@ def draw_garment(category: str, split: Split, seed: int) -> str:
     """Draw the garment of an attempt from a split of its category."""
     ids = garment_ids(category, split)
     return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
-
-
-def film_attempt(
-    setup: Setup,
-    method: Method,
-    *,
-    index: int,
-    seed: int,
-    garment: str | None,
-    out_dir: Path,
-    episode_id: str,
-    listener: Listener | None = None,
-) -> tuple[AttemptResult, EpisodeResult | None]:
-    """Run a method for one attempt, with a film and a picture of its end.
-
-    Args:
-        setup: The environment.
-        method: The method.
-        index: Number of the attempt.
-        seed: Seed of the attempt.
-        garment: Catalogue id; drawn from the seed when None.
-        out_dir: Folder for the film and the picture.
-        episode_id: Stem of their names.
-        listener: See `run_episode`.
-
-    Returns:
-        The result of the attempt and that of the episode, None if an error has ended it.
-    """
-    started = time.perf_counter()
-    env = setup.env
-    files = {"video": f"{episode_id}.mp4", "picture": f"{episode_id}.png"}
-    ended, error = None, None
-    with VideoWriter(out_dir / files["video"]) as video:
-        try:
-            ended = run_episode(
-                env,
-                setup.motion,
-                method,
-                seed=seed,
-                garment=garment,
-                film=video.add,
-                listener=listener,
-            )
-        except MeshError:
-            raise  # no episode has begun, so there is no picture
-        except (TaskError, PhysicsError) as err:
-            logger.info("attempt %d: %s", index, err)
-            error = err
-            video.add(env.film())
-    save_png(out_dir / files["picture"], ended.picture if ended else env.film())
-    result = describe_episode(
-        ended or error,
-        index=index,
-        seed=seed,
-        garment_id=str(env.draws["garment"]) if "garment" in env.draws else None,
-        seconds=time.perf_counter() - started,
-        files=files,
-        randomisation=dict(env.draws),
-    )
-    return result, ended
 
 
 def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:

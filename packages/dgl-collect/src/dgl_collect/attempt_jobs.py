@@ -1,52 +1,11 @@
-"""Attempts as jobs of workers; the protocols of the code that makes them."""
+"""Attempts as jobs of a run: their requests, and checks of their results."""
 
-from __future__ import annotations
+from dataclasses import dataclass, replace
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+import numpy as np
 
-from dgl_collect.options import RunOptions
 from dgl_collect.results import AttemptResult
-from dgl_collect.workers import load_callable
-
-
-class AttemptRunner(Protocol):
-    """Makes attempts, one after the other, in an environment that it builds once.
-
-    An attempt must depend on its seed alone, not on the attempts before it: then a run gives the
-    same episodes with any number of workers.
-    """
-
-    def run(
-        self, *, attempt_index: int, seed: int, out_dir: Path, episode_id: str
-    ) -> AttemptResult:
-        """Make one attempt.
-
-        Args:
-            attempt_index: Number of the attempt in the run, from 0.
-            seed: The attempt's own seed, in [0, 2**32).
-            out_dir: An empty folder for this attempt's files, `<episode_id>.h5`, `.mp4` and `.png`.
-                The run moves them afterwards, so files left by a crash are never taken for whole.
-            episode_id: Stem of the files' names.
-
-        Returns:
-            The outcome, with `files` relative to `out_dir`. A success must have an `episode` file.
-        """
-        ...
-
-    def close(self) -> None:
-        """Release the environment."""
-        ...
-
-
-class AttemptFactory(Protocol):
-    """Builds an attempt runner inside a worker process."""
-
-    def __call__(self, task: str, options: Any, /) -> AttemptRunner:
-        """Build it for a task with the options of the run: `RunOptions`, or others of its own."""
-        ...
+from dgl_collect.workers import Failure, Job, JobOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,58 +15,82 @@ class AttemptRequest:
     index: int
     """Number of the attempt in the run, from 0."""
     seed: int
-    """Its own seed."""
+    """The attempt's own seed, in [0, 2**32)."""
     episode_id: str
-    """Stem of its files' names."""
+    """Stem of its files' names, `<episode_id>.h5`, `.mp4` and `.png`."""
 
 
-class AttemptJobs:
-    """Makes attempts as jobs of a worker, and checks that each outcome is what was asked for."""
+def make_attempt_seed(seed: int, index: int) -> int:
+    """Derive an attempt's own seed from the run's seed and the attempt's number.
 
-    def __init__(
-        self,
-        *,
-        task: str,
-        attempt_factory: str,
-        options: RunOptions | Mapping[str, object],
-        has_episodes: bool,
-    ) -> None:
-        """Build the attempt runner.
+    Args:
+        seed: Seed of the run, at least 0.
+        index: Number of the attempt, from 0.
 
-        Args:
-            task: Environment id.
-            attempt_factory: `module:name` of an `AttemptFactory`.
-            options: Its options.
-            has_episodes: A success must leave an episode file.
-        """
-        self._runner: AttemptRunner = load_callable(attempt_factory)(task, options)
-        self._has_episodes = has_episodes
+    Returns:
+        A seed in [0, 2**32).
+    """
+    return int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint32)[0])
 
-    def run(self, request: AttemptRequest, out_dir: Path) -> AttemptResult:
-        """Make one attempt; see `dgl_collect.workers.JobRunner`."""
-        result = self._runner.run(
-            attempt_index=request.index,
-            seed=request.seed,
-            out_dir=out_dir,
-            episode_id=request.episode_id,
+
+def make_episode_id(task: str, seed: int, index: int) -> str:
+    """Name an episode; episodes of several runs can share a folder."""
+    return f"{task}-s{seed}-{index:05d}"
+
+
+def make_job(task: str, seed: int, index: int) -> Job:
+    """Make the job of an attempt; `seed` is that of the run."""
+    episode_id = make_episode_id(task, seed, index)
+    seed = make_attempt_seed(seed, index)
+    request = AttemptRequest(index=index, seed=seed, episode_id=episode_id)
+    return Job(name=episode_id, request=request)
+
+
+def read_outcome(outcome: JobOutcome, *, has_episodes: bool) -> AttemptResult:
+    """Return the result of an attempt; an attempt without a valid result is a failure.
+
+    Args:
+        outcome: Outcome of a job of `make_job`.
+        has_episodes: A success must have an episode file.
+    """
+    request, failure = outcome.job.request, outcome.failure
+    assert isinstance(request, AttemptRequest)
+    if failure is None:
+        try:
+            result = _check_result(outcome, request, has_episodes=has_episodes)
+            return replace(result, seconds=outcome.seconds)
+        except ValueError as err:
+            failure = Failure(reason="invalid result", detail=str(err))
+    return AttemptResult(
+        index=request.index,
+        seed=request.seed,
+        success=False,
+        reason=failure.reason,
+        detail=failure.detail,
+        seconds=outcome.seconds,
+    )
+
+
+def _check_result(
+    outcome: JobOutcome, request: AttemptRequest, *, has_episodes: bool
+) -> AttemptResult:
+    """Check that a result is of the attempt, and that its files are there."""
+    result = outcome.result
+    if not isinstance(result, AttemptResult):
+        raise ValueError(f"result must be an AttemptResult; got {type(result).__name__}")
+    if (result.index, result.seed) != (request.index, request.seed):
+        raise ValueError(
+            f"result must be of attempt {request.index}, seed {request.seed}; "
+            f"got {result.index}, seed {result.seed}"
         )
-        if (result.index, result.seed) != (request.index, request.seed):
+    if has_episodes and result.success and "episode" not in result.files:
+        raise ValueError(f"a success must have an episode file; got {sorted(result.files)}")
+    for kind, name in result.files.items():
+        path = outcome.folder / name
+        if path.parent != outcome.folder or path.stem != request.episode_id:
             raise ValueError(
-                f"result must be of attempt {request.index}, seed {request.seed}; "
-                f"got {result.index}, seed {result.seed}"
+                f"{kind} file must be {request.episode_id}.* in its folder; got {name!r}"
             )
-        if self._has_episodes and result.success and "episode" not in result.files:
-            raise ValueError(f"a success must have an episode file; got {sorted(result.files)}")
-        for kind, name in result.files.items():
-            path = out_dir / name
-            if path.parent != out_dir or path.stem != request.episode_id:
-                raise ValueError(
-                    f"{kind} file must be {request.episode_id}.* in its folder; got {name!r}"
-                )
-            if not path.is_file():
-                raise ValueError(f"{kind} file must exist; {name!r} does not")
-        return result
-
-    def close(self) -> None:
-        """Release the environment."""
-        self._runner.close()
+        if not path.is_file():
+            raise ValueError(f"{kind} file must exist; {name!r} does not")
+    return result

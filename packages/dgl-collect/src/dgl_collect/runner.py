@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 from collections.abc import Callable, Mapping
@@ -10,16 +9,12 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from dgl_collect.attempt_jobs import AttemptRequest
+from dgl_collect.attempt_jobs import make_job, read_outcome
 from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.results import AttemptResult, Summary
 from dgl_collect.run_folder import RunFolder
 from dgl_collect.workers import (
     Dispatcher,
-    Job,
-    JobOutcome,
     Limits,
     Work,
     Workers,
@@ -53,7 +48,8 @@ class CollectConfig:
     resume: bool = False
     """Continue the run in `out`; only missing attempts are made."""
     attempt_factory: str = "dgl_collect.attempt:make_attempt_runner"
-    """`module:name` of an `AttemptFactory`, called in each worker."""
+    """`module:name` of a callable, called in each worker with `task` and `options`. It returns a
+    `JobRunner` that makes an `AttemptResult` of each `AttemptRequest`."""
     options: RunOptions | Mapping[str, object] = field(default_factory=RecordOptions)
     """Options of the attempts; a mapping, JSON-ready, for attempt factories that take one."""
     has_episodes: bool = True
@@ -103,24 +99,6 @@ class Progress:
     """Workers with a built environment."""
     workers_waiting: int
     """Workers that wait for a place in the cluster."""
-
-
-def make_attempt_seed(seed: int, index: int) -> int:
-    """Derive an attempt's own seed from the run's seed and the attempt's number.
-
-    Args:
-        seed: Seed of the run, at least 0.
-        index: Number of the attempt, from 0.
-
-    Returns:
-        A seed in [0, 2**32).
-    """
-    return int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint32)[0])
-
-
-def make_episode_id(task: str, seed: int, index: int) -> str:
-    """Name an episode; episodes of several runs can share a folder."""
-    return f"{task}-s{seed}-{index:05d}"
 
 
 def collect(
@@ -180,18 +158,13 @@ def collect(
 
         dispatcher = Dispatcher(
             (
-                _make_job(task.id, config.seed, index)
+                make_job(task.id, config.seed, index)
                 for index in range(config.episodes)
                 if index not in done
             ),
             work=Work(
-                factory="dgl_collect.attempt_jobs:AttemptJobs",
-                arguments={
-                    "task": locate_task(config.task),
-                    "attempt_factory": config.attempt_factory,
-                    "options": config.options,
-                    "has_episodes": config.has_episodes,
-                },
+                factory=config.attempt_factory,
+                arguments={"task": locate_task(config.task), "options": config.options},
             ),
             workers=config.workers,
             folder=config.out,
@@ -202,7 +175,8 @@ def collect(
         try:
             with closing(dispatcher.run()) as outcomes:
                 for outcome in outcomes:
-                    folder.commit(_read_outcome(outcome), outcome.folder)
+                    result = read_outcome(outcome, has_episodes=config.has_episodes)
+                    folder.commit(result, outcome.folder)
                     report()
         except BaseException:
             folder.try_to_write_summary(requested=config.episodes, status="failed")
@@ -214,26 +188,3 @@ def collect(
 def locate_task(source: str) -> str:
     """Make the path of a task file absolute, since workers run in another folder."""
     return str(Path(source).absolute()) if source.endswith(".py") else source
-
-
-def _make_job(task_id: str, run_seed: int, index: int) -> Job:
-    episode_id = make_episode_id(task_id, run_seed, index)
-    seed = make_attempt_seed(run_seed, index)
-    request = AttemptRequest(index=index, seed=seed, episode_id=episode_id)
-    return Job(name=episode_id, request=request)
-
-
-def _read_outcome(outcome: JobOutcome) -> AttemptResult:
-    """Return the result of an attempt, also of one that did not come to its end."""
-    if isinstance(outcome.result, AttemptResult):
-        return dataclasses.replace(outcome.result, seconds=outcome.seconds)
-    assert isinstance(outcome.job.request, AttemptRequest)
-    assert outcome.failure is not None
-    return AttemptResult(
-        index=outcome.job.request.index,
-        seed=outcome.job.request.seed,
-        success=False,
-        reason=outcome.failure.reason,
-        detail=outcome.failure.detail,
-        seconds=outcome.seconds,
-    )

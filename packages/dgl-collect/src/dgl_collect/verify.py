@@ -10,6 +10,7 @@ from pathlib import Path
 import av
 import imageio.v3 as iio
 
+from dgl_collect.attempt_jobs import make_attempt_seed, make_episode_id
 from dgl_collect.episodes import read_episode
 from dgl_collect.errors import CorruptEpisodeError, OutputFolderError
 from dgl_collect.files import unavailable_told
@@ -22,7 +23,7 @@ from dgl_collect.results import (
     summarize,
 )
 from dgl_collect.run_folder import SUMMARY_FILE, RunRecord, read_run
-from dgl_collect.runner import CollectConfig, make_attempt_seed, make_episode_id
+from dgl_collect.runner import CollectConfig
 from dgl_files.fields import read_json_file
 from dgl_files.whole import compute_checksum
 

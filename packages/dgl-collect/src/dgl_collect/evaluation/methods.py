@@ -43,7 +43,7 @@ LearnedMethods = Mapping[str, LearnedMethod]
 def make_evaluation_attempts(
     task: str, options: EvaluationOptions, learned: LearnedMethods
 ) -> Attempts:
-    """Build the attempts of an evaluation; see `dgl_collect.attempt_jobs.AttemptFactory`."""
+    """Build the attempts of an evaluation; see `dgl_collect.CollectConfig.attempt_factory`."""
     declared = load_task(task)
     material = declared.material
     material = dataclasses.replace(

@@ -7,8 +7,8 @@ import shutil
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -17,20 +17,8 @@ from annotated_types import Ge, Gt
 from dgl_collect.errors import MachineError, WorkerError
 from dgl_collect.files import describe_full_disk
 from dgl_collect.results import package_versions
-from dgl_collect.workers.engine import Engine, Worker, Workers
-from dgl_collect.workers.jobs import (
-    Failure,
-    Finished,
-    Job,
-    Lost,
-    Machine,
-    MachineFault,
-    Message,
-    Ready,
-    RunEnded,
-    Started,
-    Work,
-)
+from dgl_collect.workers.engine import Answer, Engine, Lost, Machine, Ready, Worker, Workers
+from dgl_collect.workers.jobs import Failure, Job, JobOutcome, Work
 from dgl_collect.workers.local import LocalEngine
 from dgl_files.fields import check_fields
 
@@ -65,32 +53,6 @@ class Limits:
         check_fields(self)
 
 
-@dataclass(frozen=True, kw_only=True)
-class JobOutcome:
-    """Outcome of a job."""
-
-    job: Job
-    result: object
-    """Returned by the job runner; None after a failure."""
-    failure: Failure | None
-    seconds: float
-    """Wall-clock time of the job on its worker [s]."""
-    folder: Path
-    """Folder of the job's files. It is removed when the next outcome is asked for."""
-
-
-class _Post:
-    """A worker and its state."""
-
-    def __init__(self, worker: Worker) -> None:
-        self.worker = worker
-        self.log = f"logs/worker-{worker.number}.log"
-        self.host = ""
-        self.is_ready = False
-        self.job: Job | None = None
-        self.since = time.monotonic()  # [s]; when it was started, or got its job
-
-
 class Dispatcher:
     """Distributes the jobs of one run to workers."""
 
@@ -114,7 +76,7 @@ class Dispatcher:
             folder: Folder of the run. Jobs write below `.staging`, workers print into `logs`.
             stop: Ends the run when set, as interrupts do.
             limits: Limits of time and failures; the defaults when None.
-            on_change: Called when the state of a worker changes.
+            on_change: Called when a worker is ready.
         """
         self.machines: set[Machine] = set()
         """Machines of the workers."""
@@ -125,22 +87,20 @@ class Dispatcher:
         self._stop = stop
         self._limits = limits or Limits()
         self._on_change = on_change
-        self._posts: list[_Post] = []
-        self._crashes: Counter[str] = Counter()  # of jobs, by name
-        self._machine_losses: Counter[str] = Counter()  # likewise
-        self._in_a_row: list[str] = []  # jobs and starts that ended a worker since the last result
-        self._last_end = ""  # of the last of them
+        self._running: list[Worker] = []
+        self._losses: Counter[tuple[str, str]] = Counter()  # by name and cause
+        self._ends: dict[str, str] = {}  # of workers since the last result, by job or start
         self._versions = package_versions()
 
     @property
     def workers_ready(self) -> int:
         """Workers that have built their job runner."""
-        return sum(post.is_ready for post in self._posts)
+        return sum(worker.is_ready for worker in self._running)
 
     @property
     def workers_waiting(self) -> int:
         """Workers that wait for a processor of the cluster."""
-        return sum(not post.worker.is_started for post in self._posts)
+        return sum(worker.since is None for worker in self._running)
 
     def run(self) -> Generator[JobOutcome, None, None]:
         """Do the jobs.
@@ -166,149 +126,134 @@ class Dispatcher:
                 yield outcome
                 shutil.rmtree(outcome.folder, ignore_errors=True)
             if not self._stop.is_set():
-                for post in self._posts:
-                    if post.is_ready:
-                        post.worker.release()
+                for worker in self._running:
+                    if worker.is_ready:
+                        worker.release()
         finally:
-            for post in self._posts:
-                post.worker.kill()
-            self._posts.clear()
+            for worker in self._running:
+                worker.kill()
+            self._running.clear()
             engine.close()
             shutil.rmtree(self._folder / STAGING, ignore_errors=True)
 
     def _run(self, engine: Engine) -> Generator[JobOutcome, None, None]:
         self._on_change()
-        while not self._stop.is_set() and (self._left or any(post.job for post in self._posts)):
-            for post in self._posts:
-                if post.is_ready and post.job is None and self._left:
-                    post.job, post.since = self._left.popleft(), time.monotonic()
-                    folder = self._folder / STAGING / post.job.name
+        while not self._stop.is_set() and (self._left or any(w.job for w in self._running)):
+            for worker in self._running:
+                if worker.is_ready and worker.job is None and self._left:
+                    job = self._left.popleft()
+                    folder = self._get_folder(job)
                     shutil.rmtree(folder, ignore_errors=True)  # of a worker that was lost
                     folder.mkdir(parents=True)
-                    post.worker.assign(post.job, folder)
-            heard = engine.hear([post.worker for post in self._posts], POLL_SECONDS)
-            by_worker = {post.worker: post for post in self._posts}
-            for worker, message in heard:
-                if self._stop.is_set() and isinstance(message, Lost):
+                    worker.assign(job, folder)
+            for worker, answer in engine.hear(self._running, POLL_SECONDS):
+                if self._stop.is_set() and isinstance(answer, Lost):
                     return  # the same signal has ended the worker: that is no crash
-                if outcome := self._take(engine, by_worker[worker], message):
+                if outcome := self._take(engine, worker, answer):
                     yield outcome
-            for post in list(self._posts):
-                if outcome := self._end_if_late(engine, post):
+            for worker in list(self._running):
+                late = self._find_late(worker)
+                if late and (outcome := self._end(engine, worker, late)):
                     yield outcome
-            if len(set(self._in_a_row)) >= self._limits.crashes_in_a_row:
+            if len(self._ends) >= self._limits.crashes_in_a_row:
                 raise WorkerError(
-                    f"{len(self._in_a_row)} workers in a row ended early, the last with: "
-                    f"{self._last_end}"
+                    f"{len(self._ends)} workers in a row ended early, the last with: "
+                    f"{list(self._ends.values())[-1]}"
                 )
 
     def _start(self, engine: Engine, number: int) -> None:
-        log_path = self._folder / "logs" / f"worker-{number}.log"
-        self._posts.append(_Post(engine.start(number, self._work, log_path)))
+        self._running.append(engine.start(number, self._work, self._folder / _get_log(number)))
 
-    def _take(self, engine: Engine, post: _Post, message: Message) -> JobOutcome | None:
-        """Handle a message; return the outcome of a job, if it brings one."""
-        match message:
-            case Started(host=host):
-                post.host, post.since = host, time.monotonic()
-                self._on_change()
+    def _get_folder(self, job: Job) -> Path:
+        return self._folder / STAGING / job.name
+
+    def _take(self, engine: Engine, worker: Worker, answer: Answer) -> JobOutcome | None:
+        """Handle an answer; return the outcome of a job, if it is one."""
+        match answer:
             case Ready(machine=machine, versions=versions):
                 self._check_versions(machine, versions)
-                post.is_ready = True
+                worker.is_ready = True
                 self.machines.add(machine)
                 self._on_change()
-            case RunEnded(reason=reason):
-                log = self._folder / post.log
-                where = f" (see {log})" if log.is_file() else ""
-                raise WorkerError(f"{reason}{where}")
-            case MachineFault(reason=reason):
-                where = f"on {post.host}" if post.host else f"at work in {self._folder}"
-                raise MachineError(f"{reason}, {where}")
-            case Lost(how=how, with_machine=with_machine):
-                return self._lose(engine, post, how, with_machine=with_machine)
-            case Finished() if post.job is not None:
-                self._in_a_row.clear()
-                outcome = self._make_outcome(post, message)
-                post.job = None
-                return outcome
-            case _:
-                raise WorkerError(f"worker {post.worker.number} sent {message!r}")
-        return None
+                return None
+            case JobOutcome(job=job):
+                self._ends.clear()
+                worker.job = None
+                return replace(answer, folder=self._get_folder(job))
+            case Lost():
+                return self._end(engine, worker, answer)
+            case WorkerError():
+                log = self._folder / _get_log(worker.number)
+                raise WorkerError(f"{answer} (see {log})" if log.is_file() else str(answer))
+        raise answer
 
-    def _check_versions(self, machine: Machine, versions: object) -> None:
+    def _check_versions(self, machine: Machine, versions: Mapping[str, str]) -> None:
         """Compare a worker's packages with this process's: other versions give other files."""
-        if versions == self._versions:
-            return
-        assert isinstance(versions, dict)
         told = ", ".join(
             f"{name} {versions.get(name, 'missing')} (here {self._versions.get(name, 'missing')})"
             for name in sorted(set(versions) | set(self._versions))
             if versions.get(name) != self._versions.get(name)
         )
-        raise WorkerError(
-            f"{machine.host} has other packages: {told}; install the same on every node"
-        )
+        if told:
+            raise WorkerError(
+                f"{machine.host} has other packages: {told}; install the same on every node"
+            )
 
-    def _lose(
-        self, engine: Engine, post: _Post, how: str, *, with_machine: bool
-    ) -> JobOutcome | None:
-        """Replace a lost worker; its job is repeated, or fails after too many crashes."""
-        post.worker.kill()
-        if fault := describe_full_disk(self._folder):
-            raise MachineError(fault)  # libraries crash when they cannot write
-        logger.info("worker %d: %s", post.worker.number, how)
-        job, failure = post.job, None
-        if with_machine and job is not None:
-            self._machine_losses[job.name] += 1
-            if self._machine_losses[job.name] >= self._limits.machines:
-                raise WorkerError(f"{job.name}: its machine was lost {self._limits.machines} times")
-        elif job is not None:
-            self._crashes[job.name] += 1
-            times = self._crashes[job.name]
-            if times >= self._limits.crashes:
-                detail = f"{how}, {times} {'time' if times == 1 else 'times'} (see {post.log})"
-                failure = Failure(reason="worker crashed", detail=detail)
-        if job is not None and failure is None:
-            self._left.append(job)
-        end = f"worker crashed, {how} (see {self._folder / post.log})"
-        return self._replace(engine, post, end, failure, counts=not with_machine)
-
-    def _end_if_late(self, engine: Engine, post: _Post) -> JobOutcome | None:
-        """End a worker that takes too long."""
-        if not post.worker.is_started or (post.is_ready and post.job is None):
+    def _find_late(self, worker: Worker) -> Lost | None:
+        """Check if a worker takes too long."""
+        if worker.since is None or (worker.is_ready and worker.job is None):
             return None
         what, limit = "building", self._limits.build_seconds
-        if post.is_ready:
+        if worker.is_ready:
             what, limit = "the job", self._limits.job_seconds
-        if time.monotonic() - post.since <= limit:
+        if time.monotonic() - worker.since <= limit:
             return None
-        post.worker.kill()
-        detail = f"{what} took longer than {limit:g} s (see {post.log})"
-        failure = Failure(reason="time limit", detail=detail)
-        return self._replace(engine, post, f"time limit, {detail}", failure, counts=True)
+        return Lost(how=f"{what} took longer than {limit:g} s", cause="time")
 
-    def _replace(
-        self, engine: Engine, post: _Post, end: str, failure: Failure | None, *, counts: bool
-    ) -> JobOutcome | None:
-        """Replace a worker that has ended; return the outcome if its job has failed."""
-        self._last_end = end
-        if counts:
-            name = f"start {len(self._in_a_row)}" if post.job is None else post.job.name
-            self._in_a_row.append(name)
-        self._posts.remove(post)
+    def _end(self, engine: Engine, worker: Worker, lost: Lost) -> JobOutcome | None:
+        """Replace a worker; its job is repeated, or has failed: then return its outcome."""
+        worker.kill()
+        self._running.remove(worker)
+        if fault := describe_full_disk(self._folder):
+            raise MachineError(fault)  # libraries crash when they cannot write
+        logger.info("worker %d: %s", worker.number, lost.how)
+        job, log = worker.job, _get_log(worker.number)
+        if lost.cause != "machine":
+            name = f"start {len(self._ends)}" if job is None else job.name
+            self._ends.pop(name, None)  # the last one stands at the end
+            self._ends[name] = f"{_REASONS[lost.cause]}, {lost.how} (see {self._folder / log})"
+        failure = None if job is None else self._find_failure(job, lost, log)
+        if job is not None and failure is None:
+            self._left.append(job)
         if self._left:
-            self._start(engine, post.worker.number)
-        if failure is None or post.job is None:
+            self._start(engine, worker.number)
+        if job is None or failure is None:
             return None
-        seconds = time.monotonic() - post.since
-        return self._make_outcome(post, Finished(result=None, failure=failure, seconds=seconds))
+        seconds = time.monotonic() - (worker.since or 0.0)
+        folder = self._get_folder(job)
+        return JobOutcome(job=job, result=None, failure=failure, seconds=seconds, folder=folder)
 
-    def _make_outcome(self, post: _Post, end: Finished) -> JobOutcome:
-        assert post.job is not None
-        folder = self._folder / STAGING / post.job.name
-        return JobOutcome(
-            job=post.job, result=end.result, failure=end.failure, seconds=end.seconds, folder=folder
-        )
+    def _find_failure(self, job: Job, lost: Lost, log: str) -> Failure | None:
+        """Count the loss of a job's worker; return the job's failure if that was too often."""
+        self._losses[job.name, lost.cause] += 1
+        times = self._losses[job.name, lost.cause]
+        if lost.cause == "machine":
+            if times >= self._limits.machines:
+                raise WorkerError(f"{job.name}: its machine was lost {times} times")
+            return None
+        detail = f"{lost.how} (see {log})"
+        if lost.cause == "crash":
+            if times < self._limits.crashes:
+                return None
+            detail = f"{lost.how}, {times} {'time' if times == 1 else 'times'} (see {log})"
+        return Failure(reason=_REASONS[lost.cause], detail=detail)
+
+
+_REASONS = {"crash": "worker crashed", "time": "time limit"}
+
+
+def _get_log(number: int) -> str:
+    return f"logs/worker-{number}.log"
 
 
 def check_workers(workers: Workers) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from dgl_collect.workers.jobs import Job, Message, Work
+from dgl_collect.errors import MachineError, WorkerError
+from dgl_collect.workers.jobs import Job, JobOutcome, Work
 from dgl_files.fields import check_fields
 
 
@@ -39,36 +42,79 @@ class Workers:
                 raise ValueError(f"{name} is for engine ray; got engine {self.engine}")
 
 
-class Worker(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """The machine of a worker."""
+
+    host: str
+    """Host name."""
+    cpu: str
+    """Model of its processor."""
+    cpu_code: str
+    """Code of the cloth solver, "vector" or "warp"; both compute the same bits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ready:
+    """A worker has built its job runner."""
+
+    machine: Machine
+    versions: Mapping[str, str]
+    """Package to version."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lost:
+    """A worker is lost, or cannot do another job."""
+
+    how: str
+    cause: Literal["crash", "machine", "time"] = "crash"
+    """It ended by itself, with its whole machine, or for a time limit."""
+
+
+Answer = Ready | JobOutcome | Lost | WorkerError | MachineError
+"""Answer of a worker. The errors end the run: every other worker or job would meet them too."""
+
+
+class Worker(ABC):
     """A worker, as the run sees it. It builds its job runner as soon as it runs."""
 
-    number: int
-    """Number of the worker in the run."""
-    is_started: bool
-    """True once it runs; a `Started` message tells when, if not at once."""
+    def __init__(self, number: int) -> None:
+        """Begin with a worker that waits for a processor; `number` is its number in the run."""
+        self.number = number
+        self.since: float | None = None
+        """When it was started or got its job [s]; None while it waits for a processor."""
+        self.is_ready = False
+        """True once its job runner is built."""
+        self.job: Job | None = None
+        """Its present job."""
 
     def assign(self, job: Job, out_dir: Path) -> None:
         """Hand over a job; a worker that is gone is noticed by `Engine.hear`."""
-        ...
+        self.job, self.since = job, time.monotonic()
+        self._send(job, out_dir)
 
+    @abstractmethod
+    def _send(self, job: Job, out_dir: Path) -> None: ...
+
+    @abstractmethod
     def release(self) -> None:
         """Let an idle worker release its job runner and end, without waiting for it."""
-        ...
 
+    @abstractmethod
     def kill(self) -> None:
         """End the worker, whatever it is doing, and wait until it has ended."""
-        ...
 
 
 class Engine(Protocol):
-    """Starts workers and receives their messages."""
+    """Starts workers and receives their answers."""
 
     def start(self, number: int, work: Work, log_path: Path) -> Worker:
         """Start a worker; `log_path` receives what it prints."""
         ...
 
-    def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
-        """Wait for messages, `seconds` at most, and return at most one of each worker."""
+    def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Answer]]:
+        """Wait for answers, `seconds` at most, and return at most one of each worker."""
         ...
 
     def close(self) -> None:

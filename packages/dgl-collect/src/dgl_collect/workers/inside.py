@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import logging
+import os
+import platform
+import re
+import socket
+import sys
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+from dgl_collect.errors import MachineError, WorkerError
 from dgl_collect.files import describe_disk_fault
 from dgl_collect.results import package_versions
-from dgl_collect.workers.jobs import (
-    Failure,
-    Finished,
-    Job,
-    JobRunner,
-    Lost,
-    MachineFault,
-    Ready,
-    RunEnded,
-    Work,
-    describe_machine,
-    load_callable,
-)
+from dgl_collect.workers.engine import Answer, Lost, Machine, Ready
+from dgl_collect.workers.jobs import Failure, Job, JobOutcome, JobRunner, Work
 
 logger = logging.getLogger(__name__)
+
+ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
+"""Set before a worker's first import. One thread in each worker keeps sums in the same order, and
+results equal for any number of workers."""
 
 
 class Workbench:
@@ -35,14 +37,14 @@ class Workbench:
         self._factory: Callable[..., JobRunner] | None = None
         self._runner: JobRunner | None = None
 
-    def build(self) -> Ready | RunEnded | MachineFault:
+    def build(self) -> Answer:
         """Make the job runner."""
         try:
             # Modules hold a million objects that live as long as the process. The garbage collector
             # would walk through them for 1 s during imports, and 0.2 s at each later collection.
             gc.disable()
             try:
-                self._factory = load_callable(self._work.factory)
+                self._factory = _load_factory(self._work.factory)
             finally:
                 gc.freeze()
                 gc.enable()
@@ -50,11 +52,11 @@ class Workbench:
         except Exception as err:
             logger.exception("the job runner cannot be built")
             if fault := describe_disk_fault(err):
-                return MachineFault(reason=fault)
-            return RunEnded(reason=f"the environment cannot be built: {type(err).__name__}: {err}")
+                return MachineError(f"{fault}, on {socket.gethostname()}")
+            return WorkerError(f"the environment cannot be built: {type(err).__name__}: {err}")
         return Ready(machine=describe_machine(), versions=package_versions())
 
-    def do(self, job: Job, out_dir: Path) -> Finished | RunEnded | MachineFault | Lost:
+    def do(self, job: Job, out_dir: Path) -> Answer:
         """Do a job; return `Lost` if this process cannot do another one."""
         logger.info("%s", job.name)
         started = time.monotonic()
@@ -70,12 +72,13 @@ class Workbench:
             if isinstance(err, MemoryError):
                 return Lost(how="out of memory")
             if fault := describe_disk_fault(err):
-                return MachineFault(reason=fault)
+                return MachineError(f"{fault}, at work in {out_dir} on {socket.gethostname()}")
             if getattr(err, "ends_run", False):
-                return RunEnded(reason=f"{job.name}: {err}")
+                return WorkerError(f"{job.name}: {err}")
             self.close()  # its state is unknown: the next job gets a new one
             failure = Failure(reason=f"exception: {type(err).__name__}", detail=str(err))
-        return Finished(result=result, failure=failure, seconds=time.monotonic() - started)
+        seconds = time.monotonic() - started
+        return JobOutcome(job=job, result=result, failure=failure, seconds=seconds, folder=out_dir)
 
     def close(self) -> None:
         """Release the job runner."""
@@ -85,3 +88,40 @@ class Workbench:
                 runner.close()
         except Exception:  # the worker is done with it either way
             logger.exception("the job runner cannot be closed")
+
+
+def _load_factory(dotted_path: str) -> Callable[..., Any]:
+    """Import a factory by its `module:name`; raises ValueError if there is none."""
+    module_name, _, name = dotted_path.partition(":")
+    if not module_name or not name:
+        raise ValueError(f"factory must be 'module:name'; got {dotted_path!r}")
+    found = getattr(importlib.import_module(module_name), name, None)
+    if not callable(found):
+        raise ValueError(f"factory must name a callable; {dotted_path!r} is {found!r}")
+    return found
+
+
+@cache
+def describe_machine() -> Machine:
+    """Describe the machine of this process."""
+    from dgl_physics.launcher import find_vector_obstacle
+
+    path = Path("/proc/cpuinfo")
+    text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    models = re.findall(r"^model name\s*: *(.*?) *$", text, re.MULTILINE)
+    return Machine(
+        host=socket.gethostname(),
+        cpu=models[0] if models else platform.processor() or os.uname().machine,
+        cpu_code="warp" if find_vector_obstacle() else "vector",
+    )
+
+
+def print_to(path: Path) -> None:
+    """Send standard output and error of this process, native libraries included, to a log."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    os.close(descriptor)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")

@@ -1,14 +1,9 @@
-"""Jobs of a run, and the messages of workers."""
+"""Jobs of a run, and their outcomes."""
 
 from __future__ import annotations
 
-import importlib
-import os
-import platform
-import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,7 +15,7 @@ class JobRunner(Protocol):
     same files with any number of workers, and a job whose worker is lost is simply done again.
     """
 
-    def run(self, request: Any, out_dir: Path) -> object:
+    def run(self, request: Any, out_dir: Path, /) -> object:
         """Do one job.
 
         Args:
@@ -68,103 +63,14 @@ class Failure:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Machine:
-    """The machine of a worker."""
+class JobOutcome:
+    """Outcome of a job."""
 
-    host: str
-    """Host name."""
-    cpu: str
-    """Model of its processor."""
-    cpu_code: str
-    """Code of the cloth solver, "vector" or "warp"; both compute the same bits."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Started:
-    """A worker runs, and begins to build its job runner."""
-
-    host: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ready:
-    """A worker has built its job runner."""
-
-    machine: Machine
-    versions: Mapping[str, str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunEnded:
-    """A fault that concerns every worker and job, such as a job runner that cannot be built."""
-
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finished:
-    """A job is done, or has failed by its own exception."""
-
+    job: Job
     result: object
+    """Returned by the job runner; None after a failure."""
     failure: Failure | None
     seconds: float
-    """Wall-clock time [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineFault:
-    """The machine has failed, not the job; for example, its disk is full."""
-
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lost:
-    """A worker is lost, or cannot do another job."""
-
-    how: str
-    with_machine: bool = False
-    """The machine is lost, too."""
-
-
-Message = Started | Ready | RunEnded | Finished | MachineFault | Lost
-
-
-def load_callable(dotted_path: str) -> Callable[..., Any]:
-    """Import a callable.
-
-    Args:
-        dotted_path: `module:name`.
-
-    Raises:
-        ValueError: If the path is not of that form, or names nothing callable.
-        ImportError: If the module cannot be imported.
-    """
-    module_name, _, name = dotted_path.partition(":")
-    if not module_name or not name:
-        raise ValueError(f"factory must be 'module:name'; got {dotted_path!r}")
-    found = getattr(importlib.import_module(module_name), name, None)
-    if not callable(found):
-        raise ValueError(f"factory must name a callable; {dotted_path!r} is {found!r}")
-    return found
-
-
-@cache
-def describe_machine() -> Machine:
-    """Describe the machine of this process."""
-    from dgl_physics.launcher import find_vector_obstacle
-
-    return Machine(
-        host=socket.gethostname(),
-        cpu=_find_cpu(),
-        cpu_code="warp" if find_vector_obstacle() else "vector",
-    )
-
-
-def _find_cpu() -> str:
-    path = Path("/proc/cpuinfo")
-    if path.is_file():
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or os.uname().machine
+    """Wall-clock time of the job on its worker [s]."""
+    folder: Path
+    """Folder of the job's files. It is removed when the next outcome is asked for."""

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from dgl_collect.errors import EngineError, WorkerError
-from dgl_collect.workers.engine import Worker, Workers
-from dgl_collect.workers.inside import Workbench
-from dgl_collect.workers.jobs import Job, Lost, Message, Started, Work
-from dgl_collect.workers.local import CLOSE_SECONDS, ENVIRONMENT, print_to
+from dgl_collect.workers.engine import Answer, Lost, Worker, Workers
+from dgl_collect.workers.inside import ENVIRONMENT, Workbench, print_to
+from dgl_collect.workers.jobs import Job, Work
+from dgl_collect.workers.local import CLOSE_SECONDS
 from dgl_files.whole import write_bytes
 
 logger = logging.getLogger(__name__)
@@ -36,10 +36,10 @@ minute, silently."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
-    """Answer of an actor."""
+class Parcel:
+    """An answer on its way from an actor."""
 
-    message: Message
+    answer: Answer
     files: Mapping[str, bytes]
     """Files of the job by name, unless they lie in the output folder already."""
     printed: bytes
@@ -47,7 +47,7 @@ class Answer:
 
 
 class RemoteWorker:
-    """The actor: a process on a node of the cluster. Each of its methods gives one answer."""
+    """The actor: a process on a node of the cluster."""
 
     def __init__(self, work: Work, search_path: Sequence[str]) -> None:
         # Unlike a process of this machine, an actor does not inherit the search path of modules.
@@ -57,27 +57,25 @@ class RemoteWorker:
         print_to(self._log)
         self._bench = Workbench(work)
 
-    def place(self) -> tuple[str, str]:
-        """Return Ray's id of the node, and its name in the network."""
+    def place(self) -> str:
+        """Return Ray's id of the node."""
         import ray
 
-        return ray.get_runtime_context().get_node_id(), socket.gethostname()
+        return ray.get_runtime_context().get_node_id()
 
-    def build(self) -> Answer:
+    def build(self) -> Parcel:
         """Make the job runner."""
-        return self._answer(self._bench.build())
+        return self._pack(self._bench.build(), {})
 
-    def do(self, job: Job, out_dir: Path | None) -> Answer:
+    def do(self, job: Job, out_dir: Path | None) -> Parcel:
         """Do a job; its files go to a folder that every node sees, or travel back when None."""
         if out_dir is not None:
-            return self._answer(self._bench.do(job, out_dir))
+            return self._pack(self._bench.do(job, out_dir), {})
         own = self._folder / "job"
         try:
-            message = self._bench.do(job, own)
-            files = {}
-            if own.is_dir():
-                files = {path.name: path.read_bytes() for path in own.iterdir() if path.is_file()}
-            return self._answer(message, files)
+            answer = self._bench.do(job, own)
+            files = {path.name: path.read_bytes() for path in own.glob("*") if path.is_file()}
+            return self._pack(answer, files)
         finally:
             shutil.rmtree(own, ignore_errors=True)
 
@@ -86,12 +84,12 @@ class RemoteWorker:
         self._bench.close()
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _answer(self, message: Message, files: Mapping[str, bytes] | None = None) -> Answer:
+    def _pack(self, answer: Answer, files: Mapping[str, bytes]) -> Parcel:
         with self._log.open("rb") as file:
             file.seek(self._log_read)
             printed = file.read()
         self._log_read += len(printed)
-        return Answer(message=message, files=files or {}, printed=printed)
+        return Parcel(answer=answer, files=files, printed=printed)
 
 
 class Head:
@@ -124,45 +122,38 @@ class Head:
                 ) from err
 
 
-class RayWorker:
+class RayWorker(Worker):
     """An actor, as the run sees it."""
 
     def __init__(
         self, number: int, actor: Any, log_path: Path, *, shared_out: bool, head: Head
     ) -> None:
-        self.number = number
-        self._head = head
-        self.is_started = False
+        super().__init__(number)
         self.pending: Any = actor.place.remote()
         """Reference of the awaited answer, or None."""
         self.node = ""
         """Ray's id of the actor's node; empty until it runs."""
-        self._actor = actor
-        self._log_path = log_path
-        self._shared_out = shared_out
-        self._out_dir: Path | None = None
+        self._actor, self._head = actor, head
+        self._log_path, self._shared_out = log_path, shared_out
+        self._out_dir = Path()
         self._released: Any = None
 
-    def assign(self, job: Job, out_dir: Path) -> None:
-        """Hand over a job."""
+    def _send(self, job: Job, out_dir: Path) -> None:
         self._out_dir = out_dir
         self.pending = self._actor.do.remote(job, out_dir.resolve() if self._shared_out else None)
 
-    def take(self, answer: Any) -> Message:
-        """Turn an answer into a message; write its files and output."""
+    def take(self, sent: Any) -> Answer | None:
+        """Take what the actor has sent: its node, or a parcel, whose files are written."""
         self.pending = None
-        if not isinstance(answer, Answer):
-            self.node, host = answer
-            self.is_started = True
+        if not isinstance(sent, Parcel):
+            self.node, self.since = sent, time.monotonic()
             self.pending = self._actor.build.remote()
-            return Started(host=host)
-        if answer.printed:
-            with self._log_path.open("ab") as file:
-                file.write(answer.printed)
-        for name, content in answer.files.items():
-            assert self._out_dir is not None
+            return None
+        with self._log_path.open("ab") as file:
+            file.write(sent.printed)
+        for name, content in sent.files.items():
             write_bytes(self._out_dir / Path(name).name, content)
-        return answer.message
+        return sent.answer
 
     def release(self) -> None:
         """Let an idle worker end."""
@@ -200,21 +191,20 @@ class RayEngine:
             with _signals_kept():
                 _connect(ray, workers)
         self._head = Head(ray.get_runtime_context().gcs_address)
-        options = {
-            "num_cpus": 1,
-            "max_restarts": 0,
-            "scheduling_strategy": "SPREAD",
-            "runtime_env": {"env_vars": ENVIRONMENT},
-        }
-        self._remote = ray.remote(RemoteWorker).options(**options)
+        self._remote = ray.remote(RemoteWorker).options(
+            num_cpus=1,
+            max_restarts=0,
+            scheduling_strategy="SPREAD",
+            runtime_env={"env_vars": ENVIRONMENT},
+        )
 
     def start(self, number: int, work: Work, log_path: Path) -> RayWorker:
         """Ask for an actor; it runs once the cluster has a processor for it."""
         actor = self._remote.remote(work, list(sys.path))
         return RayWorker(number, actor, log_path, shared_out=self._shared_out, head=self._head)
 
-    def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Message]]:
-        """Wait for a message."""
+    def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Answer]]:
+        """Wait for an answer."""
         import ray
         from ray.exceptions import ObjectLostError, RayActorError, RaySystemError, RayTaskError
 
@@ -228,15 +218,16 @@ class RayEngine:
             return []
         worker = waiting[ready[0]]
         try:
-            return [(worker, worker.take(ray.get(ready[0])))]
+            answer = worker.take(ray.get(ready[0]))
         except (RayActorError, ObjectLostError) as err:
-            lost_node = bool(worker.node) and not _is_alive(ray, worker.node)
-            how = "its node was lost" if lost_node else _first_line(err)
-            return [(worker, Lost(how=how, with_machine=lost_node))]
+            answer = Lost(how=_first_line(err))
+            if worker.node and not _is_alive(ray, worker.node):
+                answer = Lost(how="its node was lost", cause="machine")
         except RayTaskError as err:  # the result could not be pickled, say
-            return [(worker, Lost(how=_first_line(err.cause or err)))]
+            answer = Lost(how=_first_line(err.cause or err))
         except RaySystemError as err:
             raise WorkerError(f"the Ray cluster is gone: {_first_line(err)}") from err
+        return [(worker, answer)] if answer is not None else []
 
     def close(self) -> None:
         """Leave the cluster; end it if it was started here."""
