@@ -83,7 +83,7 @@ class Worker(ABC):
         """Begin with a worker that waits for a processor; `number` is its number in the run."""
         self.number = number
         self.since: float | None = None
-        """When it was started or got its job [s]; None while it waits for a processor."""
+        """Time of its start or of its job [s]; None while it waits for a processor."""
         self.is_ready = False
         """True once its job runner is built."""
         self.job: Job | None = None
