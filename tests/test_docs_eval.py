@@ -10,7 +10,6 @@ import pytest
 from dgl_tasks.evaluation import run_episode
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.policy import Method, Policy
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 PAGE = (Path(__file__).parents[1] / "docs/eval.md").read_text(encoding="utf-8")
 SECTION = PAGE.split("## A policy of your own\n")[1]
@@ -51,7 +50,7 @@ class Heights:
 @pytest.mark.render
 def test_the_method_lifts_the_garment_and_is_judged():
     env = gymnasium.make("FoldTops-v1", obs_mode="none", render_backend="cpu").unwrapped
-    motion, heights = BimanualMotion(env.task, DEFAULT_ROBOT_DIRECTORY), Heights(env)
+    motion, heights = BimanualMotion(env.task), Heights(env)
     method = run(METHOD)["make_method"](env)
     result = run_episode(env, motion, method, seed=0, listener=heights)
     assert 0.25 < heights.highest < 0.5  # by 0.3 m

@@ -64,7 +64,7 @@ def arrange(env: GarmentEnv, number: int) -> None:
     env.reset(seed=number)
     rng = np.random.default_rng([number, 20])
     if number % 3 == 2:
-        joints = env.agent.get_joint_state()[0].cpu().numpy()
+        joints = env.agent.read_joints()
         env.agent.set_joint_state(joints + rng.normal(0.0, 0.25, joints.shape))
     particles = env.get_particles().copy()
     if number % 4 == 1:

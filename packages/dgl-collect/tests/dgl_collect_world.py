@@ -14,7 +14,6 @@ from dgl_tasks.hanging import Hanging
 from dgl_tasks.messages import Command, StageBegins, TakePictures
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import Observation
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 TOP = ((-0.4, 0.7, 0.01), (0.0, 0.8, 0.0), (0.4, 0.7, 0.01))
 """Three points of a garment, from its left to its right [m]."""
@@ -22,7 +21,7 @@ TOP = ((-0.4, 0.7, 0.01), (0.0, 0.8, 0.0), (0.4, 0.7, 0.01))
 
 @functools.cache
 def _make_motion(task_id):
-    return BimanualMotion(get_task(task_id), DEFAULT_ROBOT_DIRECTORY)
+    return BimanualMotion(get_task(task_id))
 
 
 class World:

@@ -19,7 +19,6 @@ from dgl_tasks.messages import Command, TakePictures
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.observation import Observation
 from dgl_tasks.perception import Segments
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 from dgl_tasks.success import Criterion, Verdict
 
 
@@ -169,7 +168,7 @@ class FakeEnv:
 
 @functools.cache
 def _make_planner():
-    return BimanualMotion(dgl_tasks.get_task("FoldTops-v1"), DEFAULT_ROBOT_DIRECTORY)
+    return BimanualMotion(dgl_tasks.get_task("FoldTops-v1"))
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dgl_assets.robots import SIDES, UR10E
-from dgl_tasks.control import ARM_SPEED_LIMITS, ArmKinematics, limit_joint_speed, plan_line
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, UR10E
+from dgl_tasks.control import ArmKinematics, limit_joint_speed, plan_line
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import (
     GRASP_ORIENTATIONS,
@@ -17,6 +17,7 @@ from dgl_tasks.rotations import to_quaternion, to_rotation
 
 BASES = {"left": (-0.8, 0.0, 0.5, 0.0), "right": (0.8, 0.0, 0.5, 0.0)}
 SIGN = {"left": -1.0, "right": 1.0}
+SPEEDS = np.array([joint.speed for joint in DEFAULT_ROBOT.arm_joints])
 TURNS = tuple(np.radians((0.0, 15.0, 30.0, 45.0)))
 
 
@@ -46,9 +47,8 @@ def first_turn(arm, point, quaternion, q):
 
 
 @pytest.fixture(scope="module")
-def arms(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("robots")
-    return {side: ArmKinematics(side, BASES[side], folder) for side in SIDES}
+def arms():
+    return {side: ArmKinematics(side, BASES[side]) for side in SIDES}
 
 
 @pytest.fixture(scope="module")
@@ -119,10 +119,10 @@ def test_line_of_no_length_is_empty_and_pure_rotation_is_not():
     pose = np.array([0.1, 0.2, 0.3, *IDENTITY])
     assert plan_line(pose, pose).shape == (0, 7)
     turned = np.array([0.1, 0.2, 0.3, np.cos(0.1), 0, 0, np.sin(0.1)])  # 0.2 rad
-    line = plan_line(pose, turned, angular_spacing=0.05)
-    assert len(line) == 4
+    line = plan_line(pose, turned)
+    assert len(line) == 5
     angles = [measure_angle(a, b) for a, b in zip(line[:-1, 3:], line[1:, 3:], strict=True)]
-    np.testing.assert_allclose(angles, 0.05, atol=1e-9)
+    np.testing.assert_allclose(angles, 0.04, atol=1e-9)
 
 
 def test_line_refuses_bad_arguments():
@@ -156,14 +156,14 @@ def test_quaternions_round_trip_through_matrices():
 def test_joint_speed_is_limited_only_where_needed():
     start = np.zeros(6)
     path = np.array([[0.01] * 6, [0.41, *[0.01] * 5]])
-    limited = limit_joint_speed(path, start)
+    limited = limit_joint_speed(path, start, SPEEDS)
     steps = np.abs(np.diff(np.vstack([start, limited]), axis=0)) * 60
-    assert (steps <= ARM_SPEED_LIMITS + 1e-9).all()
+    assert (steps <= SPEEDS + 1e-9).all()
     np.testing.assert_allclose(limited[0], path[0])
     np.testing.assert_allclose(limited[-1], path[-1])
     # 0.4 rad at 120 degrees/s is 11.5 steps of 1/60 s.
     assert len(limited) == 1 + 12
-    assert limit_joint_speed(np.zeros((0, 6)), start).shape == (0, 6)
+    assert limit_joint_speed(np.zeros((0, 6)), start, SPEEDS).shape == (0, 6)
 
 
 # Inverse kinematics ----------------------------------------------------------------------------
@@ -192,6 +192,16 @@ def test_start_at_the_goal_returns_it(arms):
     arm = arms["left"]
     goal = arm.compute_pose(arm.home)
     np.testing.assert_allclose(arm.solve(goal[:3], goal[3:], arm.home), arm.home, atol=1e-4)
+
+
+def test_solutions_do_not_depend_on_earlier_calls(arms):
+    arm = arms["left"]
+    near, far = (arm.compute_pose(arm.home + turn) for turn in (0.1, 0.3))
+    first = arm.solve(near[:3], near[3:], arm.home)
+    arm.solve(far[:3], far[3:], arm.home)
+    again = ArmKinematics("left", BASES["left"])
+    for solver in (arm, again):
+        np.testing.assert_array_equal(solver.solve(near[:3], near[3:], arm.home), first)
 
 
 def test_far_point_is_unreachable_by_its_distance(arms):
@@ -227,7 +237,7 @@ def test_a_fold_is_one_continuous_motion_from_home(arms, side):
     for point in points:
         path = follow_line(arm, point, quaternion, q)
         steps = np.abs(np.diff(np.vstack([q, path]), axis=0)) * 60
-        assert (steps <= ARM_SPEED_LIMITS + 1e-9).all()
+        assert (steps <= SPEEDS + 1e-9).all()
         assert (np.sign(np.sin(path[:, [2, 4]])) == home_signs).all(), "elbow or wrist flipped"
         end = arm.compute_pose(path[-1])
         np.testing.assert_allclose(wrist_to_grasp(end[:3], end[3:], side), point, atol=5e-4)

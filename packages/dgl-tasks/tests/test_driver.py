@@ -14,7 +14,6 @@ from dgl_tasks.driver import PASSAGE_FILM_STEPS, Driver
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
 from dgl_tasks.handling import Handling, plan_approach
 from dgl_tasks.messages import BeginsAgain, Believes, Carrying, Command, StageEnds
-from dgl_tasks.motion import PARKED
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.policy import FromStart
 from dgl_tasks.sensing import Sensed
@@ -305,7 +304,7 @@ def test_actions_of_a_policy_do_the_same_as_steps_and_in_an_episode(
     actions = (start + 0.05 * rng.uniform(-1, 1, (5, len(start)))).astype(dtype)
 
     def read():
-        return env.get_particles().copy(), env.agent.get_joint_state()[0].numpy().copy()
+        return env.get_particles().copy(), env.agent.read_joints().copy()
 
     made.reset(seed=3, options={"garment": GARMENT})
     before = read()
@@ -361,6 +360,8 @@ def test_wherever_a_policy_ends_the_hands_open_and_park(driver, motion):
     driver.drive(hands.retreat(("left",)))
     joints = hands.sensed.joint_state
     for side in SIDES:
-        np.testing.assert_allclose(joints[joint_slice(side, "arm")], PARKED[side], atol=0.01)
+        np.testing.assert_allclose(
+            joints[joint_slice(side, "arm")], DEFAULT_ROBOT.arm.parked[side], atol=0.01
+        )
     np.testing.assert_allclose(joints[joint_slice("left", "hand")], HAND_POSES["open"], atol=0.1)
     assert len(driver.commands) > 100  # rolled, drawn back and risen, not torn away

@@ -60,7 +60,7 @@ def settled(env, memory):
 
 def get_action(env):
     """A fixed action that is not the resting one: both hands half closed."""
-    action = env.agent.get_joint_state()[0].numpy().copy()
+    action = env.agent.read_joints().copy()
     for side in ("left", "right"):
         action[joint_slice(side, "hand")] = 0.5 * HAND_POSES["close"]
     return action
@@ -76,7 +76,7 @@ def run(env, actions, action=None):
     action = get_action(env) if action is None else action
     for _ in range(actions):
         env.step(action)
-    return env.get_particles().copy(), env.agent.get_joint_state()[0].numpy().copy()
+    return env.get_particles().copy(), env.agent.read_joints().copy()
 
 
 def put_particles(env, positions, velocities=None):
@@ -104,9 +104,9 @@ def test_spaces_and_observation(settled):
     parts = settled.get_obs(unflattened=True)
     q, v = parts["agent"]["joint_positions"], parts["agent"]["joint_velocities"]
     assert q.shape == v.shape == (1, len(JOINT_NAMES))
-    torch.testing.assert_close(q, settled.agent.get_joint_state())
+    np.testing.assert_array_equal(q[0], settled.agent.read_joints())
     poses = parts["extra"]["ee_poses"].reshape(2, 7)
-    torch.testing.assert_close(poses, settled.agent.get_ee_poses()[0])
+    np.testing.assert_array_equal(poses, settled.agent.read_hands())
     assert poses[0, 0] < 0 < poses[1, 0]  # left first
     np.testing.assert_allclose(np.linalg.norm(poses[:, 3:], axis=1), 1.0, atol=1e-5)
 
@@ -115,7 +115,7 @@ def test_the_joint_targets_are_reached(settled):
     action = get_action(settled)
     for _ in range(60):
         settled.advance(action)
-    np.testing.assert_allclose(settled.agent.get_joint_state()[0].numpy(), action, atol=0.03)
+    np.testing.assert_allclose(settled.agent.read_joints(), action, atol=0.03)
 
 
 def test_the_garment_lies_where_it_was_drawn(settled):
@@ -163,7 +163,7 @@ def test_advancing_moves_like_stepping(settled):
     for _ in range(STEPS_PER_ACTION):
         settled.advance(action)
     np.testing.assert_array_equal(settled.get_particles(), stepped[0])
-    np.testing.assert_array_equal(settled.agent.get_joint_state()[0].numpy(), stepped[1])
+    np.testing.assert_array_equal(settled.agent.read_joints(), stepped[1])
     assert int(settled.elapsed_steps[0]) == before
 
 
@@ -177,7 +177,7 @@ def test_without_an_action_the_targets_stay(settled):
         settled.step(action)
         settled.step(again)
         settled.advance(again)
-        runs.append((settled.get_particles().copy(), settled.agent.get_joint_state()[0].numpy()))
+        runs.append((settled.get_particles().copy(), settled.agent.read_joints()))
     for a, b in zip(*runs, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -244,12 +244,12 @@ def test_what_was_commanded_before_a_state_is_restored_leaves_no_trace(settled):
     settled.step(start)
     state = settled.get_state_dict()
     settled.step(start)
-    undisturbed = settled.agent.get_joint_state()[0].numpy().copy()
+    undisturbed = settled.agent.read_joints().copy()
     settled.set_state_dict(state)
     run(settled, 3, action)
     settled.set_state_dict(state)
     settled.step(start)
-    joints = settled.agent.get_joint_state()[0].numpy()
+    joints = settled.agent.read_joints()
     np.testing.assert_allclose(joints, undisturbed, rtol=0, atol=1e-5)
 
 
@@ -371,7 +371,7 @@ def test_the_dense_reward_grows_with_what_is_done(settled):
 def test_rewards_of_each_mode_are_given_by_step(settled, monkeypatch):
     for mode, largest in (("normalized_dense", 1.0), ("dense", 4.0), ("sparse", 1.0)):
         monkeypatch.setattr(settled, "_reward_mode", mode)
-        reward = settled.step(settled.agent.get_joint_state()[0].numpy())[1]
+        reward = settled.step(settled.agent.read_joints())[1]
         assert reward.shape == (1,)
         assert (0 < float(reward) < largest) is (mode != "sparse")
 
@@ -414,39 +414,39 @@ def make_pose_action(positions, angles):
 @of_pinocchio
 def test_end_effectors_go_where_they_are_told(by_pose):
     agent = by_pose.unwrapped.agent
-    start = agent.get_ee_poses()[0]
+    start = torch.from_numpy(agent.read_hands())
     way = torch.tensor([[0.05, 0.15, -0.05], [-0.1, 0.1, 0.05]])
     angles = matrix_to_euler_angles(quaternion_to_matrix(start[:, 3:]), "XYZ")
     angles[0, 0] += 0.2
     for k in range(1, 17):
         by_pose.step(make_pose_action(start[:, :3] + way * min(k / 8, 1), angles))
-    reached = agent.get_ee_poses()[0]
+    reached = torch.from_numpy(agent.read_hands())
     np.testing.assert_allclose(reached[:, :3].numpy(), (start[:, :3] + way).numpy(), atol=2e-3)
     wanted = euler_angles_to_matrix(angles, "XYZ").numpy()
     np.testing.assert_allclose(quaternion_to_matrix(reached[:, 3:]).numpy(), wanted, atol=5e-3)
     for side in ("left", "right"):
-        fingers = agent.get_joint_state()[0, joint_slice(side, "hand")]
-        np.testing.assert_allclose(fingers.numpy(), HAND_POSES["close"], atol=0.05)
+        fingers = agent.read_joints()[joint_slice(side, "hand")]
+        np.testing.assert_allclose(fingers, HAND_POSES["close"], atol=0.05)
     # out of reach: the arm stays
     for _ in range(2):
         by_pose.step(make_pose_action(start[:, :3] + 5.0, angles))
-    stayed = agent.get_ee_poses()[0, :, :3]
-    np.testing.assert_allclose(stayed.numpy(), reached[:, :3].numpy(), atol=5e-3)
+    stayed = agent.read_hands()[:, :3]
+    np.testing.assert_allclose(stayed, reached[:, :3].numpy(), atol=5e-3)
 
 
 @of_pinocchio
 def test_joint_targets_go_on_from_where_poses_have_brought_the_arms(by_pose):
     agent = by_pose.unwrapped.agent
-    start = agent.get_ee_poses()[0]
+    start = torch.from_numpy(agent.read_hands())
     angles = matrix_to_euler_angles(quaternion_to_matrix(start[:, 3:]), "XYZ")
     for k in range(1, 13):
         by_pose.step(
             make_pose_action(start[:, :3] + torch.tensor([0, 0.015, 0]) * min(k, 8), angles)
         )
-    joints = agent.get_joint_state()[0].numpy().copy()
+    joints = agent.read_joints().copy()
     by_pose.step({"control_mode": "pd_joint_pos", "action": joints})
     assert agent.control_mode == "pd_joint_pos"
-    np.testing.assert_allclose(agent.get_joint_state()[0].numpy(), joints, atol=0.02)
+    np.testing.assert_allclose(agent.read_joints(), joints, atol=0.02)
 
 
 def test_a_garment_that_moves_is_no_success(settled):
@@ -464,7 +464,7 @@ def test_a_garment_that_a_hand_touches_is_not_released(settled):
     assert settled.count_touching() == 0
     lying = settled.get_particles().astype(np.float64)
     # the middle of the cloth goes right through the palm
-    pose = settled.agent.get_ee_poses()[0, 0].numpy()
+    pose = settled.agent.read_hands()[0]
     palm = pose[:3] + 0.8 * (wrist_to_grasp(pose[:3], pose[3:], "left") - pose[:3])
     nearest = np.argsort(np.linalg.norm(lying[:, :2] - lying[:, :2].mean(axis=0), axis=1))[:200]
     touched = lying.copy()
@@ -502,7 +502,7 @@ def swing_arms(env, seed, frames, *, inwards):
     Inwards their hands meet, and fingers get between each other.
     """
     env.reset(seed=seed, options={"garment": GARMENT})
-    start = env.agent.get_joint_state()[0].numpy().copy()
+    start = env.agent.read_joints().copy()
     tremor = 0.3 * np.random.default_rng(1).uniform(-1, 1, start.size)
     states = []
     for frame in range(frames):
@@ -511,7 +511,7 @@ def swing_arms(env, seed, frames, *, inwards):
         for side, turn in (("left", -share), ("right", share)):
             action[joint_slice(side, "arm").start] += turn
         env.advance(action)
-        states.append(env.agent.get_joint_state()[0].numpy().copy())
+        states.append(env.agent.read_joints().copy())
     return np.array(states)
 
 

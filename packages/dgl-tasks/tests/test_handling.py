@@ -25,7 +25,7 @@ from dgl_tasks.handling import (
     plan_way_out,
 )
 from dgl_tasks.messages import Believes
-from dgl_tasks.motion import HAND_FRAMES, PARKED
+from dgl_tasks.motion import HAND_FRAMES
 from dgl_tasks.observation import STEPS_PER_ACTION
 
 joint_slice = DEFAULT_ROBOT.joint_slice
@@ -224,7 +224,9 @@ def leave_and_count(world, distances, out=WayOut()):  # noqa: B008 - cannot be c
 
 def check_parked(world):
     for side in SIDES:
-        np.testing.assert_allclose(world.target[joint_slice(side, "arm")], PARKED[side])
+        np.testing.assert_allclose(
+            world.target[joint_slice(side, "arm")], world.motion.robot.arm.parked[side]
+        )
         np.testing.assert_allclose(world.target[joint_slice(side, "hand")], HAND_POSES["open"])
 
 

@@ -125,7 +125,7 @@ def test_a_wrong_action_is_refused_and_nothing_moves(env, refuse):
 
 
 def test_actions_of_any_numeric_type_are_taken(env):
-    joints = env.unwrapped.agent.get_joint_state()[0]
+    joints = torch.from_numpy(env.unwrapped.agent.read_joints())
     for action in (joints, joints.numpy(), joints.tolist(), joints.double()[None]):
         env.step(action)
 

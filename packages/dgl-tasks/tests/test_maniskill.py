@@ -26,7 +26,7 @@ def make(**changes):
 
 def hold(env):
     """The action that leaves the robot where it is."""
-    return env.unwrapped.agent.get_joint_state()[0].numpy()
+    return env.unwrapped.agent.read_joints()
 
 
 @pytest.mark.parametrize("auto_reset", [False, True])

@@ -223,8 +223,8 @@ def test_what_is_sensed_is_what_the_cameras_see_and_the_joints_feel(env):
     sensed = sense(env, seed=3, step=10)
     seen = sensed.observe()
     np.testing.assert_array_equal(seen.image, from_afar.rgb)
-    np.testing.assert_array_equal(seen.joint_state, env.agent.get_joint_state()[0].numpy())
-    np.testing.assert_array_equal(seen.ee_pose, env.agent.get_ee_poses()[0].numpy())
+    np.testing.assert_array_equal(seen.joint_state, env.agent.read_joints())
+    np.testing.assert_array_equal(seen.ee_pose, env.agent.read_hands())
     assert set(seen.as_arrays()) == {"joint_state", "ee_pose", "image", "env_point_cloud"}
     segments = np.stack([from_above.segments, from_afar.segments])
     np.testing.assert_array_equal(sensed.see_mask(), segments == env.segments.garment)

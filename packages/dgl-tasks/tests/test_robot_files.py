@@ -8,35 +8,35 @@ from pathlib import Path
 
 import pytest
 
-from dgl_tasks import TaskError, get_task
-from dgl_tasks.control import ArmKinematics
+from dgl_tasks import TaskError
 from dgl_tasks.errors import RobotFilesError
 from dgl_tasks.robot import BimanualUR10eShadow
-from dgl_tasks.robot_files import (
-    DEFAULT_ROBOT_DIRECTORY,
-    find_robot_directory,
-    writing_robot_files,
-)
+from dgl_tasks.robot_files import ROBOT_DIRECTORY, writing_robot_files
 
 
-def test_the_folder_is_below_the_cache_of_the_user(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert find_robot_directory() == tmp_path / "dexgarmentlab" / "robots"
-    for unset in (None, ""):
-        if unset is None:
-            monkeypatch.delenv("XDG_CACHE_HOME")
-        else:
-            monkeypatch.setenv("XDG_CACHE_HOME", unset)
-        assert find_robot_directory() == Path.home() / ".cache" / "dexgarmentlab" / "robots"
+@pytest.mark.parametrize("is_set", [True, False])
+def test_the_folder_is_below_the_cache_of_the_user(tmp_path, is_set):
+    code = "from dgl_tasks.robot_files import ROBOT_DIRECTORY; print(ROBOT_DIRECTORY)"
+    cache = str(tmp_path) if is_set else ""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "XDG_CACHE_HOME": cache},
+    )
+    expected = (tmp_path if is_set else Path.home() / ".cache") / "dexgarmentlab" / "robots"
+    assert done.stdout.strip() == str(expected)
 
 
 @pytest.mark.slow
-def test_environment_and_kinematics_write_there(tmp_path):
+def test_an_environment_writes_there_and_kinematics_write_nothing(tmp_path):
     code = (
         "import gymnasium, dgl_tasks\n"
         "from dgl_tasks.motion import BimanualMotion\n"
-        "from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY\n"
-        "BimanualMotion(dgl_tasks.get_task('FoldTops-v1'), DEFAULT_ROBOT_DIRECTORY)\n"
+        "from dgl_tasks.robot_files import CACHE\n"
+        "BimanualMotion(dgl_tasks.get_task('FoldTops-v1'))\n"
+        "assert not CACHE.exists()\n"
         "gymnasium.make('FoldTops-v1', obs_mode='state', render_backend='none')\n"
     )
     cache = {"WARP_CACHE_PATH": os.environ.get("WARP_CACHE_PATH", str(Path.home() / ".cache/warp"))}
@@ -46,27 +46,21 @@ def test_environment_and_kinematics_write_there(tmp_path):
     assert names == {"bimanual_ur10e_shadow.urdf", "left_ur10e.urdf", "right_ur10e.urdf"}
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    base = get_task("FoldTops-v1").left_base
-    with pytest.raises(
-        RobotFilesError, match=rf"{blocked}/robots, which failed: Not a directory"
-    ) as e:
-        ArmKinematics("left", base, blocked / "robots")
-    assert e.value.errno == errno.ENOTDIR
-    assert not isinstance(e.value, TaskError)  # the machine is at fault
-    agent = type("Blocked", (BimanualUR10eShadow,), {"directory": blocked / "robots"})
-    with pytest.raises(RobotFilesError, match="set the directory of robot files to a folder"):
-        agent._load_articulation(agent.__new__(agent))
+    monkeypatch.setattr("dgl_tasks.robot.ROBOT_DIRECTORY", blocked / "robots")
+    agent = BimanualUR10eShadow.__new__(BimanualUR10eShadow)
+    with pytest.raises(RobotFilesError, match="set XDG_CACHE_HOME to a folder") as caught:
+        agent._load_articulation()
+    assert "failed: Not a directory" in str(caught.value)
+    assert caught.value.errno == errno.ENOTDIR
+    assert not isinstance(caught.value, TaskError)  # the machine is at fault
 
 
-def test_the_default_folder_is_told_with_the_variable_that_moves_it():
+def test_the_fault_and_the_folder_are_told():
     err = PermissionError(errno.EACCES, "Permission denied", "somewhere")
-    with (
-        pytest.raises(RobotFilesError, match="set XDG_CACHE_HOME to a folder") as caught,
-        writing_robot_files(DEFAULT_ROBOT_DIRECTORY),
-    ):
+    with pytest.raises(RobotFilesError) as caught, writing_robot_files():
         raise err
-    assert str(DEFAULT_ROBOT_DIRECTORY) in str(caught.value)
+    assert str(ROBOT_DIRECTORY) in str(caught.value)
     assert (caught.value.errno, caught.value.filename) == (errno.EACCES, "somewhere")

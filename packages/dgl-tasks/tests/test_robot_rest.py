@@ -51,15 +51,10 @@ class RobotAtRest(BaseEnv):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("robots")
-
-
-@pytest.fixture(scope="module")
-def bench(folder):
+def bench():
     env = gym.make(
         "RobotAtRest-v0",
-        robot=make_agent_class(directory=folder),
+        robot=make_agent_class(),
         obs_mode="none",
         reward_mode="none",
         sim_backend="physx_cpu",
@@ -80,12 +75,12 @@ def _go(env, q, steps):
     speeds = []
     for _ in range(steps):
         env.step(np.asarray(q, dtype=np.float32)[None])
-        speeds.append(float(env.agent.get_joint_velocity().abs().max()))
+        speeds.append(float(np.abs(env.agent.read_velocities()).max()))
     return max(speeds[-10:])
 
 
 def _error(env, q):
-    return float(np.abs(env.agent.get_joint_state()[0].numpy() - q).max())
+    return float(np.abs(env.agent.read_joints() - q).max())
 
 
 def test_home_is_held(env):
@@ -94,19 +89,19 @@ def test_home_is_held(env):
 
 
 @pytest.mark.parametrize("height", [0.1, 0.4])
-def test_moved_targets_are_reached_and_held(env, folder, height):
+def test_moved_targets_are_reached_and_held(env, height):
     """From home straight to a grasp before each arm: the harshest command there is."""
     q = HOME_CONFIGURATION.copy()
     for side, base in zip(
         SIDES, (BimanualUR10eShadow.left_base, BimanualUR10eShadow.right_base), strict=True
     ):
-        arm, quaternion = ArmKinematics(side, base, folder), GRASP_ORIENTATIONS["standard"][side]
+        arm, quaternion = ArmKinematics(side, base), GRASP_ORIENTATIONS["standard"][side]
         point = np.array([-0.35 if side == "left" else 0.35, 0.75, height])
         wrist = grasp_to_wrist(point, quaternion, side)
         q[joint_slice(side, "arm")] = arm.solve(wrist, quaternion, arm.home)
     assert _go(env, q, 3 * SECOND) < REST_SPEED
     assert _error(env, q) < 1e-3
-    for side, pose in zip(SIDES, env.agent.get_ee_poses()[0].numpy(), strict=True):
+    for side, pose in zip(SIDES, env.agent.read_hands(), strict=True):
         quaternion = GRASP_ORIENTATIONS["standard"][side]
         point = np.array([-0.35 if side == "left" else 0.35, 0.75, height])
         assert np.linalg.norm(pose[:3] - grasp_to_wrist(point, quaternion, side)) < 1e-3
@@ -119,7 +114,7 @@ def test_each_hand_pose_is_taken_and_held(env, pose):
         q[joint_slice(side, "hand")] = HAND_POSES[pose]
     assert _go(env, q, 2 * SECOND) < REST_SPEED
     assert _error(env, q) < 2e-3
-    left, right = (env.agent.get_joint_state()[0, joint_slice(s, "hand")] for s in SIDES)
+    left, right = (env.agent.read_joints()[joint_slice(s, "hand")] for s in SIDES)
     np.testing.assert_allclose(left, right, atol=2e-3)
 
 

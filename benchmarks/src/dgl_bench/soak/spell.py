@@ -79,7 +79,7 @@ class Spells:
                 touching += env.count_touching() > 0
                 values = (
                     env.get_particles(),
-                    get_robot(env).get_joint_state().cpu().numpy(),
+                    get_robot(env).read_joints(),
                     float(reward),
                 )
                 not_finite += not all(np.isfinite(value).all() for value in values)
@@ -147,7 +147,7 @@ class Wanderer:
 
     def _draw_goal(self, arm: slice, mode: str) -> np.ndarray:
         if mode == "pd_joint_pos":
-            now = get_robot(self._env).get_joint_state()[0].cpu().numpy()[arm]
+            now = get_robot(self._env).read_joints()[arm]
             return np.clip(now + self._rng.uniform(-1, 1, now.shape), *self._limits[arm].T)
         place = self._rng.choice(self._env.get_particles())
         place = place + np.array([0.0, 0.0, self._rng.uniform(0.0, ABOVE)])

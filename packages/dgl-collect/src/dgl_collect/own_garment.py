@@ -25,12 +25,12 @@ from dgl_physics import MeshError, ModelBuilder
 from dgl_physics.lay_flat import lay_flat
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
+from dgl_tasks.robot_files import CACHE
 from dgl_tasks.soft_body import SoftBody
 
 __all__ = ["OwnGarment", "prepare_garment"]
 
-FOLDER = DEFAULT_ROBOT_DIRECTORY.parent / "garments"
+FOLDER = CACHE / "garments"
 """Folder of prepared garments; they can be made again."""
 
 

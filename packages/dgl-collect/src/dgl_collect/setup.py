@@ -26,7 +26,6 @@ from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.motion import BimanualMotion
-from dgl_tasks.robot import DEFAULT_ROBOT_DIRECTORY
 
 O = TypeVar("O", bound=RunOptions)
 
@@ -119,7 +118,7 @@ def make_setup(
         matcher=matcher,
         find_matcher=find_matcher,
         demo_cloud=surface.astype(np.float32),
-        motion=BimanualMotion(declared, DEFAULT_ROBOT_DIRECTORY, robot=robot),
+        motion=BimanualMotion(declared, robot=robot),
     )
 
 

@@ -4,27 +4,18 @@ Poses are arrays of seven numbers, xyz [m] then wxyz, of the arm's `ee` frame in
 the fingers, y out of the palm. Nothing here needs a simulator.
 """
 
-from pathlib import Path
-
 import numpy as np
 import placo
 from scipy.spatial.transform import Rotation, Slerp
 
-from dgl_assets.robots import (
-    DEFAULT_ROBOT,
-    BasePlacement,
-    Robot,
-    Side,
-)
+from dgl_assets.robots import DEFAULT_ROBOT, BasePlacement, Robot, Side
+from dgl_assets.robots.urdf import make_urdf_text
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
-from dgl_tasks.robot_files import writing_robot_files
 from dgl_tasks.rotations import to_quaternion, to_rotation
 
-CONTROL_DT = 1.0 / CONTROL_FREQUENCY
-"""Control step [s]."""
-ARM_SPEED_LIMITS: np.ndarray = np.array([j.speed for j in DEFAULT_ROBOT.arm_joints])
-"""Largest joint speeds of the UR10e [rad/s], shape (6,): 120, from the elbow on 180 degrees/s."""
+ANGULAR_SPACING = 0.04
+"""Largest rotation between samples of a line [rad]."""
 
 
 def interpolate_action(start: np.ndarray, action: np.ndarray) -> np.ndarray:
@@ -50,11 +41,7 @@ def get_joint_limits(robot: Robot) -> np.ndarray:
 
 
 def plan_line(
-    start_pose: np.ndarray,
-    goal_pose: np.ndarray,
-    *,
-    spacing: float = 0.01,
-    angular_spacing: float = 0.04,
+    start_pose: np.ndarray, goal_pose: np.ndarray, *, spacing: float = 0.01
 ) -> np.ndarray:
     """Sample the straight line between two poses, orientation by spherical interpolation.
 
@@ -62,50 +49,40 @@ def plan_line(
         start_pose: xyz [m] and wxyz, shape (7,).
         goal_pose: Likewise.
         spacing: Largest distance between samples [m].
-        angular_spacing: Largest rotation between samples [rad].
 
     Returns:
         Poses after the start, up to the goal itself, shape (N, 7). Empty when start and goal agree
         to 1e-9.
     """
     start, goal = _checked_pose("start_pose", start_pose), _checked_pose("goal_pose", goal_pose)
-    if spacing <= 0 or angular_spacing <= 0:
-        raise ValueError(
-            f"spacing and angular_spacing must be positive; got {spacing}, {angular_spacing}"
-        )
+    if spacing <= 0:
+        raise ValueError(f"spacing must be positive; got {spacing}")
     distance = float(np.linalg.norm(goal[:3] - start[:3]))
     ends = Rotation.concatenate([to_rotation(start[3:]), to_rotation(goal[3:])])
     angle = float((ends[0].inv() * ends[1]).magnitude())
     if distance < 1e-9 and angle < 1e-9:
         return np.zeros((0, 7))
     # The small allowance keeps 0.30 / 0.01 at 30 samples in spite of rounding.
-    count = max(1, int(np.ceil(max(distance / spacing, angle / angular_spacing) - 1e-6)))
+    count = max(1, int(np.ceil(max(distance / spacing, angle / ANGULAR_SPACING) - 1e-6)))
     fractions = np.arange(1, count + 1) / count
     positions = start[:3] + fractions[:, None] * (goal[:3] - start[:3])
     rotations = to_quaternion(Slerp([0.0, 1.0], ends)(fractions))
     return np.hstack([positions, rotations])
 
 
-def limit_joint_speed(
-    path: np.ndarray,
-    start_q: np.ndarray,
-    *,
-    limits: np.ndarray = ARM_SPEED_LIMITS,
-    dt: float = CONTROL_DT,
-) -> np.ndarray:
+def limit_joint_speed(path: np.ndarray, start_q: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """Slow a joint path down where it would exceed the joints' speeds.
 
     Args:
         path: Joint positions [rad], one row per control step, shape (N, n).
         start_q: Joint positions before the first row [rad], shape (n,).
         limits: Largest joint speeds [rad/s], shape (n,).
-        dt: Control step [s].
 
     Returns:
         The same path with joint-space samples inserted, shape (M, n), M >= N; it ends where `path`
         ends.
     """
-    rows, previous = [], np.asarray(start_q, dtype=float)
+    rows, previous, dt = [], np.asarray(start_q, dtype=float), 1.0 / CONTROL_FREQUENCY
     for q in np.asarray(path, dtype=float):
         count = max(1, int(np.ceil(np.max(np.abs(q - previous) / (limits * dt)) - 1e-9)))
         rows.extend(previous + (q - previous) * (k / count) for k in range(1, count + 1))
@@ -122,7 +99,7 @@ def _checked_pose(name: str, pose: np.ndarray) -> np.ndarray:
 
 
 class ArmKinematics:
-    """Forward and inverse kinematics of one arm.
+    """Forward and inverse kinematics of one arm: each call depends on its arguments alone.
 
     Solutions are found by descent from the given start, so they stay on its branch: shoulder,
     elbow and wrist keep their side. From home, the elbow is above the line from shoulder to wrist.
@@ -138,20 +115,12 @@ class ArmKinematics:
     _MAX_ITERATION_STEP = 0.2  # rad; larger Newton steps overshoot onto other branches
     _DAMPING = 1e-6
 
-    def __init__(
-        self,
-        side: Side,
-        base: BasePlacement,
-        directory: Path | str,
-        *,
-        robot: Robot = DEFAULT_ROBOT,
-    ) -> None:
+    def __init__(self, side: Side, base: BasePlacement, *, robot: Robot = DEFAULT_ROBOT) -> None:
         """Build the solver.
 
         Args:
             side: "left" or "right".
             base: Base placement: x, y, z [m] and yaw [rad], world frame.
-            directory: Folder for the generated robot description.
             robot: Whose arm it is; n is its number of joints.
         """
         self.side: Side = side
@@ -159,13 +128,10 @@ class ArmKinematics:
         self._names = robot.joint_names[robot.joint_slice(side, "arm")]
         self._speeds = np.array([joint.speed for joint in robot.arm_joints])
         self._frame = f"{side}_ee"
-        with writing_robot_files(directory):
-            urdf = robot.build_arm_urdf(directory, side, base)
-        self._robot = placo.RobotWrapper(str(urdf), placo.Flags.ignore_collisions)
-        if tuple(self._robot.joint_names()) != self._names:
-            raise ValueError(
-                f"expected joints {self._names}; got {tuple(self._robot.joint_names())}"
-            )
+        tree = robot.build_side_tree(side, base, with_hand=False)
+        urdf = make_urdf_text(f"{side}_{robot.arm.name}", tree, None)
+        self._robot = placo.RobotWrapper("", placo.Flags.ignore_collisions, urdf)
+        assert tuple(self._robot.joint_names()) == self._names
         self._solver = placo.KinematicsSolver(self._robot)
         self._solver.mask_fbase(True)
         self._solver.enable_joint_limits(True)
@@ -217,7 +183,8 @@ class ArmKinematics:
             error = self._error(T)
             best = min(best, error)
             if error[0] < self.POSITION_TOLERANCE and error[1] < self.ANGLE_TOLERANCE:
-                return self._check_step(q, start, max_step)
+                self._check_step(q - start, max_step)
+                return q
             if np.abs(step).max() < 1e-9:
                 break
         raise UnreachableError(
@@ -249,7 +216,7 @@ class ArmKinematics:
             q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
             path.append(q)
         rows = np.array(path).reshape(-1, len(self._names))
-        return limit_joint_speed(rows, np.asarray(start_q), limits=self._speeds)
+        return limit_joint_speed(rows, start_q, self._speeds)
 
     def _set(self, q: np.ndarray) -> None:
         self._robot.state.q[7:] = q
@@ -263,13 +230,12 @@ class ArmKinematics:
             float(np.arccos(np.clip(cosine, -1.0, 1.0))),
         )
 
-    def _check_step(self, q: np.ndarray, start: np.ndarray, max_step: float | None) -> np.ndarray:
-        change = np.abs(q - start)
-        if max_step is not None and change.max() > max_step:
-            joint = self._names[int(change.argmax())].partition("_")[2]
+    def _check_step(self, change: np.ndarray, max_step: float | None) -> None:
+        largest = int(np.abs(change).argmax())
+        if max_step is not None and abs(change[largest]) > max_step:
+            joint = self._names[largest].partition("_")[2]
             raise UnreachableError(
-                f"{self.side} arm would jump: {joint} by {change.max():.2f} rad in one step "
-                f"(at most {max_step})",
+                f"{self.side} arm would jump: {joint} by {abs(change[largest]):.2f} rad in one "
+                f"step (at most {max_step})",
                 distance=0.0,
             )
-        return q

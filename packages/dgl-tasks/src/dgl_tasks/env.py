@@ -375,7 +375,7 @@ class GarmentEnv(BaseEnv):
             if action["control_mode"] != self.agent.control_mode:
                 self.agent.set_control_mode(action["control_mode"])
                 self.agent.controller.reset()
-                self._target = self.agent.get_joint_state()[0].cpu().numpy().astype(np.float64)
+                self._target = self.agent.read_joints().astype(np.float64)
             action = action["action"]
         action = self._clip(self._read_action(action))
         if self.agent.control_mode == "pd_joint_pos":
@@ -493,7 +493,7 @@ class GarmentEnv(BaseEnv):
         """Compute the terms of the dense reward, `dgl_tasks.reward`."""
         particles = self.get_particles()
         distances = []
-        for side, pose in zip(SIDES, self.agent.get_ee_poses()[0].cpu().numpy(), strict=True):
+        for side, pose in zip(SIDES, self.agent.read_hands(), strict=True):
             point = wrist_to_grasp(pose[:3], pose[3:], side, robot=self.agent.model)
             distances.append(np.linalg.norm(particles - point, axis=1).min())
         return compute_reward_terms(
@@ -529,12 +529,12 @@ class GarmentEnv(BaseEnv):
 
     def _get_obs_agent(self) -> dict:
         return {
-            "joint_positions": self.agent.get_joint_state(),
-            "joint_velocities": self.agent.get_joint_velocity(),
+            "joint_positions": torch.from_numpy(self.agent.read_joints())[None],
+            "joint_velocities": torch.from_numpy(self.agent.read_velocities())[None],
         }
 
     def _get_obs_extra(self, info: dict) -> dict:
-        return {"ee_poses": self.agent.get_ee_poses().flatten(1)}
+        return {"ee_poses": torch.from_numpy(self.agent.read_hands()).reshape(1, -1)}
 
     def _get_obs_with_sensor_data(
         self,

@@ -4,9 +4,7 @@ The frame `ee` has x along the fingers, y out of the palm and z = x cross y, the
 right hand and the little-finger side of the left.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -18,19 +16,7 @@ from dgl_files.fields import STRICT, check_fields
 from dgl_tasks.rotations import to_quaternion, to_rotation
 
 GraspName = Literal["standard", "heap", "sides", "heap_sides", "hems", "scoop", "tray"]
-
-ORIENTATION_TEXTS: Mapping[GraspName, str] = MappingProxyType(
-    {
-        "standard": "palm down, fingers level, 20 degrees inward",
-        "heap": "as standard, fingers 30 degrees down: takes hold of all layers",
-        "sides": "as standard, 65 degrees inward: takes the garment from its sides",
-        "heap_sides": "as sides, fingers 30 degrees down",
-        "hems": "right hand alone, 90 degrees inward, fingers 30 degrees down",
-        "scoop": "palm up, 45 degrees inward, fingers 30 degrees down",
-        "tray": "palm up, 45 degrees inward, fingers level",
-    }
-)
-"""Meaning of each named orientation."""
+"""Named orientations of the hands; `docs/add_a_task.md` describes them."""
 
 
 @dataclass(frozen=True, kw_only=True)

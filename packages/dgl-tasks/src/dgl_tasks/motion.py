@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -27,9 +26,6 @@ TURNS: tuple[float, ...] = tuple(
 Rehearsal = Callable[[Side, float], object]
 """Plans one hand's motion, turned inward about the vertical [rad]; raises `UnreachableError`."""
 
-PARKED: dict[Side, np.ndarray] = {side: DEFAULT_ROBOT.arm.parked[side] for side in SIDES}
-"""Joint positions of each UR10e [rad], shape (6,), out of the cameras' way."""
-
 
 class BimanualMotion:
     """Turns goals of the hands into rows of D joint targets (60 by default), one per control step.
@@ -38,19 +34,16 @@ class BimanualMotion:
     caller sends the rows to the environment.
     """
 
-    def __init__(self, task: Task, directory: Path, *, robot: Robot = DEFAULT_ROBOT) -> None:
+    def __init__(self, task: Task, *, robot: Robot = DEFAULT_ROBOT) -> None:
         """Prepare both arms of a task.
 
         Args:
             task: Says where the bases stand.
-            directory: Folder for generated robot files.
             robot: Whose arms and hands they are.
         """
-        bases = {"left": task.left_base, "right": task.right_base}
+        bases = zip(SIDES, (task.left_base, task.right_base), strict=True)
         self.robot = robot
-        self._arms = {
-            side: ArmKinematics(side, bases[side], directory, robot=robot) for side in SIDES
-        }
+        self._arms = {side: ArmKinematics(side, base, robot=robot) for side, base in bases}
         self.target = np.zeros(robot.dof)
 
     def reset(self, joint_state: np.ndarray) -> None:
@@ -59,10 +52,7 @@ class BimanualMotion:
 
     def compute_poses(self) -> dict[Side, np.ndarray]:
         """Compute the pose of each `ee` at the last targets: xyz [m] and wxyz, shape (7,)."""
-        return {
-            side: self._arms[side].compute_pose(self.target[self.robot.joint_slice(side, "arm")])
-            for side in SIDES
-        }
+        return {side: self._arms[side].compute_pose(self._get_joints(side)) for side in SIDES}
 
     def hold(self, frames: int) -> np.ndarray:
         """Keep the targets, shape (frames, D)."""
@@ -101,9 +91,8 @@ class BimanualMotion:
         for side, point in points.items():
             q = orientations[side]
             wrist = grasp_to_wrist(np.asarray(point), q, side, robot=self.robot)
-            goal = np.concatenate([wrist, q])
-            start = self._arms[side].compute_pose(self.target[self.robot.joint_slice(side, "arm")])
-            lines[side] = (start, goal)
+            start = self._arms[side].compute_pose(self._get_joints(side))
+            lines[side] = (start, np.concatenate([wrist, q]))
         count = max((len(plan_line(*line, spacing=spacing)) for line in lines.values()), default=0)
         if count == 0:
             return np.zeros((0, self.robot.dof))
@@ -111,9 +100,7 @@ class BimanualMotion:
         for side, (start, goal) in lines.items():
             length = float(np.linalg.norm(goal[:3] - start[:3]))
             waypoints = plan_line(start, goal, spacing=max(length / count, 1e-6))
-            paths[side] = self._arms[side].follow(
-                waypoints, self.target[self.robot.joint_slice(side, "arm")]
-            )
+            paths[side] = self._arms[side].follow(waypoints, self._get_joints(side))
         rows = self.hold(max(len(path) for path in paths.values()))
         for side, path in paths.items():
             if len(path):
@@ -134,13 +121,12 @@ class BimanualMotion:
         """
         goals = {}
         for side, point in points.items():
-            q = orientations[side]
-            arm, present = self._arms[side], self.target[self.robot.joint_slice(side, "arm")]
+            q, arm = orientations[side], self._arms[side]
             wrist = grasp_to_wrist(np.asarray(point), q, side, robot=self.robot)
             try:
                 goals[side] = arm.solve(wrist, q, arm.home, max_step=2.5)
             except UnreachableError:
-                goals[side] = arm.solve(wrist, q, present, max_step=2.5)
+                goals[side] = arm.solve(wrist, q, self._get_joints(side), max_step=2.5)
         return self.move_joints(goals)
 
     def park(self, sides: tuple[Side, ...] = SIDES) -> np.ndarray:
@@ -206,6 +192,9 @@ class BimanualMotion:
             s < 0.2, 2.5 * s**2, np.where(s > 0.8, 0.8 - 2.5 * (1 - s) ** 2, s - 0.1)
         )
         return self._finish(self.target + change * ramp[:, None])
+
+    def _get_joints(self, side: Side) -> np.ndarray:
+        return self.target[self.robot.joint_slice(side, "arm")]
 
     def _finish(self, rows: np.ndarray) -> np.ndarray:
         self.target = rows[-1].copy()

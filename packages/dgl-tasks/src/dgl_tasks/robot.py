@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import torch
-from mani_skill.agents.base_agent import BaseAgent, Keyframe
+from mani_skill.agents.base_agent import BaseAgent
 from mani_skill.agents.controllers.base_controller import ControllerConfig
 from mani_skill.agents.controllers.pd_ee_pose import PDEEPoseControllerConfig
 from mani_skill.agents.controllers.pd_joint_pos import (
@@ -26,7 +25,7 @@ from dgl_assets.robots import (
     Robot,
     Side,
 )
-from dgl_tasks.robot_files import DEFAULT_ROBOT_DIRECTORY, writing_robot_files
+from dgl_tasks.robot_files import ROBOT_DIRECTORY, writing_robot_files
 
 SIDE_COLLISION_BITS: dict[Side, int] = {"left": 27, "right": 28}
 """Bits of collision group 2: shapes that share one ignore each other, a side itself."""
@@ -75,16 +74,13 @@ class BimanualUR10eShadow(BaseAgent):
     """Left base: x, y, z [m] and yaw [rad], world frame."""
     right_base: BasePlacement = DEFAULT_RIGHT_BASE
     """Right base, likewise."""
-    directory: Path = DEFAULT_ROBOT_DIRECTORY
-    """Folder for the generated robot files."""
 
     def _load_articulation(self, initial_pose: SapienPose | Pose | None = None) -> None:
-        with writing_robot_files(self.directory):
-            self.urdf_path = str(
-                self.model.build_urdf(
-                    self.directory, left_base=self.left_base, right_base=self.right_base
-                )
+        with writing_robot_files():
+            path = self.model.build_urdf(
+                ROBOT_DIRECTORY, left_base=self.left_base, right_base=self.right_base
             )
+        self.urdf_path = str(path)
         # The bases are placed inside the file, so the root stands at the world's origin.
         super()._load_articulation(SapienPose() if initial_pose is None else initial_pose)
 
@@ -107,14 +103,6 @@ class BimanualUR10eShadow(BaseAgent):
         self._from_articulation = torch.tensor(order, device=self.device)
         self._to_articulation = torch.argsort(self._from_articulation)
         self._ee_links = [self.robot.links_map[f"{side}_ee"] for side in SIDES]
-        self.keyframes = {
-            "home": Keyframe(
-                pose=SapienPose(),
-                qpos=self.model.compute_start()[self._to_articulation.cpu().numpy()].astype(
-                    np.float32
-                ),
-            )
-        }
 
     @property
     def _controller_configs(self) -> dict:
@@ -134,8 +122,8 @@ class BimanualUR10eShadow(BaseAgent):
                 joints[group] = JointTargetControllerConfig(lower=None, upper=None, **drive)
                 poses[group] = joints[group]
                 if part == "arm":
-                    with writing_robot_files(self.directory):
-                        urdf = self.model.build_arm_urdf(self.directory, side, bases[side])
+                    with writing_robot_files():
+                        urdf = self.model.build_arm_urdf(ROBOT_DIRECTORY, side, bases[side])
                     poses[group] = PDEEPoseControllerConfig(
                         pos_lower=-np.inf,
                         pos_upper=np.inf,
@@ -148,44 +136,30 @@ class BimanualUR10eShadow(BaseAgent):
                     )
         return {"pd_joint_pos": joints, "pd_ee_pose": poses}
 
-    def get_joint_state(self) -> torch.Tensor:
-        """Read the joint positions [rad], shape (B, D), in the order of the model."""
-        return self.robot.get_qpos()[:, self._from_articulation]
-
     def read_joints(self) -> np.ndarray:
         """Read the joint positions [rad], shape (D,), float32, in the order of the model."""
-        return self.get_joint_state()[0].cpu().numpy().astype(np.float32)
+        return self.robot.get_qpos()[0, self._from_articulation].numpy()
+
+    def read_velocities(self) -> np.ndarray:
+        """Read the joint velocities [rad/s], shape (D,), float32, in the order of the model."""
+        return self.robot.get_qvel()[0, self._from_articulation].numpy()
 
     def read_hands(self) -> np.ndarray:
-        """Read the poses of both `ee`, left first: xyz [m] and wxyz, shape (2, 7), world frame."""
+        """Read the poses of left and right `ee`: xyz [m] and wxyz, shape (2, 7), float32, world."""
         # past ManiSkill's tensors, which cost ten times as much
         poses = [link._objs[0].entity_pose for link in self._ee_links]  # noqa: SLF001
         return np.stack([np.concatenate([pose.p, pose.q]) for pose in poses])
 
-    def get_joint_velocity(self) -> torch.Tensor:
-        """Read the joint velocities [rad/s], shape (B, D), in the order of the model."""
-        return self.robot.get_qvel()[:, self._from_articulation]
-
-    def set_joint_state(self, positions: torch.Tensor | np.ndarray) -> None:
+    def set_joint_state(self, positions: np.ndarray) -> None:
         """Place the joints at rest; the drives keep the targets of the last action.
 
         Args:
-            positions: Joint positions [rad], shape (D,) or (B, D), in the order of the model.
+            positions: Joint positions [rad], shape (D,), in the order of the model.
         """
-        # A copy: torch warns about read-only arrays such as `ArmPart.home`.
-        if isinstance(positions, np.ndarray):
-            positions = torch.from_numpy(np.array(positions, dtype=np.float32))
-        q = positions.to(device=self.device, dtype=torch.float32)
-        dof = self.model.dof
-        if q.ndim not in (1, 2) or q.shape[-1] != dof:
-            raise ValueError(
-                f"positions must have shape ({dof},) or (B, {dof}); got {tuple(q.shape)}"
-            )
-        self.reset(q[..., self._to_articulation])
-
-    def get_ee_poses(self) -> torch.Tensor:
-        """Read the poses of both `ee`, left first: xyz [m] and wxyz, shape (B, 2, 7), world."""
-        return torch.stack([link.pose.raw_pose for link in self._ee_links], dim=1)
+        q = np.array(positions, dtype=np.float32)
+        if q.shape != (self.model.dof,):
+            raise ValueError(f"positions must have shape ({self.model.dof},); got {q.shape}")
+        self.reset(torch.from_numpy(q)[self._to_articulation])
 
 
 @lru_cache(maxsize=64)
@@ -194,7 +168,6 @@ def make_agent_class(
     robot: Robot = DEFAULT_ROBOT,
     left_base: BasePlacement = DEFAULT_LEFT_BASE,
     right_base: BasePlacement = DEFAULT_RIGHT_BASE,
-    directory: Path = DEFAULT_ROBOT_DIRECTORY,
 ) -> type[BimanualUR10eShadow]:
     """Make the agent class for a task's base placement, to be given as `robot_uids`.
 
@@ -202,7 +175,6 @@ def make_agent_class(
         robot: Which arms and hands.
         left_base: Left base: x, y, z [m] and yaw [rad], world frame.
         right_base: Right base, likewise.
-        directory: Folder for the generated robot files.
 
     Returns:
         A subclass of `BimanualUR10eShadow`; equal arguments give the same class.
@@ -214,7 +186,6 @@ def make_agent_class(
             "model": robot,
             "left_base": left_base,
             "right_base": right_base,
-            "directory": directory,
             "__doc__": BimanualUR10eShadow.__doc__,
         },
     )

@@ -7,19 +7,14 @@ from pathlib import Path
 
 from dgl_tasks.errors import RobotFilesError
 
-
-def find_robot_directory() -> Path:
-    """Give the folder of robot files, in `$XDG_CACHE_HOME` or else in `~/.cache`."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "dexgarmentlab" / "robots"
-
-
-DEFAULT_ROBOT_DIRECTORY = find_robot_directory()
-"""Folder of generated robot files, by `XDG_CACHE_HOME` at the time of import."""
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dexgarmentlab"
+"""Folder of files that are made once, by `XDG_CACHE_HOME` at the time of import."""
+ROBOT_DIRECTORY = CACHE / "robots"
+"""Folder of generated robot files."""
 
 
 @contextmanager
-def writing_robot_files(directory: Path | str) -> Iterator[None]:
+def writing_robot_files() -> Iterator[None]:
     """Name the folder, and how to choose another, where the block cannot write its robot files.
 
     Raises:
@@ -28,11 +23,9 @@ def writing_robot_files(directory: Path | str) -> Iterator[None]:
     try:
         yield
     except OSError as err:
-        is_default = Path(directory) == DEFAULT_ROBOT_DIRECTORY
-        way_on = "set XDG_CACHE_HOME" if is_default else "set the directory of robot files"
         told = RobotFilesError(
-            f"robot files must be written to {directory}, which failed: {err.strerror or err}; "
-            f"{way_on} to a folder that can be written"
+            f"robot files must be written to {ROBOT_DIRECTORY}, which failed: "
+            f"{err.strerror or err}; set XDG_CACHE_HOME to a folder that can be written"
         )
         told.errno, told.filename = err.errno, err.filename
         raise told from err
