@@ -20,7 +20,6 @@ from dgl_collect.point_finder import PointFinder
 from dgl_collect.setup import Setup, make_setup
 from dgl_tasks import perception as see
 from dgl_tasks import task_ids
-from dgl_tasks.cameras import depth_to_points
 from dgl_tasks.env import GarmentEnv
 
 CAMERAS = ("garment_camera", "environment_camera")
@@ -54,7 +53,7 @@ def photograph(env: GarmentEnv, camera: str) -> see.Picture:
     depth[buffer >= 1.0] = np.nan
     return see.Picture(
         rgb=np.ascontiguousarray(colour[..., :3]),
-        points=depth_to_points(depth, placement.intrinsics, placement.transform_camera_to_world),
+        points=np.array(placement.position) + depth[..., None] * placement.compute_rays(),
         segments=mixed[..., 3].astype(np.int32),
     )
 

@@ -1,4 +1,4 @@
-"""Camera placements, points from depth, cropping and farthest-point sampling."""
+"""Camera placements, rays, cropping and farthest-point sampling."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 from dgl_tasks.cameras import (
     CameraPlacement,
     Workspace,
-    depth_to_points,
     farthest_point_sample,
     is_in_workspace,
     look_at,
@@ -70,29 +69,12 @@ def test_bad_cameras_and_workspaces_are_refused():
 
 
 @pytest.mark.parametrize("name", sorted(FOLD_CAMERAS))
-def test_depth_of_the_ground_gives_the_ground(name):
-    """Depth computed ray by ray comes back as points at z = 0, at the right pixel."""
+def test_rays_meet_the_ground_at_their_pixels(name):
     camera = FOLD_CAMERAS[name]
-    T = camera.transform_camera_to_world
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsics).T
-    down = rays @ T[2, :3]
-    depth = np.where(down < -1e-3, -T[2, 3] / np.minimum(down, -1e-3), 0.0)
-    points = depth_to_points(depth, camera.intrinsics, T)
-    is_hit = depth > 0
-    assert np.isnan(points[~is_hit]).all()
-    assert np.abs(points[is_hit][:, 2]).max() < 1e-4 * depth.max()
-    expected = _ground_point(camera, u[400, 300], v[400, 300])
-    np.testing.assert_allclose(points[400, 300], expected, atol=1e-4)
-
-
-def test_pixels_without_depth_become_nan():
-    depth = np.array([[1.0, 0.0], [np.inf, np.nan]])
-    points = depth_to_points(depth, np.array([[1, 0, 1], [0, 1, 1], [0, 0, 1.0]]), np.eye(4))
-    assert np.isnan(points).all(axis=-1).tolist() == [[False, True], [True, True]]
-    np.testing.assert_allclose(points[0, 0], (-0.5, -0.5, 1.0))
-    with pytest.raises(ValueError, match=r"\(H, W\)"):
-        depth_to_points(np.zeros((2, 2, 1)), np.eye(3), np.eye(4))
+    ray = camera.compute_rays()[400, 300]
+    point = np.array(camera.position) - ray * camera.position[2] / ray[2]
+    np.testing.assert_allclose(point, _ground_point(camera, 300.5, 400.5), atol=1e-9)
+    np.testing.assert_allclose(camera.project(point[None])[0, :2], (300.5, 400.5), atol=1e-9)
 
 
 def test_crop_keeps_the_faces_of_the_box_and_the_colours():

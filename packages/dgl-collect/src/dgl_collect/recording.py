@@ -11,7 +11,6 @@ import numpy as np
 from dgl_collect.episodes import Points, StageRecord
 from dgl_tasks.messages import Command, Mark, StageBegins, StageEnds
 from dgl_tasks.observation import STEPS_PER_ACTION, Observation
-from dgl_tasks.perception import find_pixel
 from dgl_tasks.sensing import ENVIRONMENT_CAMERA
 
 if TYPE_CHECKING:
@@ -159,7 +158,7 @@ class EpisodeRecorder:
         return {
             name: {
                 "xyz": [float(v) for v in xyz],
-                "uv": list(find_pixel(camera, xyz)),
+                "uv": camera.project(xyz[None])[0, :2].tolist(),
             }
             for name, xyz in mark.points.items()
         }

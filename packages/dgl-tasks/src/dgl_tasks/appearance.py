@@ -12,16 +12,27 @@ from dgl_assets.importing.textures import read_picture
 from dgl_assets.materials import FabricMaterial
 from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
 from dgl_physics.sapien_bridge import GarmentVisual
+from dgl_tasks.drawing.bodies import ShownMeshes
 from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.errors import RenderingUnavailableError
-from dgl_tasks.shadows import FloorShadow, ShadowCaster
-from dgl_tasks.studio import LIGHT, STUDIO, FloorLook, FloorPicture
+from dgl_tasks.shadows import CORNERS, ShadowCaster
+from dgl_tasks.studio import (
+    KEY_DIRECTION,
+    LIGHT,
+    STUDIO,
+    FloorLook,
+    make_floor,
+    make_shade,
+    make_shadow,
+)
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
     from mani_skill.utils.structs import Actor
 
 __all__ = ["Appearance"]
+
+_COLUMN = 0.15  # width of the robots' columns [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,31 +65,31 @@ class Appearance:
             scene: ManiSkill's scene.
             ground: The ground.
             mat_centre: Centre of the work mat [m], world frame.
-            pedestals: Upper ends of the robots' columns [m].
+            pedestals: Upper ends of the robots' columns [m]; they throw shadows.
         """
-        self._scene = scene.sub_scenes[0]
+        self._scene, self._can_render = scene.sub_scenes[0], scene.can_render()
         (self._ground,) = ground._objs  # noqa: SLF001  ManiSkill has no way to its entity
-        self._floor: FloorPicture | None = None
+        self._floor = ShownMeshes(self._ground)
+        self._mat_centre, self._pedestals = mat_centre, pedestals
         self._make_garment: Callable[[], _Garment] | None = None
         self._garment: _Garment | None = None
-        self._shadow: FloorShadow | None = None
+        self._shade: SurfaceLook | None = None
+        self._shadow: ShownMeshes | None = None
         self._painter: Painter | None = None
         self._is_drawn = False
-        self.floor_look = STUDIO
-        """The floor's present look."""
-        if scene.can_render():
-            self._floor = FloorPicture(scene, ground, mat_centre=mat_centre, pedestals=pedestals)
-            self._floor.draw(STUDIO)
+        self.lay_floor(STUDIO)
 
     def lay_floor(self, look: FloorLook) -> None:
         """Change the floor's look."""
         self.floor_look = look
-        if self._floor is not None:
-            self._floor.draw(look)
+        """The floor's present look."""
+        if self._can_render:
+            feet = [base[:2] for base in self._pedestals]
+            near, far = make_floor(look, mat_centre=self._mat_centre, pedestals=feet)
+            self._floor.replace([far, near])
+            self._shade = make_shade(near)
         self._painter = None
-        if self._shadow is not None:  # it shows the floor as it was
-            self._scene.remove_entity(self._shadow.entity)
-            self._shadow = None
+        self.mark_moved()
 
     def dress(
         self,
@@ -96,9 +107,7 @@ class Appearance:
         """
         if self._garment is not None:
             self._scene.remove_entity(self._garment.visual.entity)
-        if self._shadow is not None:
-            self._scene.remove_entity(self._shadow.entity)
-        self._garment = self._shadow = self._painter = None
+        self._garment = self._painter = None
         self._make_garment = lambda: self._build_garment(garment, fabric, bodies)
         self.mark_moved()
 
@@ -116,9 +125,12 @@ class Appearance:
             return
         garment = self._get_garment()
         if self._shadow is None:
-            self._shadow = self._get_floor().build_shadow(garment.caster)
+            self._shadow = ShownMeshes(sapien.Entity())
+            self._scene.add_entity(self._shadow.entity)
+        assert self._shade is not None
+        flat, faces = garment.caster.cast(positions), garment.caster.faces
+        self._shadow.replace([make_shadow(flat, faces, self._shade, self._mat_centre)])
         garment.visual.update(positions)
-        self._shadow.update(positions)
         self._is_drawn = True
 
     def get_painter(self, positions: np.ndarray) -> Painter:
@@ -135,21 +147,21 @@ class Appearance:
         return self._painter
 
     def _build_painter(self, garment: _Garment) -> Painter:
-        drawn = {self._ground.per_scene_id, garment.visual.entity.per_scene_id}
-        if self._shadow is not None:
-            drawn.add(self._shadow.entity.per_scene_id)
-        assert garment.visual.uvs is not None
-        nothing = np.zeros((len(garment.visual.uvs), 3))
+        visual = garment.visual
+        apart = [self._ground, visual.entity, *([self._shadow.entity] if self._shadow else [])]
+        ids = {entity.per_scene_id for entity in apart}
+        assert visual.uvs is not None
+        nothing = np.zeros((len(visual.uvs), 3))
         return Painter(
-            [entity for entity in self._scene.entities if entity.per_scene_id not in drawn],
+            [entity for entity in self._scene.entities if entity.per_scene_id not in ids],
             self._ground,
             garment=Mesh(
                 vertices=nothing,
                 normals=nothing,
-                faces=garment.visual.faces,
-                uvs=garment.visual.uvs,
+                faces=visual.faces,
+                uvs=visual.uvs,
                 surface=garment.surface,
-                segment=garment.visual.entity.per_scene_id,
+                segment=visual.entity.per_scene_id,
             ),
             shadow_faces=garment.caster.faces,
             studio=LIGHT,
@@ -160,15 +172,12 @@ class Appearance:
         """Segmentation id of the garment in pictures."""
         return self._get_garment().visual.entity.per_scene_id
 
-    def _get_floor(self) -> FloorPicture:
-        if self._floor is None:
+    def _get_garment(self) -> _Garment:
+        if not self._can_render:
             raise RenderingUnavailableError(
                 "pictures need a renderer: make the environment with "
                 'render_backend="cpu" or "gpu"; got "none"'
             )
-        return self._floor
-
-    def _get_garment(self) -> _Garment:
         if self._garment is None:
             if self._make_garment is None:
                 raise RuntimeError("dress() must be called before a garment is shown")
@@ -181,13 +190,21 @@ class Appearance:
         fabric: FabricMaterial,
         bodies: Sequence[sapien.physx.PhysxRigidBaseComponent],
     ) -> _Garment:
-        floor, maps, faces = self._get_floor(), fabric.render(), garment.faces
+        maps, faces = fabric.render(), garment.faces
         roughness = maps.mean_roughness
         if isinstance(garment, ImportedGarment) and garment.texture and garment.uvs is not None:
             # its coordinates go upwards, rows of a picture downwards
             uvs, texture = garment.uvs, np.ascontiguousarray(read_picture(garment.texture)[::-1])
         else:
-            uvs, texture = maps.compute_uvs(_lay_out(garment)), maps.base_colour
+            # the pattern is laid on shells as seen from above, and on imported garments as they
+            # lie, because their rest shape may not be flat
+            is_imported = isinstance(garment, ImportedGarment)
+            flat = garment.vertices if is_imported else garment.rest_vertices
+            uvs, texture = maps.compute_uvs(flat[:, :2]), maps.base_colour
+        columns = [
+            np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
+            for x, y, z in self._pedestals
+        ]
         return _Garment(
             surface=SurfaceLook(
                 roughness=roughness,
@@ -195,15 +212,6 @@ class Appearance:
                 image=Image(pixels=texture),
                 inside_shade=GarmentVisual.INSIDE_SHADE,
             ),
-            caster=floor.build_caster(bodies, faces),
+            caster=ShadowCaster(bodies, faces=faces, direction=KEY_DIRECTION, fixed=columns),
             visual=GarmentVisual(self._scene, faces, roughness=roughness, uvs=uvs, texture=texture),
         )
-
-
-def _lay_out(garment: AnyGarment) -> np.ndarray:
-    """Give the flat garment's vertices [m], shape (V, 2), on which the pattern is laid.
-
-    Of shells, as seen from above. The rest shape of an imported garment may not be flat.
-    """
-    is_imported = isinstance(garment, ImportedGarment)
-    return (garment.vertices if is_imported else garment.rest_vertices)[:, :2]

@@ -105,34 +105,6 @@ class Workspace:
             raise ValueError(f"low must be below high on every axis; got {self.low}, {self.high}")
 
 
-def depth_to_points(
-    depth: np.ndarray, intrinsics: np.ndarray, transform_camera_to_world: np.ndarray
-) -> np.ndarray:
-    """Turn a depth picture into world points.
-
-    Args:
-        depth: Distance along the optical axis [m], shape (H, W); not positive or not finite where
-            nothing was hit.
-        intrinsics: Pinhole matrix [pixels], shape (3, 3); pixel centres lie at half numbers.
-        transform_camera_to_world: Pose of the OpenCV camera frame, shape (4, 4).
-
-    Returns:
-        Points [m], shape (H, W, 3), world frame, float32; NaN where nothing was hit.
-    """
-    depth = np.asarray(depth)
-    if depth.ndim != 2:
-        raise ValueError(f"depth must have shape (H, W); got {depth.shape}")
-    height, width = depth.shape
-    rays = np.empty((height, width, 3), dtype=np.float32)
-    rays[..., 0] = (np.arange(width) + 0.5 - intrinsics[0, 2]) / intrinsics[0, 0]
-    rays[..., 1] = ((np.arange(height) + 0.5 - intrinsics[1, 2]) / intrinsics[1, 1])[:, None]
-    rays[..., 2] = 1.0
-    is_hit = np.isfinite(depth) & (depth > 0)
-    distance = np.where(is_hit, depth, np.nan).astype(np.float32)
-    R, t = transform_camera_to_world[:3, :3], transform_camera_to_world[:3, 3]
-    return (rays * distance[..., None]) @ R.T.astype(np.float32) + t.astype(np.float32)
-
-
 def is_in_workspace(points: np.ndarray, workspace: Workspace) -> np.ndarray:
     """Find the points inside a box.
 

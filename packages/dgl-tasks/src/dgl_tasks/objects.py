@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sapien
 
-from dgl_assets.props import Prop, PropPart, PropShape, make_prop
+from dgl_assets.props import Prop, PropShape, make_prop
 from dgl_tasks.cameras import Vector3
 from dgl_tasks.declaration import SceneObject, Task
+from dgl_tasks.drawing.bodies import ShownMeshes, make_part_mesh
 from dgl_tasks.robot import let_robot_pass, let_robot_through
 
 if TYPE_CHECKING:
@@ -43,10 +44,9 @@ class PlacedObject:
         elif declared.solid_to == "garment":
             let_robot_through(self.actor)
         if scene.can_render():
-            component = sapien.render.RenderBodyComponent()
-            for part in self.prop.parts:
-                component.attach(_draw_part(part))
-            entity.add_component(component)
+            ShownMeshes(entity).replace(
+                [make_part_mesh(part, texels=_TEXELS) for part in self.prop.parts]
+            )
 
     @property
     def segment(self) -> int:
@@ -149,29 +149,3 @@ def _convert_shape(
         pose = pose * _X_FROM_Z
     solid.local_pose = pose
     return solid
-
-
-def _draw_part(part: PropPart) -> sapien.render.RenderShapeTriangleMesh:
-    finish = part.finish
-    material = sapien.render.RenderMaterial()
-    material.base_color = [*finish.colour, 1.0]
-    material.roughness, material.metallic = finish.roughness, finish.metallic
-    material.specular = 0.3
-    uvs = part.uvs
-    if finish.wood is not None:
-        maps = finish.wood.render(_TEXELS)
-        opaque = np.full((_TEXELS, _TEXELS, 1), 255, dtype=np.uint8)
-        material.base_color_texture = sapien.render.RenderTexture2D(
-            np.concatenate([maps.base_colour, opaque], axis=2),
-            "R8G8B8A8Unorm",
-            mipmap_levels=int(np.log2(_TEXELS)),
-            srgb=True,
-        )
-        uvs = maps.compute_uvs(uvs)
-    return sapien.render.RenderShapeTriangleMesh(
-        vertices=part.vertices,
-        triangles=part.faces.astype(np.uint32),
-        normals=part.normals,
-        uvs=uvs,
-        material=material,
-    )

@@ -7,7 +7,6 @@ import numpy as np
 
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks.cameras import (
-    CameraPlacement,
     Workspace,
     farthest_point_sample,
     is_in_workspace,
@@ -94,14 +93,6 @@ def get_environment_cloud(
     index = index[farthest_point_sample(points[index], CLOUD_SIZE, seed=seed)]
     rgb = picture.rgb.reshape(-1, 3)[index] / np.float32(255)
     return np.concatenate([points[index], rgb], axis=1).astype(np.float32)
-
-
-def find_pixel(camera: CameraPlacement, point: np.ndarray) -> tuple[float, float]:
-    """Project a world point [m], shape (3,), to (column, row) of a camera's picture."""
-    to_camera = np.linalg.inv(camera.transform_camera_to_world)
-    x, y, z = to_camera[:3, :3] @ np.asarray(point, dtype=float) + to_camera[:3, 3]
-    u, v, w = camera.intrinsics @ np.array([x, y, z])
-    return float(u / w), float(v / w)
 
 
 def _select(picture: Picture, ids: Sequence[int], name: str) -> np.ndarray:

@@ -10,8 +10,7 @@ Limitations: nothing but the floor receives a shadow; edges are sharp.
 from collections.abc import Sequence
 
 import numpy as np
-import sapien
-from sapien import physx, render
+from sapien import physx
 
 HEIGHT = 0.0008
 """Height of drawn shadows above the floor [m]."""
@@ -45,13 +44,13 @@ class ShadowCaster:
             fixed: Corners of boxes that never move [m], each of shape (8, 3), world frame.
         """
         self._slope = np.asarray(direction[:2], dtype=float) / direction[2]
-        shapes = [(body, shape) for body in bodies for shape in _list_convex(body)]
-        self._bodies = [body for body, _ in shapes]
-        described = [_describe(shape) for _, shape in shapes]
-        count = max([8, *(len(points) for points, _ in described)])
-        self._points = _stack([points for points, _ in described], count)
+        described = [(body, _describe(shape)) for body in bodies for shape in body.collision_shapes]
+        convex = [(body, *found) for body, found in described if found is not None]
+        self._bodies = [body for body, _, _ in convex]
+        count = max([8, *(len(points) for _, points, _ in convex)])
+        self._points = _stack([points for _, points, _ in convex], count)
         self._fixed = _stack(fixed, count)
-        self._radii = np.array([radius for _, radius in described] + [0.0] * len(self._fixed))
+        self._radii = np.array([radius for *_, radius in convex] + [0.0] * len(self._fixed))
         fan = np.arange(1, _OUTLINE - 1)
         polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
         first = faces.max() + 1 + np.arange(len(self._radii)) * _OUTLINE
@@ -67,67 +66,12 @@ class ShadowCaster:
         Returns:
             Places on the ground [m], shape (W, 2).
         """
-        outlines = self._outline_bodies()  # (S, K, 2)
-        return np.concatenate([project(positions, self._slope), outlines.reshape(-1, 2)])
-
-    def _outline_bodies(self) -> np.ndarray:
         poses = [body.entity_pose.to_transformation_matrix() for body in self._bodies]
         T = np.array(poses, dtype=float).reshape(-1, 4, 4)
         moved = self._points @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
         flat = project(np.concatenate([moved, self._fixed]), self._slope)
-        return outline(flat, self._radii, self._slope)
-
-
-class FloorShadow:
-    """A shadow in one SAPIEN scene: the floor's picture, darkened, just above the floor."""
-
-    def __init__(
-        self,
-        scene: sapien.Scene,
-        caster: ShadowCaster,
-        *,
-        material: render.RenderMaterial,
-        picture_centre: Sequence[float],
-        picture_side: float,
-    ) -> None:
-        """Add an entity; the shadow is empty until `update`.
-
-        Args:
-            scene: Where it is drawn.
-            caster: Gives its shape.
-            material: Material of the floor in shadow.
-            picture_centre: Centre of the material's picture on the floor [m].
-            picture_side: Length of the picture's sides [m].
-        """
-        self._caster = caster
-        self._material = material
-        self._centre, self._side = np.asarray(picture_centre, dtype=float), picture_side
-        self._component: render.RenderBodyComponent | None = None
-        self.entity = sapien.Entity()
-        self.entity.name = "floor_shadow"
-        scene.add_entity(self.entity)
-
-    def update(self, positions: np.ndarray) -> None:
-        """Draw the shadows of the garment and of the bodies where they are now.
-
-        Args:
-            positions: Vertices of the garment [m], shape (V, 3), world frame.
-        """
-        flat = self._caster.cast(positions)
-        vertices = np.column_stack([flat, np.full(len(flat), HEIGHT)]).astype(np.float32)
-        shape = render.RenderShapeTriangleMesh(
-            vertices=vertices,
-            triangles=self._caster.faces.astype(np.uint32),
-            normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
-            uvs=((flat - self._centre) / self._side + 0.5).astype(np.float32),
-            material=self._material,
-        )
-        component = render.RenderBodyComponent()
-        component.attach(shape)
-        if self._component is not None:
-            self.entity.remove_component(self._component)
-        self.entity.add_component(component)
-        self._component = component
+        outlines = outline(flat, self._radii, self._slope)  # (S, K, 2)
+        return np.concatenate([project(positions, self._slope), outlines.reshape(-1, 2)])
 
 
 def project(points: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -159,34 +103,24 @@ def outline(flat: np.ndarray, radii: np.ndarray, slope: np.ndarray) -> np.ndarra
     return corners + radii[:, None, None] * reach
 
 
-def _list_convex(body: Body) -> list[physx.PhysxCollisionShape]:
-    kinds = (
-        physx.PhysxCollisionShapeBox,
-        physx.PhysxCollisionShapeCapsule,
-        physx.PhysxCollisionShapeSphere,
-        physx.PhysxCollisionShapeCylinder,
-        physx.PhysxCollisionShapeConvexMesh,
-    )
-    return [shape for shape in body.collision_shapes if isinstance(shape, kinds)]
-
-
-def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float]:
-    """Give a shape as points [m], frame of its body, thickened by a sphere's radius."""
+def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float] | None:
+    """Give a convex shape as points [m], frame of its body, thickened by a sphere's radius."""
+    radius = 0.0
     if isinstance(shape, physx.PhysxCollisionShapeBox):
-        points, radius = CORNERS * np.asarray(shape.half_size), 0.0
+        points = CORNERS * np.asarray(shape.half_size)
     elif isinstance(shape, physx.PhysxCollisionShapeCapsule):
-        # SAPIEN's capsules are along x
+        # SAPIEN's capsules and cylinders are along x
         points, radius = CORNERS * [shape.half_length, 0.0, 0.0], float(shape.radius)
     elif isinstance(shape, physx.PhysxCollisionShapeSphere):
         points, radius = CORNERS * 0.0, float(shape.radius)
     elif isinstance(shape, physx.PhysxCollisionShapeCylinder):
         rim = np.column_stack([np.zeros(len(_RIM)), _RIM * shape.radius])
-        ends = np.array([[-shape.half_length, 0.0, 0.0], [shape.half_length, 0.0, 0.0]])
-        points, radius = (rim + ends[:, None]).reshape(-1, 3), 0.0
+        end = np.array([shape.half_length, 0.0, 0.0])
+        points = np.concatenate([rim - end, rim + end])
     elif isinstance(shape, physx.PhysxCollisionShapeConvexMesh):
-        points, radius = np.asarray(shape.vertices) * np.asarray(shape.scale), 0.0
+        points = np.asarray(shape.vertices) * np.asarray(shape.scale)
     else:
-        raise TypeError(f"shape must be convex; got {type(shape).__name__}")
+        return None
     T = shape.local_pose.to_transformation_matrix()
     return points @ T[:3, :3].T + T[:3, 3], radius
 

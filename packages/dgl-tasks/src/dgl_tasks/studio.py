@@ -1,7 +1,8 @@
 """The studio that tasks take place in: a calm floor with a work mat, soft light, a plain backdrop.
 
-Everything is picture only, except for the ground plane. Light is one lamp and a dome; both are
-cheap to draw on a processor, and so are the flat shadows of `dgl_tasks.shadows`.
+Everything is picture only, except for the ground plane; `Appearance` shows it. Light is one lamp
+and a dome; both are cheap to draw on a processor, and so are the flat shadows of
+`dgl_tasks.shadows`.
 """
 
 import functools
@@ -24,14 +25,14 @@ from dgl_assets.materials import (
     sample_floor_material,
 )
 from dgl_physics.drawing.light import Studio
-from dgl_tasks.shadows import CORNERS, FloorShadow, ShadowCaster
+from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
+from dgl_tasks.shadows import HEIGHT
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
     from mani_skill.utils.structs import Actor
 
 Point2 = tuple[float, float]
-Point3 = tuple[float, float, float]
 
 FLOOR = (0.585, 0.560, 0.525)
 """Colour of the floor, linear."""
@@ -70,7 +71,6 @@ _STUDIO_AVOIDED = (
 """Yarns that are too near the colours of floor or mat."""
 _STUDIO_WEAVES: tuple[Weave, ...] = tuple(w for w in WEAVES if w != "denim")
 
-_COLUMN = 0.15  # width of the robots' columns [m]
 _NEAR_SIDE, _FAR_SIDE = 6.0, 60.0  # the detailed middle of the floor and all of it [m]
 _EDGE = 0.006  # width of a drawn edge [m]
 _NEAR_PIXEL = _NEAR_SIDE / 1024  # of the detailed middle [m]
@@ -117,7 +117,7 @@ def sample_floor_look(seed: int | Sequence[int] | np.random.Generator) -> FloorL
 
 
 def build_floor(scene: "ManiSkillScene") -> "Actor":
-    """Add the ground, a collision plane at z = 0; `draw_floor` gives it a look."""
+    """Add the ground, a collision plane at z = 0, without a look."""
     builder = scene.create_actor_builder()
     # SAPIEN's planes face along x
     builder.add_plane_collision(sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0]))
@@ -125,74 +125,74 @@ def build_floor(scene: "ManiSkillScene") -> "Actor":
     return builder.build_static(name="ground")
 
 
-class FloorPicture:
-    """Picture of the ground of `build_floor`, and of the shadows on it."""
+def make_floor(
+    look: FloorLook, *, mat_centre: Point2, pedestals: Sequence[Point2] = ()
+) -> tuple[Mesh, Mesh]:
+    """Make meshes of the floor, world frame: its detailed middle and a frame of the rest.
 
-    def __init__(
-        self,
-        scene: "ManiSkillScene",
-        ground: "Actor",
-        *,
-        mat_centre: Point2,
-        pedestals: Sequence[Point3] = (),
-    ) -> None:
-        """Prepare the picture; `draw` draws it.
+    Args:
+        look: Of floor and mat.
+        mat_centre: Centre of the work mat [m].
+        pedestals: Feet of the robots' columns [m]; the floor is darker around them.
+    """
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2.0
+    i = np.arange(4)
+    j = (i + 1) % 4
+    frame = np.concatenate([np.stack([i, j, 4 + j], 1), np.stack([i, 4 + j, 4 + i], 1)])
+    rings = np.concatenate([corners * _FAR_SIDE, corners * _NEAR_SIDE])
+    near, far = (
+        paint_floor(side, pixels, mat_centre=mat_centre, pedestals=tuple(pedestals), look=look)
+        for side, pixels in ((_NEAR_SIDE, 1024), (_FAR_SIDE, 512))
+    )
+    square = np.array([[0, 1, 2], [0, 2, 3]])
+    return (
+        _lay_flat(corners * _NEAR_SIDE + mat_centre, square, _make_matt(near), mat_centre),
+        _lay_flat(rings + mat_centre, frame, _make_matt(far), mat_centre, side=_FAR_SIDE),
+    )
 
-        Args:
-            scene: ManiSkill's scene, which must be able to render.
-            ground: The ground.
-            mat_centre: Centre of the work mat [m], world frame.
-            pedestals: Upper ends of the robots' columns [m]; the floor is darker around their feet.
-        """
-        self._scene = scene
-        (self._entity,) = ground._objs  # noqa: SLF001  ManiSkill has no way to add a mesh
-        self._centre = mat_centre
-        self._pedestals = list(pedestals)
-        self._components: list[sapien.render.RenderBodyComponent] = []
-        self._image: np.ndarray | None = None
 
-    def draw(self, look: FloorLook) -> None:
-        """Draw the floor anew."""
-        for component in self._components:
-            self._entity.remove_component(component)
-        self._components = []
-        feet = tuple(base[:2] for base in self._pedestals)
-        for side, hole, pixels in ((_FAR_SIDE, _NEAR_SIDE, 512), (_NEAR_SIDE, 0.0, 1024)):
-            self._image = paint_floor(
-                side, pixels, mat_centre=self._centre, pedestals=feet, look=look
-            )
-            component = sapien.render.RenderBodyComponent()
-            component.attach(_make_square(side, hole, self._centre, self._image))
-            self._entity.add_component(component)
-            self._components.append(component)
+def make_shade(floor: Mesh) -> SurfaceLook:
+    """Make the look in shadow of the floor's detailed middle."""
+    image = floor.surface.image
+    assert image is not None
+    # sRGB is close to a power law
+    return _make_matt((image.pixels * SHADE ** (1 / 2.2)).astype(np.uint8))
 
-    def build_caster(
-        self, bodies: Sequence[sapien.physx.PhysxRigidBaseComponent], faces: np.ndarray
-    ) -> ShadowCaster:
-        """Collect what throws shadows: a garment, bodies and the pedestals.
 
-        Args:
-            bodies: Rigid bodies.
-            faces: Triangles of the garment, shape (F, 3).
-        """
-        columns = [
-            np.array([x, y, z / 2]) + CORNERS * [_COLUMN / 2, _COLUMN / 2, z / 2]
-            for x, y, z in self._pedestals
-        ]
-        return ShadowCaster(bodies, faces=faces, direction=KEY_DIRECTION, fixed=columns)
+def make_shadow(flat: np.ndarray, faces: np.ndarray, shade: SurfaceLook, centre: Point2) -> Mesh:
+    """Make the mesh of a shadow on the floor, just above it.
 
-    def build_shadow(self, caster: ShadowCaster) -> FloorShadow:
-        """Add the shadow on the floor as it looks now."""
-        if self._image is None:
-            raise RuntimeError("draw() must be called before build_shadow()")
-        shaded = (self._image * SHADE ** (1 / 2.2)).astype(np.uint8)  # sRGB is close to a power law
-        return FloorShadow(
-            self._scene.sub_scenes[0],
-            caster,
-            material=_make_matt(shaded),
-            picture_centre=self._centre,
-            picture_side=_NEAR_SIDE,
-        )
+    Args:
+        flat: Vertices [m], shape (W, 2), world frame.
+        faces: Triangles, shape (G, 3).
+        shade: Look of `make_shade`.
+        centre: Centre of the work mat [m].
+    """
+    return _lay_flat(flat, faces, shade, centre, height=HEIGHT)
+
+
+def _lay_flat(
+    flat: np.ndarray,
+    faces: np.ndarray,
+    surface: SurfaceLook,
+    centre: Point2,
+    *,
+    side: float = _NEAR_SIDE,
+    height: float = 0.0,
+) -> Mesh:
+    """Make a level mesh that shows the part of a square picture around `centre` above it."""
+    return Mesh(
+        vertices=np.column_stack([flat, np.full(len(flat), height)]),
+        normals=np.tile([0.0, 0.0, 1.0], (len(flat), 1)),
+        faces=faces,
+        uvs=(flat - centre) / side + 0.5,
+        surface=surface,
+        segment=0,
+    )
+
+
+def _make_matt(picture: np.ndarray) -> SurfaceLook:
+    return SurfaceLook(image=Image(pixels=picture, is_repeated=False))
 
 
 def light_scene(scene: "ManiSkillScene") -> None:
@@ -206,25 +206,6 @@ def light_scene(scene: "ManiSkillScene") -> None:
 @functools.cache  # one for all scenes, which also keeps SAPIEN's renderer between them
 def _load_dome() -> sapien.render.RenderCubemap:
     return sapien.render.RenderCubemap(str(DOME_PATH))
-
-
-def paint_dome(pixels: int = 256) -> dict[str, np.ndarray]:
-    """Paint the environment map: light by height, the same all around.
-
-    `scripts/make_dome.py` makes `DOME_PATH` of it.
-
-    Returns:
-        Faces of the cube "side" (first row uppermost), "top" and "bottom", each of shape
-        (pixels, pixels, 3), uint8, sRGB.
-    """
-    ramp = (np.arange(pixels) + 0.5) / pixels * 2 - 1
-    across, down = np.meshgrid(ramp, ramp)
-    side = -down / np.sqrt(1 + across**2 + down**2)  # sine of the height
-    top = 1 / np.sqrt(1 + across**2 + down**2)
-    faces = {}
-    for name, sine in (("side", side), ("top", top), ("bottom", -top)):
-        faces[name] = (255 * shine_dome(sine) ** (1 / 2.2) + 0.5).astype(np.uint8)
-    return faces
 
 
 def shine_dome(sine: np.ndarray) -> np.ndarray:
@@ -308,43 +289,6 @@ def light_on_floor() -> np.ndarray:
     sine = -direction[2] / np.linalg.norm(direction)
     dome = 0.8 * np.array(ZENITH) + 0.2 * np.array(HORIZON)  # the blur of SAPIEN's diffuse light
     return np.array(KEY_COLOUR) * sine / np.pi + dome
-
-
-def _make_square(
-    side: float, hole: float, centre: Point2, image: np.ndarray
-) -> sapien.render.RenderShapeTriangleMesh:
-    """Make a horizontal square at z = 0, or a frame around a square hole, with a picture on it."""
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2.0
-    if hole:
-        flat = np.concatenate([corners * side, corners * hole])
-        i = np.arange(4)
-        j = (i + 1) % 4
-        triangles = np.concatenate([np.stack([i, j, 4 + j], 1), np.stack([i, 4 + j, 4 + i], 1)])
-    else:
-        flat, triangles = corners * side, np.array([[0, 1, 2], [0, 2, 3]])
-    vertices = np.column_stack([flat + centre, np.zeros(len(flat))])
-    return sapien.render.RenderShapeTriangleMesh(
-        vertices=vertices.astype(np.float32),
-        triangles=triangles.astype(np.uint32),
-        normals=np.tile(np.array([0, 0, 1], dtype=np.float32), (len(vertices), 1)),
-        uvs=(flat / side + 0.5).astype(np.float32),
-        material=_make_matt(image),
-    )
-
-
-def _make_matt(image: np.ndarray) -> sapien.render.RenderMaterial:
-    material = sapien.render.RenderMaterial()
-    material.roughness = 1.0
-    material.specular = 0.0
-    opaque = np.full((*image.shape[:2], 1), 255, dtype=np.uint8)
-    material.base_color_texture = sapien.render.RenderTexture2D(
-        np.concatenate([image, opaque], axis=2),
-        "R8G8B8A8Unorm",
-        mipmap_levels=int(np.log2(len(image))),
-        address_mode="edge",
-        srgb=True,
-    )
-    return material
 
 
 def _depth_in_rounded_box(

@@ -1,12 +1,87 @@
-"""Meshes of SAPIEN's bodies, to draw."""
+"""Meshes of bodies, to draw: those that SAPIEN shows, those that it shall show, and props."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import sapien
 from sapien import render
 
+from dgl_assets.props import PropPart
 from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
 
 _STRAIGHT = 0.08  # SAPIEN's unit of specular reflection
+_PROP_SPECULAR = 0.024
+
+
+def make_part_mesh(part: PropPart, *, texels: int, segment: int = 0) -> Mesh:
+    """Make the mesh of a prop's part; a tile of wood has `texels` along each side."""
+    finish, uvs, image = part.finish, part.uvs, None
+    if finish.wood is not None:
+        maps = finish.wood.render(texels)
+        image, uvs = Image(pixels=maps.base_colour), maps.compute_uvs(uvs)
+    return Mesh(
+        vertices=part.vertices,
+        normals=part.normals,
+        faces=part.faces,
+        uvs=uvs,
+        surface=SurfaceLook(
+            colour=finish.colour,
+            roughness=finish.roughness,
+            metallic=finish.metallic,
+            specular=_PROP_SPECULAR,
+            image=image,
+        ),
+        segment=segment,
+    )
+
+
+class ShownMeshes:
+    """Meshes that an entity shows in SAPIEN's pictures, where they are fixed once shown."""
+
+    def __init__(self, entity: sapien.Entity) -> None:
+        """Show nothing yet."""
+        self.entity = entity
+        self._component: render.RenderBodyComponent | None = None
+        self._materials: dict[SurfaceLook, render.RenderMaterial] = {}
+
+    def replace(self, meshes: Sequence[Mesh]) -> None:
+        """Show these meshes instead, whose frame is the entity's."""
+        component, before = render.RenderBodyComponent(), self._materials
+        self._materials = {
+            mesh.surface: before.get(mesh.surface) or _make_material(mesh.surface)
+            for mesh in meshes
+        }
+        for mesh in meshes:
+            shape = render.RenderShapeTriangleMesh(
+                vertices=np.asarray(mesh.vertices, dtype=np.float32),
+                triangles=np.asarray(mesh.faces, dtype=np.uint32),
+                normals=np.asarray(mesh.normals, dtype=np.float32),
+                uvs=np.asarray(mesh.uvs, dtype=np.float32),
+                material=self._materials[mesh.surface],
+            )
+            component.attach(shape)
+        if self._component is not None:
+            self.entity.remove_component(self._component)
+        self.entity.add_component(component)
+        self._component = component
+
+
+def _make_material(surface: SurfaceLook) -> render.RenderMaterial:
+    material = render.RenderMaterial()
+    material.base_color = [*surface.colour, 1.0]
+    material.roughness, material.metallic = surface.roughness, surface.metallic
+    material.specular = surface.specular / _STRAIGHT
+    if surface.image is not None:
+        pixels = surface.image.pixels
+        opaque = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+        material.base_color_texture = render.RenderTexture2D(
+            np.concatenate([pixels, opaque], axis=2),
+            "R8G8B8A8Unorm",
+            mipmap_levels=int(np.log2(len(pixels))),
+            address_mode="repeat" if surface.image.is_repeated else "edge",
+            srgb=True,
+        )
+    return material
 
 
 def read_meshes(entity: sapien.Entity, body: int | None) -> list[Mesh]:

@@ -8,19 +8,18 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from dgl_assets.props import Prop, PropPart
+from dgl_assets.props import Prop
 from dgl_physics.drawing.camera import PinholeCamera
 from dgl_physics.drawing.light import DAYLIGHT, GAMMA
-from dgl_physics.drawing.mesh import Image as Texture
 from dgl_physics.drawing.mesh import Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser
+from dgl_tasks.drawing.bodies import make_part_mesh
 
 __all__ = ["draw_prop", "draw_prop_sheet"]
 
 BACKGROUND = (244, 242, 238)
 _FINER = 3  # times that a picture is drawn finer than it becomes
 _TEXELS = 512  # of a tile of wood
-_SPECULAR = 0.03
 _LAMPS, _SPREAD = 24, 0.12  # directions to the lamp, and how wide it is [rad]
 _SKY = 48  # directions to the sky
 _HAZE = 0.03  # of shadows, a share of the light, which is left out: it has streaks and no end
@@ -46,12 +45,13 @@ def draw_prop(
     """
     camera = _aim(prop, size, azimuth, elevation)
     fine = replace(camera, width=_FINER * size[0], height=_FINER * size[1])
-    drawn = Rasteriser([_make_mesh(part) for part in prop.parts]).draw_picture(fine)
+    meshes = [make_part_mesh(part, texels=_TEXELS, segment=1) for part in prop.parts]
+    drawn = Rasteriser(meshes).draw_picture(fine)
     is_prop = (drawn.segments > 0)[..., None]
     blocks = (size[1], _FINER, size[0], _FINER, -1)
     share = is_prop.reshape(blocks).mean(axis=(1, 3))
     light = np.where(is_prop, (drawn.rgb / 255.0) ** GAMMA, 0.0).reshape(blocks).mean(axis=(1, 3))
-    image = light + (1.0 - share) * _draw_ground(prop, camera)
+    image = light + (1.0 - share) * _draw_ground(prop, meshes, camera)
     return (255 * image ** (1 / GAMMA) + 0.5).astype(np.uint8), camera
 
 
@@ -71,33 +71,12 @@ def _aim(prop: Prop, size: tuple[int, int], azimuth: float, elevation: float) ->
     )
 
 
-def _make_mesh(part: PropPart) -> Mesh:
-    finish, uvs, image = part.finish, part.uvs, None
-    if finish.wood is not None:
-        maps = finish.wood.render(_TEXELS)
-        image, uvs = Texture(pixels=maps.base_colour), maps.compute_uvs(uvs)
-    return Mesh(
-        vertices=part.vertices,
-        normals=part.normals,
-        faces=part.faces,
-        uvs=uvs,
-        surface=SurfaceLook(
-            colour=finish.colour,
-            roughness=finish.roughness,
-            metallic=finish.metallic,
-            specular=_SPECULAR,
-            image=image,
-        ),
-        segment=1,
-    )
-
-
-def _draw_ground(prop: Prop, camera: PinholeCamera) -> np.ndarray:
+def _draw_ground(prop: Prop, meshes: list[Mesh], camera: PinholeCamera) -> np.ndarray:
     """Draw the floor and backdrop with the shadow; linear colours, shape (H, W, 3)."""
     low, high = prop.extent
     middle = (low + high)[:2] / 2
     half = 1.2 * float(np.linalg.norm(high - low))
-    shadows = ndimage.gaussian_filter(_cast(prop, middle, half), 1.5, mode="constant")
+    shadows = ndimage.gaussian_filter(_cast(meshes, middle, half), 1.5, mode="constant")
     rays = camera.compute_rays()
     way = np.where(rays[..., 2] < -1e-3, -camera.position[2] / np.minimum(rays[..., 2], -1e-3), 0.0)
     place = camera.position + way[..., None] * rays
@@ -108,19 +87,10 @@ def _draw_ground(prop: Prop, camera: PinholeCamera) -> np.ndarray:
     return (np.array(BACKGROUND) / 255.0) ** GAMMA * (1.0 - dark)
 
 
-def _cast(prop: Prop, middle: np.ndarray, half: float) -> np.ndarray:
+def _cast(meshes: list[Mesh], middle: np.ndarray, half: float) -> np.ndarray:
     """Find the share of light that the ground lacks, from above, shape (`_SHADOW`, `_SHADOW`)."""
-    vertices = np.concatenate([part.vertices for part in prop.parts]).astype(np.float64)
-    starts = np.cumsum([0, *(len(part.vertices) for part in prop.parts)])
-    faces = [part.faces + start for part, start in zip(prop.parts, starts, strict=False)]
-    flat = Mesh(
-        vertices=vertices,
-        normals=np.zeros_like(vertices),
-        faces=np.concatenate(faces),
-        surface=SurfaceLook(inside_shade=1.0),  # whichever side is up
-        segment=1,
-        body=0,
-    )
+    two_sided = SurfaceLook(inside_shade=1.0)  # of a flattened mesh, either side is up
+    drawn = Rasteriser([replace(mesh, surface=two_sided, body=0) for mesh in meshes])
     above = PinholeCamera.aim(
         [*middle, 0.0],
         [0, 0, 1],
@@ -129,10 +99,11 @@ def _cast(prop: Prop, middle: np.ndarray, half: float) -> np.ndarray:
         half_width=half,
         size=(_SHADOW, _SHADOW),
     )
-    drawn, dark = Rasteriser([flat]), np.zeros((_SHADOW, _SHADOW))
+    dark = np.zeros((_SHADOW, _SHADOW))
     for direction, weight in _list_lights():
-        on_ground = vertices - vertices[:, 2:] / direction[2] * direction
-        drawn.set_vertices(0, on_ground)
+        for k, mesh in enumerate(meshes):
+            height = mesh.vertices[:, 2:].astype(np.float64)
+            drawn.set_vertices(k, mesh.vertices - height / direction[2] * direction)
         dark += weight * (drawn.find_triangles(above).meshes >= 0)
     return dark
 
