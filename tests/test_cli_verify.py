@@ -7,22 +7,29 @@ import pytest
 from dexgarmentlab.cli import main
 from dgl_collect import AttemptResult
 from dgl_collect.attempt_jobs import make_attempt_seed
-from dgl_collect.run_folder import RunFolder
+from dgl_collect.run_folder import RunRecord, opened_run
 
-IDENTITY = {"task": "FoldTops-v1", "seed": 1_000_003, "attempt_factory": "m:f", "options": {}}
+RUN = RunRecord(
+    run_format=1,
+    task="FoldTops-v1",
+    seed=1_000_003,
+    attempt_factory="m:f",
+    options={},
+    versions={},
+    commands=("dgl",),
+)
 
 
 @pytest.fixture
 def evaluation(tmp_path):
     """An evaluation of two episodes of seed 3, one of them a success."""
     out = tmp_path / "eval"
-    folder = RunFolder(out / "seed-3", identity=IDENTITY, resume=False, command="dgl eval")
     runs = []
-    with folder:
+    with opened_run(out / "seed-3", RUN, resume=False) as folder:
         for index, success in enumerate((True, False)):
             result = AttemptResult(
                 index=index,
-                seed=make_attempt_seed(IDENTITY["seed"], index),
+                seed=make_attempt_seed(RUN.seed, index),
                 success=success,
                 reason=None if success else "on the ground",
             )
@@ -66,8 +73,8 @@ def test_another_folder_is_refused(tmp_path, capsys):
 
 def test_attempts_that_are_not_made_yet_are_told_and_no_fault(tmp_path, capsys):
     out = tmp_path / "out"
-    with RunFolder(out, identity=IDENTITY, resume=False, command="dgl collect") as folder:
-        seed = make_attempt_seed(IDENTITY["seed"], 1)
+    with opened_run(out, RUN, resume=False) as folder:
+        seed = make_attempt_seed(RUN.seed, 1)
         result = AttemptResult(index=1, seed=seed, success=False, reason="on the ground")
         folder.commit(result, tmp_path / "none")
         folder.write_summary(requested=4, status="interrupted")

@@ -16,10 +16,10 @@ import pytest
 from dexgarmentlab.reports import attempt, evaluation, figures, page, pictures
 from dexgarmentlab.reports.collection import write_report
 from dexgarmentlab.reports.words import DRAWN, MEASURED
-from dgl_collect import AttemptResult, Criterion, VideoWriter, write_episode
+from dgl_collect import AttemptResult, Criterion, VideoWriter, package_versions, write_episode
 from dgl_collect.evaluation.results import Run, summarize
 from dgl_collect.results import read_results
-from dgl_collect.run_folder import ATTEMPTS_FILE, RunFolder
+from dgl_collect.run_folder import ATTEMPTS_FILE, RunRecord, opened_run
 from dgl_collect.video import save_png
 from dgl_tasks import get_task, task_ids
 from dgl_tasks.driver import Driver
@@ -59,10 +59,16 @@ def make_run(tmp_path, monkeypatch):
     fakes = importlib.import_module("dgl_collect_fakes")
 
     def make(successes, *, status="complete", reason="left <cuff> slipped", first_tries=()):
-        identity = {"task": "FoldTops-v1", "seed": 5}
-        command = "dgl collect FoldTops-v1 --out 'my out'"
-        folder = RunFolder(tmp_path / "run", identity=identity, resume=False, command=command)
-        with folder:
+        record = RunRecord(
+            run_format=1,
+            task="FoldTops-v1",
+            seed=5,
+            attempt_factory="m:f",
+            options={},
+            versions=package_versions(),
+            commands=("dgl collect FoldTops-v1 --out 'my out'",),
+        )
+        with opened_run(tmp_path / "run", record, resume=False) as folder:
             for index, success in enumerate(successes):
                 staging = folder.path / ".staging" / str(index)
                 staging.mkdir(parents=True)

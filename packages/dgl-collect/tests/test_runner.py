@@ -26,7 +26,7 @@ from dgl_collect import (
 )
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.results import read_results
-from dgl_collect.run_folder import RunFolder
+from dgl_collect.run_folder import opened_run, read_run
 from dgl_collect.workers import dispatch
 from dgl_collect.workers.engine import Lost, Worker
 from dgl_collect.workers.inside import Workbench
@@ -253,9 +253,7 @@ def test_a_folder_in_use_or_not_ours_is_refused(run, tmp_path):
 
 
 def test_two_runs_cannot_share_a_folder(run, finished_out):
-    content = json.loads((finished_out / "run.json").read_text())
-    identity = {key: content[key] for key in ("task", "seed", "attempt_factory", "options")}
-    folder = RunFolder(finished_out, identity=identity, resume=True, command="")
+    folder = opened_run(finished_out, read_run(finished_out), resume=True)
     with folder, pytest.raises(OutputFolderError, match="another run is writing"):
         run(options={"tell_garbage": True}, resume=True)
 

@@ -1,5 +1,6 @@
 """Faults of run folders are found, and nothing is changed."""
 
+import dataclasses
 import errno
 import hashlib
 import json
@@ -16,9 +17,10 @@ import pytest
 from dgl_collect import CollectConfig, collect
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.errors import FileUnavailableError
-from dgl_collect.results import drop_lost_attempts, read_results, summarize, write_summary
+from dgl_collect.results import drop_lost_attempts, read_results, summarize
 from dgl_collect.verify import verify_run
 from dgl_collect.video import VideoWriter, save_png
+from dgl_files.whole import write_json
 
 GOOD, BAD = (
     next(k for k in range(8) if (make_attempt_seed(0, k) % 2 == 0) == success)
@@ -109,7 +111,7 @@ def forget_last_attempt(out):
     results = read_results(path)
     summary = json.loads((out / "summary.json").read_text())
     kept = {name: summary[name] for name in ("task", "seed", "requested", "status", "versions")}
-    write_summary(out / "summary.json", summarize(results, **kept))
+    write_json(out / "summary.json", dataclasses.asdict(summarize(results, **kept)))
 
 
 def append(path, text):

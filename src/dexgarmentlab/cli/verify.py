@@ -31,9 +31,8 @@ class VerifyOptions:
 def run(options: VerifyOptions) -> int:
     """Check, and say what is wrong."""
     from dgl_collect.evaluation.results import RESULTS_FILE
-    from dgl_collect.evaluation.verify import verify_evaluation
     from dgl_collect.run_folder import RUN_FILE, SUMMARY_FILE
-    from dgl_collect.verify import find_missing, verify_run
+    from dgl_collect.verify import find_missing, verify_evaluation, verify_run
 
     folder = options.folder
     if (folder / RUN_FILE).is_file():

@@ -20,7 +20,7 @@ from annotated_types import Ge, Lt
 from dgl_collect.episodes import opened_episode
 from dgl_collect.errors import CorruptEpisodeError, OutputFolderError
 from dgl_files.fields import STRICT, check_fields, read_json
-from dgl_files.whole import write_json, write_text
+from dgl_files.whole import write_text
 from dgl_tasks.success import Criterion
 
 logger = logging.getLogger(__name__)
@@ -203,6 +203,9 @@ def wilson_interval(successes: int, attempts: int) -> tuple[float, float]:
     return low, 1.0 if successes == attempts else middle + half
 
 
+RunStatus = Literal["complete", "interrupted", "failed"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Summary:
     """Counts of a run; the content of `summary.json`."""
@@ -213,7 +216,7 @@ class Summary:
     """Environment id."""
     seed: int
     """Seed of the run."""
-    status: Literal["complete", "interrupted", "failed"]
+    status: RunStatus
     """`complete` if every attempt that was asked for was made."""
     requested: int
     """Attempts asked for."""
@@ -245,7 +248,7 @@ def summarize(
     task: str,
     seed: int,
     requested: int,
-    status: Literal["complete", "interrupted", "failed"],
+    status: RunStatus,
     versions: Mapping[str, str],
 ) -> Summary:
     """Count the results of a run; `Summary` describes the arguments."""
@@ -257,7 +260,7 @@ def summarize(
             counts = garments.setdefault(result.garment_id, {"attempted": 0, "succeeded": 0})
             counts["attempted"] += 1
             counts["succeeded"] += result.success
-    reasons = Counter(result.reason for result in results if result.reason is not None)
+    reasons, details = count_reasons(results)
     return Summary(
         task=task,
         seed=seed,
@@ -273,18 +276,17 @@ def summarize(
             "mean": statistics.fmean(seconds) if seconds else None,
         },
         garments=dict(sorted(garments.items())),
-        reasons=dict(reasons.most_common()),
-        details={
-            name: next(result.detail for result in results if result.reason == name)
-            for name, _ in reasons.most_common()
-        },
+        reasons=reasons,
+        details=details,
         versions=versions,
     )
 
 
-def write_summary(path: Path, summary: Summary) -> None:
-    """Write `summary.json`: the old one stays until the new one is whole."""
-    write_json(path, dataclasses.asdict(summary))
+def count_reasons(results: Sequence[AttemptResult]) -> tuple[dict[str, int], dict[str, str]]:
+    """Count the reasons of failure, most frequent first; also give the first detail of each."""
+    counts = Counter(result.reason for result in results if result.reason is not None).most_common()
+    first = {result.reason: result.detail for result in reversed(results)}
+    return dict(counts), {reason: first[reason] for reason, _ in counts}
 
 
 def package_versions() -> dict[str, str]:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
-from collections.abc import Iterable, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar
 
-from dgl_collect.errors import MachineError, OutputFolderError
+from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import check_continued, disk_faults_told, locked_folder
 from dgl_collect.results import (
     ATTEMPTS_FILE,
     AttemptResult,
+    RunStatus,
     Summary,
     drop_lost_attempts,
-    package_versions,
     summarize,
-    write_summary,
 )
 from dgl_collect.workers import Machine
 from dgl_files.fields import STRICT, read_json_file
@@ -38,11 +37,11 @@ KEPT_OF_FAILURES = ("video", "picture")
 """Files of failed attempts that are kept for people; an episode would mislead training."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RunRecord:
     """Content of `run.json`."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__: ClassVar = STRICT
 
     run_format: int
     """Version of the folder's format."""
@@ -59,7 +58,7 @@ class RunRecord:
     commands: tuple[str, ...]
     """Command lines of the run, in order."""
     machines: tuple[Machine, ...] = ()
-    """Machines of the workers; none in older folders."""
+    """Machines of the workers; their processors may round differently."""
 
     def __post_init__(self) -> None:
         if self.run_format != RUN_FORMAT:
@@ -83,59 +82,72 @@ def read_run(folder: Path) -> RunRecord:
         raise OutputFolderError(str(err)) from err
 
 
-class RunFolder:
-    """An open run folder; used as a context manager, it is locked against other runs.
+@contextmanager
+def opened_run(path: Path, record: RunRecord, *, resume: bool) -> Iterator[RunFolder]:
+    """Open the folder of a run, and lock it against other runs.
 
     Args:
         path: The folder; made when missing.
-        identity: Values that must be equal for a run to be continued; JSON-ready.
+        record: The run. One that is continued must have equal task, seed, factory and options.
         resume: Continue the run in the folder. Without it the folder must be empty.
-        command: Command line to record.
 
     Raises:
         OutputFolderError: If the folder is not writable, not empty, busy, or of another run.
     """
+    with locked_folder(path):
+        with disk_faults_told():
+            folder = _open_run(path, record, resume=resume)
+        yield folder
 
-    def __init__(
-        self, path: Path, *, identity: Mapping[str, object], resume: bool, command: str
-    ) -> None:
-        self.path = path
-        self.results: list[AttemptResult] = []
-        self.versions = package_versions()
-        self._identity = identity
-        self._resume = resume
-        self._command = command
-        self._content: dict[str, object] = {}  # of run.json
-        self._machines: list[dict[str, object]] = []
-        self._held = ExitStack()
 
-    def __enter__(self) -> RunFolder:
-        with ExitStack() as stack:
-            stack.enter_context(locked_folder(self.path))
-            with disk_faults_told():
-                self._open_run()
-            self._held = stack.pop_all()
-        return self
+def _open_run(path: Path, record: RunRecord, *, resume: bool) -> RunFolder:
+    is_empty = not any(path.iterdir())
+    if not is_empty and not resume:
+        raise OutputFolderError(
+            f"{path} is not empty; add --resume to continue the run in it, or choose another --out"
+        )
+    if not is_empty and not (path / RUN_FILE).exists():
+        raise OutputFolderError(
+            f"{path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
+        )
+    results: list[AttemptResult] = []
+    if is_empty and resume:
+        logger.warning("%s has no run yet: this one begins there", path)
+    elif not is_empty:
+        found = read_run(path)
+        identity = {
+            name: getattr(record, name) for name in ("task", "seed", "attempt_factory", "options")
+        }
+        check_continued(path, asdict(found), identity)
+        if found.versions != record.versions:
+            logger.warning("%s was begun with other package versions", path)
+        commands = (*found.commands, *record.commands)
+        record = replace(record, commands=commands, machines=found.machines)
+        drop_unfinished_line(path / ATTEMPTS_FILE)
+        results = drop_lost_attempts(path)
+    write_json(path / RUN_FILE, asdict(record))
+    return RunFolder(path, record, results)
 
-    def __exit__(self, *_: object) -> None:
-        self._held.close()
 
-    @property
-    def attempts_path(self) -> Path:
-        """The file with one line per attempt."""
-        return self.path / ATTEMPTS_FILE
+@dataclass
+class RunFolder:
+    """An open run folder; see `opened_run`."""
 
+    path: Path
+    record: RunRecord
+    results: list[AttemptResult]
+    """Results of the attempts made so far."""
+
+    @disk_faults_told()
     def add_machines(self, machines: Iterable[Machine]) -> None:
-        """Record the machines of workers in `run.json`; processors may round differently."""
-        new = [dataclasses.asdict(machine) for machine in machines]
-        new = [machine for machine in new if machine not in self._machines]
+        """Record the machines of workers in `run.json`."""
+        new = set(machines) - set(self.record.machines)
         if new:
-            self._machines += sorted(new, key=lambda machine: str(machine["host"]))
-            with disk_faults_told():
-                write_json(
-                    self.path / RUN_FILE, {**self._content, "machines": list(self._machines)}
-                )
+            added = sorted(new, key=lambda machine: machine.host)
+            self.record = replace(self.record, machines=(*self.record.machines, *added))
+            write_json(self.path / RUN_FILE, asdict(self.record))
 
+    @disk_faults_told()
     def commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
         """Move an attempt's files into the folder, then write its line.
 
@@ -149,12 +161,6 @@ class RunFolder:
         Raises:
             MachineError: If the disk is full; there is no line then.
         """
-        with disk_faults_told():
-            result = self._commit(result, staging)
-        self.results.append(result)
-        return result
-
-    def _commit(self, result: AttemptResult, staging: Path) -> AttemptResult:
         target = "episodes" if result.success else "failed"
         files: dict[str, str] = {}
         checksums: dict[str, str] = {}
@@ -167,61 +173,21 @@ class RunFolder:
                 files[kind] = f"{target}/{name}"
         if files:
             sync_folder(self.path / target)
-        result = dataclasses.replace(result, files=files, checksums=checksums)
-        append_line(self.attempts_path, result.to_line())
+        result = replace(result, files=files, checksums=checksums)
+        append_line(self.path / ATTEMPTS_FILE, result.to_line())
+        self.results.append(result)
         return result
 
-    def write_summary(
-        self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
-    ) -> Summary:
+    @disk_faults_told()
+    def write_summary(self, *, requested: int, status: RunStatus) -> Summary:
         """Count the results so far and write `summary.json`."""
         summary = summarize(
             sorted(self.results, key=lambda result: result.index),
-            task=str(self._identity["task"]),
-            seed=int(str(self._identity["seed"])),
+            task=self.record.task,
+            seed=self.record.seed,
             requested=requested,
             status=status,
-            versions=self.versions,
+            versions=self.record.versions,
         )
-        with disk_faults_told():
-            write_summary(self.path / SUMMARY_FILE, summary)
+        write_json(self.path / SUMMARY_FILE, asdict(summary))
         return summary
-
-    def try_to_write_summary(
-        self, *, requested: int, status: Literal["complete", "interrupted", "failed"]
-    ) -> None:
-        """Write `summary.json` after an error; a full disk does not hide the error."""
-        with suppress(OSError, MachineError):
-            self.write_summary(requested=requested, status=status)
-
-    def _open_run(self) -> None:
-        run_path = self.path / RUN_FILE
-        is_empty = not any(self.path.iterdir())
-        if not is_empty and not self._resume:
-            raise OutputFolderError(
-                f"{self.path} is not empty; add --resume to continue the run in it, "
-                "or choose another --out"
-            )
-        if not is_empty and not run_path.exists():
-            raise OutputFolderError(
-                f"{self.path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
-            )
-        if is_empty and self._resume:
-            logger.warning("%s has no run yet: this one begins there", self.path)
-        commands: list[object] = []
-        if run_path.exists():
-            commands = self._check_run()
-            drop_unfinished_line(self.attempts_path)
-            self.results = drop_lost_attempts(self.path)
-        content = {"run_format": RUN_FORMAT, **self._identity, "versions": self.versions}
-        self._content = {**content, "commands": [*commands, self._command]}
-        write_json(run_path, {**self._content, "machines": self._machines})
-
-    def _check_run(self) -> list[object]:
-        """Compare with the run in the folder; return its commands."""
-        found = read_run(self.path)
-        check_continued(self.path, dataclasses.asdict(found), self._identity)
-        self._machines = [dataclasses.asdict(machine) for machine in found.machines]
-        if found.versions != self.versions:
-            logger.warning("%s was begun with other package versions", self.path)
-        return list(found.commands)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dgl_collect.attempt_jobs import make_job, read_outcome
+from dgl_collect.errors import MachineError
 from dgl_collect.options import RecordOptions, RunOptions
-from dgl_collect.results import AttemptResult, Summary
-from dgl_collect.run_folder import RunFolder
+from dgl_collect.results import AttemptResult, Summary, package_versions
+from dgl_collect.run_folder import RUN_FORMAT, RunRecord, opened_run
 from dgl_collect.workers import (
     Dispatcher,
     Limits,
@@ -68,14 +69,17 @@ class CollectConfig:
         except (TypeError, ValueError) as err:
             raise ValueError(f"options must be JSON-ready; {err}") from err
 
-    def make_identity(self, task: Task) -> dict[str, object]:
-        """Return the values that must be equal for a run to be continued."""
-        return {
-            "task": task.id,
-            "seed": self.seed,
-            "attempt_factory": self.attempt_factory,
-            "options": json.loads(json.dumps(self._plain_options)),
-        }
+    def make_record(self, task: Task) -> RunRecord:
+        """Make the content of `run.json`."""
+        return RunRecord(
+            run_format=RUN_FORMAT,
+            task=task.id,
+            seed=self.seed,
+            attempt_factory=self.attempt_factory,
+            options=json.loads(json.dumps(self._plain_options)),
+            versions=package_versions(),
+            commands=(self.command,),
+        )
 
     @property
     def _plain_options(self) -> dict[str, object]:
@@ -131,14 +135,9 @@ def collect(
     end_unguarded_import()
     task = load_task(config.task)
     check_workers(config.workers)
-    folder = RunFolder(
-        config.out,
-        identity=config.make_identity(task),
-        resume=config.resume,
-        command=config.command,
-    )
+    record = config.make_record(task)
     began = time.monotonic()
-    with folder, stop_signals() as stop:
+    with opened_run(config.out, record, resume=config.resume) as folder, stop_signals() as stop:
         resumed = len(folder.results)
         done = {result.index for result in folder.results}
 
@@ -179,7 +178,8 @@ def collect(
                     folder.commit(result, outcome.folder)
                     report()
         except BaseException:
-            folder.try_to_write_summary(requested=config.episodes, status="failed")
+            with suppress(OSError, MachineError):  # a full disk does not hide the error
+                folder.write_summary(requested=config.episodes, status="failed")
             raise
         status = "interrupted" if stop.is_set() else "complete"
         return folder.write_summary(requested=config.episodes, status=status)

@@ -13,6 +13,7 @@ import imageio.v3 as iio
 from dgl_collect.attempt_jobs import make_attempt_seed, make_episode_id
 from dgl_collect.episodes import read_episode
 from dgl_collect.errors import CorruptEpisodeError, OutputFolderError
+from dgl_collect.evaluation.results import RESULTS_FILE, ResultsRecord
 from dgl_collect.files import unavailable_told
 from dgl_collect.results import (
     ATTEMPTS_FILE,
@@ -27,7 +28,7 @@ from dgl_collect.runner import CollectConfig
 from dgl_files.fields import read_json_file
 from dgl_files.whole import compute_checksum
 
-__all__ = ["find_missing", "verify_run"]
+__all__ = ["find_missing", "verify_evaluation", "verify_run"]
 
 _FOLDERS = ("episodes", "failed")
 
@@ -207,3 +208,42 @@ def _check_summary(path: Path, results: list[AttemptResult]) -> str:
             "is missing"
         )
     return ""
+
+
+def verify_evaluation(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Check an evaluation: the runs of its seeds, and `results.json` against their lines.
+
+    Args:
+        folder: Of the evaluation.
+
+    Yields:
+        As `verify_run`.
+    """
+    path = folder / RESULTS_FILE
+    try:
+        content = read_json_file(ResultsRecord, path)
+    except (ValueError, OSError) as err:
+        yield path, str(err)
+        return
+    told = {(run.seed, run.episode): (run.episode_seed, run.success) for run in content.runs}
+    counted = {}
+    for run in sorted(folder.glob("seed-*")):
+        yield from verify_run(run)
+        seed = run.name.removeprefix("seed-")
+        results, _ = inspect_results(run / ATTEMPTS_FILE)
+        if seed.isdecimal():
+            counted |= {(int(seed), r.index): (r.seed, r.success) for r in results}
+    for seed, episode in sorted(told.keys() | counted.keys()):
+        ours, its = told.get((seed, episode)), counted.get((seed, episode))
+        if ours != its:
+            where = f"{path}: episode {episode} of seed {seed}"
+            told_there = f"{ATTEMPTS_FILE} of seed-{seed} says {_describe(its)}"
+            yield path, f"{where} is {_describe(ours)}; {told_there}"
+            return
+    yield path, ""
+
+
+def _describe(told: tuple[int, bool] | None) -> str:
+    if told is None:
+        return "not there"
+    return f"a {'success' if told[1] else 'failure'} with the seed {told[0]}"

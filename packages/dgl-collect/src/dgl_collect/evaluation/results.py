@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from dgl_collect import AttemptResult, wilson_interval
+from dgl_collect.results import AttemptResult, count_reasons, wilson_interval
 from dgl_files.fields import STRICT_PART
 
 __all__ = [
@@ -157,7 +157,7 @@ def summarize(runs: Sequence[Run]) -> Results:
     rates = [item.rate for item in by_seed.values() if item.rate is not None]
     values = [result.value for result in everything if result.value is not None]
     splits = sorted({_split(result) for result in everything})
-    reasons = Counter(result.reason for result in everything if result.reason is not None)
+    reasons, details = count_reasons(everything)
     return Results(
         total=count(everything),
         by_seed=by_seed,
@@ -168,11 +168,8 @@ def summarize(runs: Sequence[Run]) -> Results:
         value_least=min(values, default=None),
         value_largest=max(values, default=None),
         seconds_median=statistics.median(r.seconds for r in everything) if everything else None,
-        reasons=dict(reasons.most_common()),
-        details={
-            name: next(result.detail for result in everything if result.reason == name)
-            for name, _ in reasons.most_common()
-        },
+        reasons=reasons,
+        details=details,
     )
 
 
