@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dgl_assets import load_garment
-from dgl_physics import ClothMaterial, SolidMaterial
-from dgl_tasks.soft_body import SoftBody
+from dgl_physics import ClothMaterial, ModelBuilder, SolidMaterial, State
+from dgl_tasks.soft_body import add_soft_body
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +31,16 @@ class Simulation:
         self.added.append(("cloth", vertices, faces, how))
 
 
-def add(body, vertices):
+def add(garment, vertices, *what):
     simulation = Simulation()
-    body.add_to(simulation, vertices)
+    add_soft_body(simulation, garment, vertices, *what)
     (added,) = simulation.added
     return added
 
 
 def test_cloth_keeps_its_rest_shape_wherever_it_is_placed(top):
     material, moved = ClothMaterial(), top.vertices + np.array([0.0, 0.0, 1.0])
-    kind, vertices, faces, how = add(SoftBody(top, material), moved)
+    kind, vertices, faces, how = add(top, moved, material)
     assert kind == "cloth"
     assert vertices is moved
     assert faces is top.faces
@@ -49,10 +49,10 @@ def test_cloth_keeps_its_rest_shape_wherever_it_is_placed(top):
 
 def test_a_shell_has_its_wall_and_is_stiffer_where_it_is_said_to_be(hat):
     material = SolidMaterial(youngs_modulus=3e5)
-    kind, _, _, how = add(SoftBody(hat, material), hat.vertices)
+    kind, _, _, how = add(hat, hat.vertices, material)
     assert kind == "solid"
     assert how == {"material": material, "thickness": hat.wall_thickness, "stiffness": None}
-    *_, how = add(SoftBody(hat, material, {"brim": 5.0}), hat.vertices)
+    *_, how = add(hat, hat.vertices, material, {"brim": 5.0})
     by_panel = {
         name: how["stiffness"][np.unique(hat.faces[hat.face_panels == k])]
         for k, name in enumerate(hat.panels)
@@ -62,20 +62,22 @@ def test_a_shell_has_its_wall_and_is_stiffer_where_it_is_said_to_be(hat):
     np.testing.assert_array_equal(by_panel["brim"], 5.0)
     assert set(by_panel["crown"]) == {1.0, 5.0}
     assert (by_panel["crown"] == 1.0).mean() > 0.5
-    *_, how = add(SoftBody(hat, material, {"brim": 0.2}), hat.vertices)
+    *_, how = add(hat, hat.vertices, material, {"brim": 0.2})
     assert set(how["stiffness"]) == {0.2, 1.0}
 
 
-def test_the_surface_of_a_shell_is_its_outer_side(hat):
-    outer, inner = hat.vertices, hat.vertices - [0, 0, hat.wall_thickness]
-    body = SoftBody(hat, SolidMaterial())
-    np.testing.assert_array_equal(body.get_surface(np.concatenate([outer, inner])), outer)
+def test_the_vertices_of_a_shell_are_its_first_particles(hat):
+    builder = ModelBuilder()
+    add_soft_body(builder, hat, hat.vertices, SolidMaterial())
+    particles = State(builder.build("cpu")).get_positions()[0]
+    assert len(particles) > len(hat.vertices)
+    np.testing.assert_allclose(particles[: len(hat.vertices)], hat.vertices, atol=1e-6)
 
 
 def test_what_does_not_belong_together_is_refused(hat, top):
     with pytest.raises(ValueError, match="of Bowl_Hat must be a SolidMaterial; got a ClothMat"):
-        SoftBody(hat, ClothMaterial())
+        add(hat, hat.vertices, ClothMaterial())
     with pytest.raises(ValueError, match="of Tops_LongSleeve must be a ClothMaterial; got a Solid"):
-        SoftBody(top, SolidMaterial())
+        add(top, top.vertices, SolidMaterial())
     with pytest.raises(ValueError, match=r"panels \['brim', 'crown'\] of Bowl_Hat; got \['rim'\]"):
-        SoftBody(hat, SolidMaterial(), {"rim": 2.0, "brim": 3.0})
+        add(hat, hat.vertices, SolidMaterial(), {"rim": 2.0, "brim": 3.0})

@@ -60,6 +60,8 @@ class FoldRecord:
         self, config: SolverConfig | None = None, *, device: str = "cpu"
     ) -> tuple[SolverXPBD, State]:
         """Build the cloth alone, against the same colliders, at the record's start."""
+        from dgl_tasks.soft_body import add_soft_body
+
         task, garment = self.env.task, self.env.garment
         scene = self.env.scene.sub_scenes[0]
         cloth = SapienCloth(
@@ -69,7 +71,7 @@ class FoldRecord:
             config=config or self.config,
             device=device,
         )
-        self.env.body.add_to(cloth, garment.vertices)
+        add_soft_body(cloth, garment, garment.vertices, task.material, task.stiffness)
         cloth.build()
         cloth.state.set_particles(self.positions[None], self.velocities[None], self.is_stuck[None])
         cloth.state.set_body_poses(self.poses[None, 0], is_jump=True)

@@ -26,7 +26,7 @@ from dgl_physics.lay_flat import lay_flat
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
 from dgl_tasks.robot_files import CACHE
-from dgl_tasks.soft_body import SoftBody
+from dgl_tasks.soft_body import add_soft_body
 
 __all__ = ["OwnGarment", "prepare_garment"]
 
@@ -76,7 +76,7 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
             f"{source} is of {garment.category}"
         )
     try:
-        SoftBody(garment, task.material, task.stiffness).add_to(ModelBuilder(), garment.vertices)
+        add_soft_body(ModelBuilder(), garment, garment.vertices, task.material, task.stiffness)
     except MeshError as err:
         raise ValueError(f"garment {given} cannot be simulated: {err}") from err
     missing = [name for name in task.success.landmarks if name not in garment.landmarks]

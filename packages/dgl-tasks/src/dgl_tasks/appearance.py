@@ -81,8 +81,6 @@ class Appearance:
 
     def lay_floor(self, look: FloorLook) -> None:
         """Change the floor's look."""
-        self.floor_look = look
-        """The floor's present look."""
         if self._can_render:
             feet = [base[:2] for base in self._pedestals]
             near, far = make_floor(look, mat_centre=self._mat_centre, pedestals=feet)

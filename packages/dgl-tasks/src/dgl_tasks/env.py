@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import sapien
 import torch
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
-from mani_skill.agents.registration import REGISTERED_AGENTS
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
@@ -19,7 +18,7 @@ from dgl_assets.importing import AnyGarment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
-from dgl_files.fields import show
+from dgl_files.fields import check_value, show
 from dgl_physics import SolverConfig
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
@@ -31,17 +30,23 @@ from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.env_state import batch_state, check_state, read_cloth, split_state, write_cloth
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
-from dgl_tasks.inputs import ActionBounds, check_choice, check_reset_options, read_action, read_seed
+from dgl_tasks.inputs import (
+    ActionBounds,
+    ControlMode,
+    check_reset_options,
+    check_settings,
+    read_action,
+    read_seed,
+)
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
-from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
+from dgl_tasks.robot import let_robot_pass, make_agent_class
 from dgl_tasks.scene_check import check_scene, get_frame
-from dgl_tasks.soft_body import SoftBody
+from dgl_tasks.soft_body import add_soft_body
 from dgl_tasks.studio import (
-    FloorLook,
     build_floor,
     light_scene,
     sample_floor_look,
@@ -55,10 +60,6 @@ from dgl_tasks.views import TrueView
 LookName = Literal["studio", "random"]
 """Looks: a plain floor with fabrics that stand out, or any floor and fabric."""
 
-CPU_BACKENDS = ("auto", "cpu", "physx_cpu")
-"""Values of `sim_backend`: cloth and robots are simulated on the CPU."""
-CONTROL_MODES = ("pd_joint_pos", "pd_ee_pose")
-"""Joint targets, and poses of the end effectors."""
 STEEPER = float(np.radians(5))
 """Increase of the slope of a garment that has fallen too flat [rad]."""
 STILL_SPEED = 0.05
@@ -83,9 +84,8 @@ class GarmentEnv(BaseEnv):
     anything else: until then the garment hangs in the air.
     """
 
-    SUPPORTED_REWARD_MODES = ("normalized_dense", "dense", "sparse", "none")
     _spec: EnvSpec | None = None
-    _is_closed = False
+    _is_built = False
 
     def __init__(
         self,
@@ -93,7 +93,6 @@ class GarmentEnv(BaseEnv):
         task: str | Task,
         robot: Robot | str = DEFAULT_ROBOT,
         robots: str | Path | None = None,
-        robot_uids: Any = None,
         num_envs: int = 1,
         garment_split: Split = "train",
         look: LookName = "studio",
@@ -106,20 +105,33 @@ class GarmentEnv(BaseEnv):
             task: Environment id, a declaration, or a file or module of one; see `load_task`.
             robot: Arms and hands, or their name, such as "ur10e+allegro".
             robots: Folder of imported robots, for names that are not built in.
-            robot_uids: An agent class instead, such as one of `make_agent_class` with other bases.
             num_envs: One.
             garment_split: Garments to draw from, "train" or "test".
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
                 draws floor, mat and fabric among all. Only pictures depend on the look.
-            kwargs: ManiSkill's. `reconfiguration_freq` is 1 by default: every episode begins in a
-                new scene, so that it can be repeated exactly.
+            kwargs: ManiSkill's, except for `robot_uids`. `reconfiguration_freq` is 1 by default:
+                every episode begins in a new scene, so that it can be repeated exactly.
         """
         if num_envs != 1:
             raise ValueError(
                 f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
             )
-        check_choice("look", look, get_args(LookName))
-        self._check_settings(kwargs)
+        check_value("look", look, LookName)
+        check_settings(kwargs)
+        has_renderer = kwargs.get("render_backend", "gpu") not in ("none", None)
+        if kwargs.get("render_mode") == "human" and not has_renderer:
+            raise RenderingUnavailableError(
+                'render_mode "human" needs a renderer: give render_backend="cpu" or "gpu"; '
+                'got "none"'
+            )
+        if "robot_uids" in kwargs:
+            raise ValueError('robot="ARM+HAND" names arms and hands here; got robot_uids')
+        if isinstance(robot, str):
+            robot = load_robot(robot, robots)
+        if not isinstance(robot, Robot):
+            raise ValueError(
+                f'robot must be a name, such as "ur10e+shadow", or a `Robot`; got {show(robot)}'
+            )
         self._task: Task = task if isinstance(task, Task) else load_task(task)
         check_scene(self._task)
         self._look: LookName = look
@@ -128,56 +140,23 @@ class GarmentEnv(BaseEnv):
         self._landmarks: dict[str, np.ndarray] = {}
         self._flat_area = 0.0
         self._start_verdict: Verdict
+        self._target: np.ndarray
         self.cloth: SapienCloth
         self.garment: AnyGarment
-        self.body: SoftBody
         self.fabric: FabricMaterial
         self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
         self._bounds: dict[str, ActionBounds] = {}
-        self._is_built = False
-        if robot_uids is not None:
-            robot_uids = _find_agent_class(robot_uids)
-        else:
-            if isinstance(robot, str):
-                robot = load_robot(robot, robots)
-            if not isinstance(robot, Robot):
-                raise ValueError(
-                    f'robot must be a name, such as "ur10e+shadow", or a `Robot`; got {show(robot)}'
-                )
-            robot_uids = make_agent_class(
-                robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
-            )
+        agent: Any = make_agent_class(
+            robot=robot, left_base=self.task.left_base, right_base=self.task.right_base
+        )
         kwargs.setdefault("reward_mode", "sparse")
         # PhysX's order of contacts depends on the scene's past: in a used scene, arms that touch
         # would move differently from the same seed and commands.
         kwargs.setdefault("reconfiguration_freq", 1)
         with explain_rendering():
-            super().__init__(*args, robot_uids=robot_uids, num_envs=num_envs, **kwargs)
+            super().__init__(*args, robot_uids=agent, num_envs=num_envs, **kwargs)
         self._is_built = True
-
-    @classmethod
-    def _check_settings(cls, settings: dict[str, Any]) -> None:
-        """Validate settings that ManiSkill does not, or not clearly."""
-        backend = settings.get("sim_backend", "auto")
-        if backend not in CPU_BACKENDS:
-            raise ValueError(
-                f"sim_backend must be one of {list(CPU_BACKENDS)}: tasks run on the CPU, more of "
-                f"them in several processes; got {show(backend)}"
-            )
-        for name, choices in (
-            ("reward_mode", cls.SUPPORTED_REWARD_MODES),
-            ("control_mode", CONTROL_MODES),
-            ("render_mode", cls.metadata["render_modes"]),
-        ):
-            if settings.get(name) is not None:
-                check_choice(name, settings[name], choices)
-        has_renderer = settings.get("render_backend", "gpu") not in (None, "none")
-        if settings.get("render_mode") == "human" and not has_renderer:
-            raise RenderingUnavailableError(
-                'render_mode "human" needs a renderer: give render_backend="cpu" or "gpu"; '
-                'got "none"'
-            )
 
     # Gymnasium sets a plain attribute, which pyright does not take for a property.
     @property
@@ -216,13 +195,8 @@ class GarmentEnv(BaseEnv):
         with explain_rendering():
             return super().reset(seed=read_seed(seed), options=options)
 
-    def close(self) -> None:
-        """Release the scene; a closed environment cannot be used again."""
-        self._is_closed = True
-        super().close()
-
     def _check_open(self, verb: str) -> None:
-        if self._is_closed:
+        if self._is_built and self.scene is None:
             raise EnvironmentClosedError(
                 f"{verb} needs an open environment; this one was closed, make another"
             )
@@ -257,11 +231,6 @@ class GarmentEnv(BaseEnv):
             pedestals=[base[:3] for base in (self.task.left_base, self.task.right_base)],
         )
 
-    @property
-    def floor_look(self) -> FloorLook:
-        """Look of the floor."""
-        return self._appearance.floor_look
-
     def _load_lighting(self, options: dict) -> None:
         light_scene(self.scene)
 
@@ -294,17 +263,16 @@ class GarmentEnv(BaseEnv):
         self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
         self._target = np.asarray(start, dtype=np.float64)
         limit, steepest = declared.value_below, np.pi / 2
-        while True:
-            self.draws["roll"] = float(roll)
-            self._drop(garment, float(x), float(y), float(roll))
-            if (
-                not self._is_built
-                or limit is None
-                or self._start_verdict.value < limit
-                or roll >= steepest
-            ):
-                break
+        self._drop(garment, float(x), float(y), float(roll))
+        while (
+            self._is_built
+            and limit is not None
+            and self._start_verdict.value >= limit
+            and roll < steepest
+        ):
             roll = min(roll + STEEPER, steepest)
+            self._drop(garment, float(x), float(y), float(roll))
+        self.draws["roll"] = float(roll)
 
     def _drop(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
         """Let the garment fall and settle, and keep the state before it is touched.
@@ -324,9 +292,7 @@ class GarmentEnv(BaseEnv):
         self._start_verdict = self.apply_rule()
 
     def _load_garment(self, garment: AnyGarment, x: float, y: float, roll: float) -> None:
-        body = SoftBody(garment, self.task.material, self.task.stiffness)
-        self.garment, self.body = garment, body
-        start = self.task.start
+        self.garment, task, start = garment, self.task, self.task.start
         c, s = np.cos(start.yaw), np.sin(start.yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         c, s = np.cos(roll), np.sin(roll)
@@ -342,7 +308,7 @@ class GarmentEnv(BaseEnv):
             friction=self._get_friction,
             config=SolverConfig(dt=1.0 / CONTROL_FREQUENCY),
         )
-        body.add_to(self.cloth, vertices)
+        add_soft_body(self.cloth, garment, vertices, task.material, task.stiffness)
         self.cloth.build()
         self._appearance.dress(garment, fabric=self.fabric, bodies=self.cloth.bodies[0])
 
@@ -371,16 +337,16 @@ class GarmentEnv(BaseEnv):
                     'action must be numbers, or a dict of "control_mode" and "action"; '
                     f"got {show(action)}"
                 )
-            check_choice("control_mode", action["control_mode"], CONTROL_MODES)
-            if action["control_mode"] != self.agent.control_mode:
-                self.agent.set_control_mode(action["control_mode"])
+            mode = action["control_mode"]
+            check_value("control_mode", mode, ControlMode)
+            if mode != self.agent.control_mode:
+                self.agent.set_control_mode(mode)
                 self.agent.controller.reset()
                 self._target = self.agent.read_joints().astype(np.float64)
             action = action["action"]
         action = self._clip(self._read_action(action))
         if self.agent.control_mode == "pd_joint_pos":
-            goal = action[0].cpu().numpy().astype(np.float32)
-            for row in interpolate_action(self._target, goal):
+            for row in interpolate_action(self._target, action[0].numpy().astype(np.float32)):
                 self.advance(row.astype(np.float32))
         else:
             for _ in range(STEPS_PER_ACTION):
@@ -392,13 +358,13 @@ class GarmentEnv(BaseEnv):
         if mode not in self._bounds:
             assert isinstance(space, Box)
             self._bounds[mode] = ActionBounds(space.low, space.high)
-        clipped = self._bounds[mode].clip(action.cpu().numpy())
-        return torch.from_numpy(clipped).to(self.device)
+        clipped = self._bounds[mode].clip(action.numpy())
+        return torch.from_numpy(clipped)
 
     def _read_action(self, action: Any) -> torch.Tensor:
         shape = self.agent.single_action_space.shape
         assert shape is not None
-        return read_action(action, shape, device=self.device)
+        return read_action(action, shape)
 
     def advance(self, action: np.ndarray | torch.Tensor | None) -> None:
         """Make one control step of 1/60 s without observation, reward and evaluation.
@@ -416,7 +382,7 @@ class GarmentEnv(BaseEnv):
             action = self._read_action(action)
             self.agent.set_action(action)
             if self.agent.control_mode == "pd_joint_pos":
-                self._target = action.reshape(-1).cpu().numpy().astype(np.float64)
+                self._target = action[0].numpy().astype(np.float64)
         for _ in range(self._sim_steps_per_control // STEPS_PER_ACTION):
             self.agent.before_simulation_step()
             self.cloth.apply_forces()
@@ -426,7 +392,7 @@ class GarmentEnv(BaseEnv):
 
     def get_particles(self) -> np.ndarray:
         """Positions of the garment's vertices [m], shape (V, 3), world frame."""
-        return self.body.get_surface(self.cloth.state.get_positions()[0])
+        return self.cloth.state.get_positions()[0][: len(self.garment.vertices)]
 
     @property
     def view(self) -> TrueView:
@@ -648,22 +614,3 @@ class GarmentEnv(BaseEnv):
         with explain_rendering():
             self.draw_garment()
             return super().render_human()
-
-
-def _find_agent_class(robot_uids: Any) -> type[BimanualUR10eShadow]:
-    """Find the agent class of `robot_uids`: a class, its name, or a tuple of one, as for ManiSkill.
-
-    Raises:
-        ValueError: If it is not of two arms with hands.
-    """
-    found = robot_uids
-    if isinstance(found, tuple) and len(found) == 1:
-        (found,) = found
-    if isinstance(found, str) and found in REGISTERED_AGENTS:
-        found = REGISTERED_AGENTS[found].agent_cls
-    if not isinstance(found, type) or not issubclass(found, BimanualUR10eShadow):
-        raise ValueError(
-            f"robot_uids must be {BimanualUR10eShadow.uid!r} or a class of `make_agent_class`; "
-            f'`robot="ARM+HAND"` names other arms and hands; got {show(robot_uids)}'
-        )
-    return found

@@ -1,36 +1,53 @@
-"""Checks of seeds, options and actions that callers pass to an environment."""
+"""Checks of settings, seeds, options and actions that callers pass to an environment."""
 
 import logging
 import operator
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import numpy as np
 import torch
 
-from dgl_files.fields import show
+from dgl_files.fields import check_value, show
 
 logger = logging.getLogger(__name__)
 
-RESET_OPTIONS = ("garment", "reconfigure", "env_idx", "reset_to_env_states")
-"""Options of `reset`; all but the first are ManiSkill's."""
+ControlMode = Literal["pd_joint_pos", "pd_ee_pose"]
+"""Joint targets, and poses of the end effectors."""
+SETTINGS: Mapping[str, Any] = {
+    "sim_backend": Literal["auto", "cpu", "physx_cpu"],
+    "reward_mode": Literal["normalized_dense", "dense", "sparse", "none"] | None,
+    "control_mode": ControlMode | None,
+    "render_mode": Literal["human", "rgb_array", "sensors", "all"] | None,
+}
+"""ManiSkill's settings with fewer choices here, or without a clear error there."""
+RESET_OPTIONS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "garment": (lambda value: True, ""),  # checked when it is loaded
+    "reconfigure": (lambda value: isinstance(value, bool | np.bool_), "a bool"),
+    "env_idx": (lambda value: np.array_equal(value, [0]), "[0], the only environment"),
+    "reset_to_env_states": (
+        lambda value: isinstance(value, dict) and "env_states" in value,
+        'a dict with "env_states"',
+    ),
+}
+"""Options of `reset`, with the check and the description of each; all but the first ManiSkill's."""
 TOLD_BEYOND = 1e-3
 """Clipping by more than this is logged [rad]."""
 LARGEST_SEED = 2**32 - 1
 """NumPy's bound of seeds."""
 
 
-def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
-    """Check that a setting is one of the choices.
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Check those of ManiSkill's settings that are in `SETTINGS`.
 
     Raises:
-        ValueError: Otherwise.
+        ValueError: If one is not among its choices.
     """
-    if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name} must be one of {list(choices)}; got {show(value)}")
+    for name in SETTINGS.keys() & settings.keys():
+        check_value(name, settings[name], SETTINGS[name])
 
 
-def read_seed(seed: Any) -> int | list[int] | None:
+def read_seed(seed: Any) -> int | None:
     """Read the seed of an episode.
 
     Args:
@@ -42,20 +59,15 @@ def read_seed(seed: Any) -> int | list[int] | None:
     if seed is None:
         return None
     try:
-        if isinstance(seed, str):
-            raise TypeError
-        is_list = isinstance(seed, Iterable) and np.ndim(seed) > 0  # pyright: ignore[reportArgumentType]
-        given: Any = seed if is_list else [seed]
-        numbers = [operator.index(number) for number in given]
+        (number,) = map(operator.index, np.ravel(seed))
     except (TypeError, ValueError):
-        numbers = []
-        is_list = False
-    if len(numbers) != 1 or not 0 <= numbers[0] <= LARGEST_SEED:
+        number = -1
+    if not 0 <= number <= LARGEST_SEED:
         raise ValueError(
             f"seed must be None, an integer in [0, {LARGEST_SEED}], or a list of one; "
             f"got {show(seed)}"
         )
-    return numbers if is_list else numbers[0]
+    return number
 
 
 def check_reset_options(options: Any) -> None:
@@ -71,28 +83,18 @@ def check_reset_options(options: Any) -> None:
     unknown = [name for name in options if name not in RESET_OPTIONS]
     if unknown:
         raise ValueError(f"options must be among {list(RESET_OPTIONS)}; got {unknown}")
-    if not isinstance(options.get("reconfigure", False), (bool, np.bool_)):
-        raise ValueError(f'option "reconfigure" must be a bool; got {show(options["reconfigure"])}')
-    if "env_idx" in options and not _is_first_alone(options["env_idx"]):
-        raise ValueError(
-            f'option "env_idx" must be [0], the only environment; got {show(options["env_idx"])}'
-        )
-    states = options.get("reset_to_env_states", {"env_states": None})
-    if not isinstance(states, dict) or "env_states" not in states:
-        raise ValueError(
-            f'option "reset_to_env_states" must be a dict with "env_states"; got {show(states)}'
-        )
+    for name, value in options.items():
+        is_right, expected = RESET_OPTIONS[name]
+        if not is_right(value):
+            raise ValueError(f'option "{name}" must be {expected}; got {show(value)}')
 
 
-def read_action(
-    action: Any, shape: tuple[int, ...], *, device: torch.device | None = None
-) -> torch.Tensor:
+def read_action(action: Any, shape: tuple[int, ...]) -> torch.Tensor:
     """Read an action of one environment.
 
     Args:
         action: Finite numbers, shape `shape` or (1, *shape).
         shape: Of the action space.
-        device: Where it goes; the CPU when None.
 
     Returns:
         The same numbers, shape (1, *shape), in the type in which they came.
@@ -101,7 +103,7 @@ def read_action(
         ValueError: If they are of another shape, no numbers, or not finite as float32.
     """
     try:
-        read = torch.as_tensor(action, device=device)
+        read = torch.as_tensor(action)
     except (TypeError, ValueError, RuntimeError, OverflowError) as err:
         raise ValueError(f"action must be {shape[0]} numbers; got {show(action)}") from err
     if read.dtype == torch.bool or read.is_complex():
@@ -136,10 +138,3 @@ class ActionBounds:
                 k, action.reshape(beyond.shape)[row, k], self._low[k], self._high[k],
             )  # fmt: skip
         return clipped
-
-
-def _is_first_alone(index: Any) -> bool:
-    try:
-        return np.ndim(index) == 1 and [operator.index(i) for i in index] == [0]
-    except (TypeError, ValueError):
-        return False

@@ -169,7 +169,7 @@ def make_agent_class(
     left_base: BasePlacement = DEFAULT_LEFT_BASE,
     right_base: BasePlacement = DEFAULT_RIGHT_BASE,
 ) -> type[BimanualUR10eShadow]:
-    """Make the agent class for a task's base placement, to be given as `robot_uids`.
+    """Make the agent class for a task's base placement, ManiSkill's `robot_uids`.
 
     Args:
         robot: Which arms and hands.
