@@ -8,7 +8,7 @@ import pytest
 
 import dgl_bench.physics
 from dexgarmentlab.cli import main
-from dgl_bench.physics import Experiment, Result, Row
+from dgl_bench.physics import Experiment, Reading, Result
 from dgl_bench.physics.figures import Bars, Figure
 from dgl_bench.physics.report import write_report
 
@@ -16,18 +16,18 @@ from dgl_bench.physics.report import write_report
 @pytest.fixture
 def made_up(monkeypatch):
     rows = [
-        Row(name="fast", value=5.0, unit="ms", bar="<= 10"),
-        Row(name="slow", value=10.1, unit="ms", bar="<= 10"),
-        Row(name="many", value=123456.0, unit="1/s", bar=">= 100"),
-        Row(name="broken", value=None, unit="mm", bar="<= 2"),
-        Row(name="absent", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
-        Row(name="plain", value=0.5, unit="%"),
+        Reading("fast", 5.0, "ms", bar="<= 10"),
+        Reading("slow", 10.1, "ms", bar="<= 10"),
+        Reading("many", 123456.0, "1/s", bar=">= 100"),
+        Reading("broken", None, "mm", bar="<= 2"),
+        Reading.skip("absent", "mm", "no CUDA", bar="<= 2"),
+        Reading("plain", 0.5, "%"),
     ]
     benches = []
 
     def measure(bench):
         benches.append(bench)
-        return Result(rows=rows)
+        return Result(rows)
 
     experiment = Experiment("made_up", "Made up", "", measure)
     monkeypatch.setattr(dgl_bench.physics, "select", lambda names: (experiment,))
@@ -136,14 +136,14 @@ def test_policies_are_timed_at_least_once(capsys):
 
 def test_the_report_is_whole(tmp_path):
     rows = (
-        Row(name="a < b", value=1.0, unit="mm", bar="<= 2"),
-        Row(name="c", value=3.0, unit="mm", bar="<= 2"),
-        Row(name="d", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True),
+        Reading("a < b", 1.0, "mm", bar="<= 2"),
+        Reading("c", 3.0, "mm", bar="<= 2"),
+        Reading.skip("d", "mm", "no CUDA", bar="<= 2"),
     )
-    experiment = Experiment("made_up", "Made up", "Theory & more.", lambda bench: Result(rows=rows))
-    bars = Bars(title="bars", labels=("a",), values=(1.0,), value_label="ms")
-    figure = Figure(name="all_kinds", caption="kinds", panels=(bars,))
-    result = Result(rows=rows, figures=(figure,))
+    experiment = Experiment("made_up", "Made up", "Theory & more.", lambda bench: Result(rows))
+    bars = Bars("bars", ("a",), (1.0,), "ms")
+    figure = Figure("all_kinds", "kinds", (bars,))
+    result = Result(rows, (figure,))
     folder = tmp_path / "new" / "report"
     page = write_report(folder, [(experiment, result, 1.0)], command="dgl bench")
     text = page.read_text(encoding="utf-8")

@@ -7,8 +7,8 @@ import dgl_bench.physics
 from dgl_bench.physics import (
     Bench,
     Experiment,
+    Reading,
     Result,
-    Row,
     cpu_code,
     equal_strain,
     speed_scenes,
@@ -16,9 +16,9 @@ from dgl_bench.physics import (
 from dgl_bench.physics.against_newton import Setting, hang_here
 from dgl_bench.physics.drawing import save_figure
 from dgl_bench.physics.fabrics import compute_elastica
-from dgl_bench.physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.figures import Bars, Chart, ClothView, Figure, Limit, Series
 from dgl_bench.physics.hat import measure_change, press_hat
-from dgl_bench.physics.panel import Panel
+from dgl_bench.physics.panel import HungPanel
 from dgl_bench.physics.peirce import compute_chord_angle
 from dgl_bench.physics.rendering import measure_extent, render
 from dgl_bench.physics.selfcontact import measure_gaps
@@ -42,23 +42,21 @@ from dgl_physics.topology import check_mesh, compute_edges
 
 def test_a_row_is_judged_on_both_sides_of_its_bar():
     for bar, values in (("<= 10", (10.0, 10.1)), (">= 10", (10.0, 9.9))):
-        assert [Row(name="", value=v, unit="", bar=bar).ok for v in values] == [True, False]
-    assert Row(name="", value=None, unit="", bar="<= 1e-4").ok is False  # it failed
-    assert Row(name="", value=1.0, unit="").ok is None
+        assert [Reading("", v, "", bar=bar).ok for v in values] == [True, False]
+    assert Reading("", None, "", bar="<= 1e-4").ok is False  # it failed
+    assert Reading("", 1.0, "").ok is None
 
 
 def test_a_skipped_row_says_why_and_is_neither_met_nor_missed():
-    row = Row(name="", value=None, unit="mm", bar="<= 2", note="no CUDA", is_skipped=True)
+    row = Reading.skip("", "mm", "no CUDA", bar="<= 2")
     assert row.ok is None
     assert row.to_dict()["note"] == "no CUDA"
-    with pytest.raises(ValueError, match="must have no value and a note"):
-        Row(name="", value=None, unit="mm", is_skipped=True)
 
 
 @pytest.mark.parametrize("bar", ["< 2", "about 2", "<= two"])
 def test_a_bar_that_cannot_be_compared_is_refused(bar):
     with pytest.raises(ValueError, match=r"bar must|could not convert"):
-        Row(name="", value=1.0, unit="", bar=bar)
+        Reading("", 1.0, "", bar=bar)
 
 
 def test_experiments_are_chosen_by_name_and_keep_their_order():
@@ -78,7 +76,7 @@ def test_the_effort_scales_repetitions():
 
 
 def test_the_panel_is_one_sewn_surface():
-    panel = Panel()
+    panel = HungPanel()
     check_mesh(panel.vertices, panel.faces)
     assert len(panel.vertices) >= 3500
     width, _, height = np.ptp(panel.vertices, axis=0)
@@ -97,10 +95,7 @@ def test_nearer_triangles_cover_those_behind():
     values = np.repeat([1.0, 0.0], len(faces))
     vertices, both = join([(near, faces), (far, faces)])
     for elevation, expected in ((90.0, 1.0), (-90.0, 0.0)):
-        picture = Picture(
-            title="", vertices=vertices, faces=both, elevation=elevation, values=values,
-            value_limit=1.0,
-        )  # fmt: skip
+        picture = ClothView("", vertices, both, elevation=elevation, values=values, value_limit=1.0)
         low, high = measure_extent(picture)
         image = render(
             picture,
@@ -185,36 +180,30 @@ def test_a_hat_is_squeezed_and_finds_back():
 def _figure():
     vertices, faces = make_sheet(0.1, 0.1, 0.0125)
     return Figure(
-        name="all_kinds",
-        caption="Every <kind> of panel.",
-        panels=(
-            Picture(
-                title="sheet",
-                vertices=vertices,
-                faces=faces,
+        "all_kinds",
+        "Every <kind> of panel.",
+        (
+            ClothView(
+                "sheet",
+                vertices,
+                faces,
                 values=np.linspace(0, 1, len(faces)),
                 value_label="[%]",
                 solids=[make_capsule(np.zeros(3), np.array([0.0, 0, 0.05]), 0.01)],
                 marks=vertices[:2],
             ),
             Chart(
-                title="curves",
-                x_label="x",
-                y_label="y",
-                curves=[
-                    Curve(x=[1, 2], y=[1, 3], kind=kind, label=kind)
+                "curves",
+                "x",
+                "y",
+                [
+                    Series([1, 2], [1, 3], kind, kind=kind)
                     for kind in ("theory", "measured", "line", "faint")
                 ],
-                limits=(Limit(value=2.0), Limit(value=1.5, is_vertical=True, is_quiet=True)),
+                limits=(Limit(2.0), Limit(1.5, is_vertical=True, is_quiet=True)),
                 is_log_y=True,
             ),
-            Bars(
-                title="bars",
-                labels=("a", "b"),
-                values=(1.0, 2000.0),
-                value_label="ms",
-                expected=(1.1, 1900.0),
-            ),
+            Bars("bars", ("a", "b"), (1.0, 2000.0), "ms", expected=(1.1, 1900.0)),
         ),
     )
 
@@ -239,10 +228,10 @@ def test_a_simulation_that_fails_is_a_row_and_the_next_follows():
     def fail(bench):
         raise SimulationDivergedError(7, [0])
 
-    rows = (Row(name="fine", value=1.0, unit=""),)
+    rows = (Reading("fine", 1.0, ""),)
     experiments = [
         Experiment("bad", "Bad", "", fail),
-        Experiment("good", "Good", "", lambda bench: Result(rows=rows)),
+        Experiment("good", "Good", "", lambda bench: Result(rows)),
     ]
     results = [result for _, result, _ in dgl_bench.physics.run(experiments, Bench())]
     assert results[0].rows[0].ok is False
@@ -347,5 +336,5 @@ def test_a_solver_that_stretches_too_much_or_blows_up_is_said():
 @pytest.mark.slow
 def test_this_solver_reaches_the_strain_of_the_comparison():
     settings = equal_strain.SETTINGS[equal_strain.OURS]
-    found = hang_here(Panel(), 4, SolverConfig(substeps=settings[-1].substeps))
-    assert equal_strain.Trial.from_run(settings[-1], found).is_enough
+    found = hang_here(HungPanel(), 4, SolverConfig(substeps=settings[-1].substeps))
+    assert equal_strain.StrainTrial.from_run(settings[-1], found).is_enough

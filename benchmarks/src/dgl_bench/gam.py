@@ -2,13 +2,12 @@
 
 import copy
 import dataclasses
-import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from dgl_bench.rows import Row
+from dgl_bench.rows import NO_CUDA, Reading
+from dgl_bench.torch_timing import measure_median, torch_threads
 from dgl_gam import GarmentAffordanceModel
 from dgl_gam.checkpoint import Checkpoint
 from dgl_gam.config import get_network_config
@@ -24,7 +23,9 @@ _SAMPLE = "Tops_LongSleeve"
 _CERTAIN = 1e4  # factor on the scores of the yaw that leaves one angle
 
 
-def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: int) -> list[Row]:
+def measure_speed(
+    networks: Sequence[str], *, repeats: int, threads: int, seed: int
+) -> list[Reading]:
     """Measure shipped and random weights on the CPU, and on CUDA where there is a device.
 
     Random weights leave the yaw in doubt, so that a second one is tried. It is made certain, as it
@@ -42,13 +43,9 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
     """
     import torch
 
-    if repeats < 1 or threads < 1:
-        raise ValueError(f"repeats and threads must be positive; got {repeats} and {threads}")
     rng = np.random.default_rng(seed)
     clouds = rng.uniform(-1, 1, (_BATCH, _POINTS, 3)) * [0.5, 0.4, 0.02]
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
+    with torch_threads(threads, repeats):
         rows = _measure_shipped(repeats, f"{threads} thread(s)")
         for name in networks:
             config = get_network_config(name)
@@ -65,13 +62,11 @@ def measure_speed(networks: Sequence[str], *, repeats: int, threads: int, seed: 
                 found = torch.cuda.get_device_name()
                 rows += _measure_random(name, checkpoint, "cuda", clouds, repeats, found)
             else:
-                rows.append(_skip_cuda(name))
-    finally:
-        torch.set_num_threads(before)
+                rows.append(Reading.skip(f"{name}, pair, cuda", "ms", NO_CUDA))
     return rows
 
 
-def _measure_shipped(repeats: int, note: str) -> list[Row]:
+def _measure_shipped(repeats: int, note: str) -> list[Reading]:
     """Measure the shipped weights on shipped flat garments in random yaw."""
     import torch
 
@@ -87,35 +82,28 @@ def _measure_shipped(repeats: int, note: str) -> list[Row]:
     devices = {"cpu": note}
     if torch.cuda.is_available():
         devices["cuda"] = torch.cuda.get_device_name()
-    rows: list[Row] = []
+    rows: list[Reading] = []
     checkpoint = GarmentAffordanceModel.load(_SAMPLE).checkpoint
     for device, found in devices.items():
         rows += _measure(
             "shipped", _move(checkpoint, device), device, clouds, repeats, found, category=_SAMPLE
         )
-    return rows if "cuda" in devices else [*rows, _skip_cuda("shipped")]
-
-
-def _skip_cuda(name: str) -> Row:
-    """Return the row of a missing device."""
-    return Row(
-        name=f"{name}, pair, cuda", value=None, unit="ms", note="no CUDA device", is_skipped=True
-    )
+    if "cuda" not in devices:
+        rows.append(Reading.skip("shipped, pair, cuda", "ms", NO_CUDA))
+    return rows
 
 
 def _measure_random(
     name: str, checkpoint: Checkpoint, device: str, clouds: np.ndarray, repeats: int, note: str
-) -> list[Row]:
+) -> list[Reading]:
     """Measure a network of random weights, also where the yaw is in doubt."""
     checkpoint = _move(checkpoint, device)
     pair, *others = _measure(name, checkpoint, device, clouds, repeats, note)
     last = checkpoint.network.yaw.last.weight.data
     last /= _CERTAIN
-    doubtful = _time(lambda: _match_new(checkpoint, device, clouds, None), repeats)
+    doubtful, _ = measure_median(lambda: _match_new(checkpoint, device, clouds, None), repeats)
     last *= _CERTAIN
-    row = Row(
-        name=f"{name}, pair, yaw in doubt, {device}", value=doubtful * 1e3, unit="ms", note=note
-    )
+    row = Reading(f"{name}, pair, yaw in doubt, {device}", doubtful * 1e3, "ms", note=note)
     return [pair, row, *others]
 
 
@@ -128,28 +116,19 @@ def _measure(
     note: str,
     *,
     category: str | None = None,
-) -> list[Row]:
+) -> list[Reading]:
     points = clouds[0][:2]
     held = GarmentAffordanceModel(checkpoint, category=category, device=device)
-    new = _time(lambda: _match_new(checkpoint, device, clouds, category), repeats)
-    known = _time(lambda: held.match(clouds[0], points, clouds[1]), repeats)
-    batch = _time(lambda: held.locate_batch(clouds[0], points, list(clouds)), max(1, repeats // 10))
-    is_barred = name in ("shipped", "small") and device == "cpu"
+    new, _ = measure_median(lambda: _match_new(checkpoint, device, clouds, category), repeats)
+    known, _ = measure_median(lambda: held.match(clouds[0], points, clouds[1]), repeats)
+    batch, _ = measure_median(
+        lambda: held.locate_batch(clouds[0], points, list(clouds)), max(1, repeats // 10)
+    )
+    bar = f"<= {_PAIR_BAR_MS:g}" if name in ("shipped", "small") and device == "cpu" else ""
     return [
-        Row(
-            name=f"{name}, pair, {device}",
-            value=new * 1e3,
-            unit="ms",
-            bar=f"<= {_PAIR_BAR_MS:g}" if is_barred else "",
-            note=note,
-        ),
-        Row(name=f"{name}, pair, source known, {device}", value=known * 1e3, unit="ms", note=note),
-        Row(
-            name=f"{name}, batch of {_BATCH}, {device}",
-            value=_BATCH / batch,
-            unit="clouds/s",
-            note=note,
-        ),
+        Reading(f"{name}, pair, {device}", new * 1e3, "ms", bar=bar, note=note),
+        Reading(f"{name}, pair, source known, {device}", known * 1e3, "ms", note=note),
+        Reading(f"{name}, batch of {_BATCH}, {device}", _BATCH / batch, "clouds/s", note=note),
     ]
 
 
@@ -164,14 +143,3 @@ def _match_new(
     """Match a pair, both clouds computed anew."""
     model = GarmentAffordanceModel(checkpoint, category=category, device=device)
     model.match(clouds[0], clouds[0][:2], clouds[1])
-
-
-def _time(work: Callable[[], object], repeats: int) -> float:
-    """Median duration [s] of results that have arrived on the CPU, after one untimed call."""
-    work()
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return statistics.median(times)

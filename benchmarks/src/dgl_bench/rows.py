@@ -1,18 +1,21 @@
 """One measured number, what it should be, and how it is written."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
-__all__ = ["Row", "format_value"]
+__all__ = ["NO_CUDA", "Reading", "format_value"]
+
+NO_CUDA = "no CUDA device; run this where nvidia-smi shows one"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
+@dataclass(frozen=True)
+class Reading:
     """One measured number."""
 
     name: str
     value: float | None
     """None when it could not be measured; `note` says why."""
     unit: str
+    _: KW_ONLY
     bar: str = ""
     """Threshold of the value, such as "<= 10"; empty if it has none."""
     note: str = ""
@@ -21,15 +24,16 @@ class Row:
     """Not measured because this machine cannot; what failed is not skipped."""
 
     def __post_init__(self) -> None:
-        if self.is_skipped and (self.value is not None or not self.note):
-            raise ValueError(
-                f"a skipped row must have no value and a note; got {self.value}, {self.note!r}"
-            )
         if self.bar:
             relation, _, bound = self.bar.partition(" ")
             if relation not in ("<=", ">="):
                 raise ValueError(f"bar must start with <= or >=; got {self.bar!r}")
             float(bound)
+
+    @classmethod
+    def skip(cls, name: str, unit: str, why: str, *, bar: str = "") -> "Reading":
+        """Make the row of what this machine cannot measure."""
+        return cls(name, None, unit, bar=bar, note=why, is_skipped=True)
 
     @property
     def limit(self) -> float | None:

@@ -3,7 +3,7 @@
 import dataclasses
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
+from dgl_bench.torch_timing import measure_median, torch_threads
 from dgl_sadp import (
     DiffusionPolicy,
     PolicyRunner,
@@ -43,7 +44,7 @@ def measure_speed(
     repeats: int,
     threads: int,
     seed: int,
-) -> list[Row]:
+) -> list[Reading]:
     """Measure policies with random weights on observations of the recorded sizes.
 
     Args:
@@ -60,15 +61,11 @@ def measure_speed(
     """
     import torch
 
-    if repeats < 1 or threads < 1:
-        raise ValueError(f"repeats and threads must be positive; got {repeats} and {threads}")
     if device == "cuda" and not torch.cuda.is_available():
         raise ValueError("--device cuda: torch finds no CUDA device here")
     note = torch.cuda.get_device_name() if device == "cuda" else f"{threads} thread(s)"
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        rows: list[Row] = []
+    with torch_threads(threads, repeats):
+        rows: list[Reading] = []
         for method in methods:
             policy = DiffusionPolicy.make(get_policy_config(method, size), seed=seed).to(device)
             rows += _measure_chunk(policy, method, size, device, repeats, note, seed)
@@ -76,8 +73,6 @@ def measure_speed(
             steps = max(2, repeats // 4)
             rows += _measure_training(method, size, device, precision, steps, note, seed)
         return rows
-    finally:
-        torch.set_num_threads(before)
 
 
 def _measure_chunk(
@@ -88,7 +83,7 @@ def _measure_chunk(
     repeats: int,
     note: str,
     seed: int,
-) -> list[Row]:
+) -> list[Reading]:
     environment = SyntheticEnvironment(points=_POINTS, image_size=_IMAGE)
     environment.reset(seed=seed)
     stage = environment.see_stage()
@@ -106,31 +101,17 @@ def _measure_chunk(
     steps = policy.config.diffusion.inference_steps
     # The bar is for ten denoising steps on one core; DP has a hundred, as published.
     is_barred = size == "small" and device == "cpu" and steps <= 10
-    wall, processor = _time(run_chunk, repeats)
+    bar = f"<= {_CHUNK_BAR_MS:g}" if is_barred else ""
+    wall, processor = measure_median(run_chunk, repeats)
     name = f"{method}, {size}, chunk of {runner.action_steps} targets"
-    rows = [
-        Row(
-            name=name,
-            value=wall * 1e3,
-            unit="ms",
-            bar=f"<= {_CHUNK_BAR_MS:g}" if is_barred else "",
-            note=f"{steps} denoising steps, {note}",
-        )
-    ]
+    told = f"{steps} denoising steps, {note}"
+    rows = [Reading(name, wall * 1e3, "ms", bar=bar, note=told)]
     if device == "cpu":
         # What is left of the time above where other programs want the cores too.
-        rows.append(
-            Row(name=f"{name}, processor time", value=processor * 1e3, unit="ms", note=note)
-        )
+        rows.append(Reading(f"{name}, processor time", processor * 1e3, "ms", note=note))
     if policy.config.stage_keys:
-        rows.append(
-            Row(
-                name=f"{method}, {size}, once a stage",
-                value=_time(lambda: runner.reset(stage), repeats)[0] * 1e3,
-                unit="ms",
-                note=note,
-            )
-        )
+        once, _ = measure_median(lambda: runner.reset(stage), repeats)
+        rows.append(Reading(f"{method}, {size}, once a stage", once * 1e3, "ms", note=note))
     return rows
 
 
@@ -140,7 +121,7 @@ class _EnoughError(Exception):
 
 def _measure_training(
     method: str, size: str, device: str, precision: Precision, repeats: int, note: str, seed: int
-) -> list[Row]:
+) -> list[Reading]:
     """Time training steps of the preset, reading included, on synthetic episodes in memory."""
     config = dataclasses.replace(
         get_train_config(method, size),
@@ -181,28 +162,11 @@ def _measure_training(
     steps = config.epochs * -(-_WINDOWS // config.batch)
     name = f"{method}, {size}, {kind}"
     return [
-        Row(
-            name=f"{name}, training, batch of {config.batch}",
-            value=1.0 / seconds,
-            unit="steps/s",
-            note=note,
-        ),
-        Row(
-            name=f"{name}, training of {config.epochs:,} epochs",
-            value=steps * seconds / 3600.0,
-            unit="h",
+        Reading(f"{name}, training, batch of {config.batch}", 1.0 / seconds, "steps/s", note=note),
+        Reading(
+            f"{name}, training of {config.epochs:,} epochs",
+            steps * seconds / 3600.0,
+            "h",
             note=f"{_WINDOWS:,} windows: a stage of 100 demonstrations; from the steps a second",
         ),
     ]
-
-
-def _time(work: Callable[[], object], repeats: int) -> tuple[float, float]:
-    """Median duration and processor time [s], after one untimed call."""
-    work()
-    times, processor = [], []
-    for _ in range(repeats):
-        began, used = time.perf_counter(), time.process_time()
-        work()
-        times.append(time.perf_counter() - began)
-        processor.append(time.process_time() - used)
-    return statistics.median(times), statistics.median(processor)

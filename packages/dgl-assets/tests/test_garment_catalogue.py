@@ -119,8 +119,12 @@ def test_categories_are_chosen_in_the_catalogues_order():
 
 
 def test_exports_resolve():
-    names = [name for name in vars(dgl_assets) if not name.startswith("_")]
-    assert {"Garment", "TopParameters", "make_top", "sample_top", "correspond"} <= set(names)
+    assert {"Garment", "TopParameters", "make_top", "sample_top", "correspond"} <= set(
+        dgl_assets.__all__
+    )
+    assert all(getattr(dgl_assets, name).__name__ == name for name in dgl_assets.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'make_sock'"):
+        dgl_assets.make_sock  # noqa: B018
 
 
 def _load_example(name: str):

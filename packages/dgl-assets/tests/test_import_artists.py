@@ -14,6 +14,7 @@ from PIL import Image
 from dgl_assets.importing import (
     AssetImportError,
     BrokenMeshError,
+    GarmentImportOptions,
     UnclearGarmentError,
     UnreadableFileError,
     import_garment,
@@ -36,8 +37,9 @@ _SPEC.loader.exec_module(foreign)
 SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
 
 
-def bring(path, tmp_path, **options):
-    return import_garment(path, out=tmp_path / "out", spacing=0.02, **options)
+def bring(path, tmp_path, lay_flat=None, **options):
+    options = GarmentImportOptions(spacing=0.02, **options)
+    return import_garment(path, out=tmp_path / "out", options=options, lay_flat=lay_flat)
 
 
 def to_lines(vertices, faces, first=1):
@@ -152,16 +154,14 @@ def test_a_model_of_another_kind_is_named(tmp_path):
 
 def test_an_object_is_chosen_by_its_name(tmp_path, worn):
     path = write(tmp_path / "pair.obj", ("Avatar", *body()), ("Shirt", worn.vertices, worn.faces))
-    with pytest.raises(
-        BrokenMeshError, match=r"`object_name`: Shirt \(9.*%\), Avatar .* or part1 "
-    ):
+    with pytest.raises(BrokenMeshError, match=r"`object`: Shirt \(9.*%\), Avatar .* or part1 "):
         bring(path, tmp_path)
-    with pytest.raises(UnclearGarmentError, match=r"has no `object_name` 'Coat'; it has Shirt"):
-        bring(path, tmp_path, object_name="Coat")
+    with pytest.raises(UnclearGarmentError, match=r"has no `object` 'Coat'; it has Shirt"):
+        bring(path, tmp_path, object="Coat")
     with pytest.raises(UnclearGarmentError, match="2 connected parts"):
-        bring(path, tmp_path, object_name="part3")
+        bring(path, tmp_path, object="part3")
     for name in ("Shirt", "part1", "Shirt/part1"):
-        report = bring(path, tmp_path, object_name=name, overwrite=True)
+        report = bring(path, tmp_path, object=name, overwrite=True)
         assert report.area == pytest.approx(worn.area, rel=0.02)
         assert any(name.partition("/")[0] in note for note in report.assumptions)
 
@@ -173,7 +173,7 @@ def test_key_points_keep_their_numbers_where_an_object_is_chosen(tmp_path, worn)
     )
     points = {name: len(vertices) + worn.landmarks[name] for name in ("left_cuff", "right_cuff")}
     (tmp_path / "points.json").write_text(json.dumps(points))
-    report = bring(path, tmp_path, object_name="S", keypoints=tmp_path / "points.json")
+    report = bring(path, tmp_path, object="S", keypoints=tmp_path / "points.json")
     found = load_asset(report.folder).get_landmark_positions(("left_cuff", "right_cuff"))
     apart = np.linalg.norm(
         worn.vertices[worn.landmarks["left_cuff"]] - worn.vertices[worn.landmarks["right_cuff"]]
@@ -193,7 +193,7 @@ def test_groups_and_nodes_have_names(tmp_path, worn):
     shirt = trimesh.Trimesh(worn.vertices, worn.faces, process=False)
     scene.add_geometry(shirt, node_name="Shirt", geom_name="s")
     (tmp_path / "scene.glb").write_bytes(bytes(scene.export(file_type="glb")))
-    report = bring(tmp_path / "scene.glb", tmp_path, object_name="Shirt")
+    report = bring(tmp_path / "scene.glb", tmp_path, object="Shirt")
     assert report.area == pytest.approx(worn.area, rel=0.02)
 
 
@@ -245,7 +245,7 @@ def test_a_second_layer_as_large_as_the_cloth_is_refused_with_a_way_on(worn):
     layer[layer == len(worn.vertices) + worn.faces[0, 0]] = worn.faces[0, 0]
     layer[layer == len(worn.vertices) + worn.faces[0, 1]] = worn.faces[0, 1]
     raw = RawMesh(vertices=np.vstack([worn.vertices, other]), faces=np.vstack([worn.faces, layer]))
-    with pytest.raises(BrokenMeshError, match="choose with `object_name`"):
+    with pytest.raises(BrokenMeshError, match="choose with `object`"):
         clean_mesh(raw, "twice")
 
 
@@ -316,5 +316,5 @@ def test_a_weld_wider_than_the_edges_is_refused(tmp_path, worn):
     path = write(tmp_path / "top.obj", ("", worn.vertices / 10, worn.faces))  # edges of 2 mm
     with pytest.raises(BrokenMeshError, match=r"`weld` of .* would join neighbours"):
         bring(path, tmp_path, units="m", weld=0.005)
-    with pytest.raises(ValueError, match="weld must be above 0"):
+    with pytest.raises(ValueError, match="weld"):
         bring(path, tmp_path, weld=0.5)

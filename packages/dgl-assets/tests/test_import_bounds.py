@@ -19,6 +19,7 @@ from PIL import Image
 
 from dgl_assets.importing import (
     AssetImportError,
+    GarmentImportOptions,
     UnreadableFileError,
     import_garment,
     list_models,
@@ -274,7 +275,9 @@ def test_an_asset_whose_files_are_links_to_themselves_is_refused(tmp_path):
 def test_an_asset_with_impossible_numbers_is_refused(tmp_path):
     scarf = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
     (tmp_path / "scarf.obj").write_text(scarf)
-    folder = import_garment(tmp_path / "scarf.obj", out=tmp_path / "out", spacing=0.02).folder
+    folder = import_garment(
+        tmp_path / "scarf.obj", out=tmp_path / "out", options=GarmentImportOptions(spacing=0.02)
+    ).folder
     meta = json.loads((folder / "meta.json").read_text())
     for value in ("1e999", "9" * 400, '"thick"', "-1", "true"):
         text = json.dumps({**meta, "wall_thickness": 0}).replace(
@@ -296,7 +299,7 @@ def test_a_name_that_is_not_utf8_is_imported_and_can_be_written(tmp_path):
         path.write_text("v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n")
     except OSError:
         pytest.skip("this file system has no such names")
-    report = import_garment(path, out=tmp_path / "out", spacing=0.02)
+    report = import_garment(path, out=tmp_path / "out", options=GarmentImportOptions(spacing=0.02))
     assert report.source == "red?.obj"
     assert load_asset(report.folder).meta["source"] == "red?.obj"
     path.write_text("v 0 0 0\n")

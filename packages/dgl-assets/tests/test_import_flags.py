@@ -18,7 +18,7 @@ def run(*words):
 
 
 def test_parameters_in_messages_become_flags():
-    text = "give `units` or `object_name`, or import without pictures: `use_textures=False`; f`x"
+    text = "give `units` or `object`, or import without pictures: `textures=False`; f`x"
     assert name_flags(text) == (
         "give --units or --object, or import without pictures: --no-textures; f`x"
     )
@@ -33,7 +33,7 @@ def test_an_object_is_chosen_as_the_message_says(tmp_path, capsys):
     assert "1.30 x 0.27" in capsys.readouterr().out
     assert run(path, "--out", out, "--object", "Red") == 1
     assert "or replace it: --overwrite" in capsys.readouterr().err
-    assert run(path, "--out", out, "--object", "Red", "--overwrite", "--weld", "0.5") == 0
+    assert run(path, "--out", out, "--object", "Red", "--overwrite", "--weld", "0.0005") == 0
     assert "1.20 x 0.25" in capsys.readouterr().out
 
 

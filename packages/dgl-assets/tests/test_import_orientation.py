@@ -9,6 +9,7 @@ import pytest
 from dgl_assets.garments.registry import CATEGORIES
 from dgl_assets.importing.directions import find_directions
 from dgl_assets.importing.keypoints import Keypoints
+from dgl_assets.importing.options import GarmentImportOptions
 from dgl_assets.importing.placing import place_surface
 from dgl_assets.importing.raw import RawMesh
 
@@ -22,16 +23,8 @@ COARSE = 0.018
 def place(vertices, faces, axes, *, points=None, category=None):
     """Place a garment of known frame in a file with other axes."""
     raw = RawMesh(vertices=vertices @ axes.T, faces=faces)
-    return place_surface(
-        raw,
-        "garment",
-        category=category,
-        units="m",
-        up=None,
-        scale=1.0,
-        spacing=COARSE,
-        keypoints=points,
-    )
+    options = GarmentImportOptions(category=category, units="m", spacing=COARSE)
+    return place_surface(raw, "garment", options, points)
 
 
 def name_points(vertices, landmarks, axes, names=None) -> Keypoints:

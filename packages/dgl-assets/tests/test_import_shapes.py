@@ -11,7 +11,7 @@ from PIL import Image
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from dgl_assets.importing import ImportReport, import_garment, load_asset
+from dgl_assets.importing import GarmentImportOptions, ImportReport, import_garment, load_asset
 from dgl_assets.importing.errors import UnclearGarmentError
 from dgl_assets.importing.openings import check_hollow, name_openings
 from dgl_assets.importing.topology import compute_edge_table, compute_normals, find_loops
@@ -59,7 +59,9 @@ def test_lying_top_as_obj_with_picture(tmp_path):
     shape = foreign.make_lying_top(1)
     vertices = foreign.to_file(shape, unit=1.0, axes=np.eye(3))
     foreign.to_mesh(shape, vertices, texture=True).export(tmp_path / "top.obj")
-    report = import_garment(tmp_path / "top.obj", out=tmp_path / "out", licence="CC0")
+    report = import_garment(
+        tmp_path / "top.obj", out=tmp_path / "out", options=GarmentImportOptions(licence="CC0")
+    )
     garment = check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.licence == garment.meta["licence"] == "CC0"
     assert any("assumed because" in text for text in report.assumptions)
@@ -75,7 +77,9 @@ def test_worn_top_as_glb_with_picture(tmp_path):
     (tmp_path / "in").mkdir()
     foreign.to_mesh(shape, vertices, texture=True).export(tmp_path / "in" / "mesh.glb")
     foreign.save_keypoints(tmp_path / "in" / "keypoints.json", shape)
-    report = import_garment(tmp_path / "in", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "in", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     garment = check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 1.0
     assert report.up == "y"
@@ -91,7 +95,9 @@ def test_worn_top_in_millimetres_as_ply(tmp_path):
     foreign.to_mesh(shape, vertices).export(tmp_path / "top.ply")
     points = foreign.save_keypoints(tmp_path / "points.json", shape, vertices)
     report = import_garment(
-        tmp_path / "top.ply", out=tmp_path / "out", spacing=COARSE, keypoints=points
+        tmp_path / "top.ply",
+        out=tmp_path / "out",
+        options=GarmentImportOptions(spacing=COARSE, keypoints=points),
     )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 0.001
@@ -102,7 +108,9 @@ def test_worn_top_in_centimetres_as_triangle_soup(tmp_path):
     shape = foreign.make_worn_top(4)
     vertices = foreign.to_file(shape, unit=0.01, axes=foreign.Z_UP)
     foreign.to_mesh(shape, vertices).export(tmp_path / "top.stl")
-    report = import_garment(tmp_path / "top.stl", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "top.stl", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 0.01
     assert report.up == "z"
@@ -115,7 +123,9 @@ def test_worn_top_in_inches_with_x_up(tmp_path):
     foreign.to_mesh(shape, vertices).export(tmp_path / "top.obj")
     points = foreign.save_keypoints(tmp_path / "points.json", shape)
     report = import_garment(
-        tmp_path / "top.obj", out=tmp_path / "out", spacing=COARSE, keypoints=points
+        tmp_path / "top.obj",
+        out=tmp_path / "out",
+        options=GarmentImportOptions(spacing=COARSE, keypoints=points),
     )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 0.0254
@@ -126,7 +136,9 @@ def test_lying_top_as_text_stl(tmp_path):
     shape = foreign.make_lying_top(6)
     vertices = foreign.to_file(shape, unit=0.001, axes=foreign.LIES_Y_UP)
     foreign.to_mesh(shape, vertices).export(tmp_path / "top.stl", file_type="stl_ascii")
-    report = import_garment(tmp_path / "top.stl", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "top.stl", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.up == "y"
 
@@ -145,7 +157,9 @@ def test_top_of_two_nodes_inside_out_in_millimetres(tmp_path):
         part.apply_transform(np.linalg.inv(pose))
         scene.add_geometry(part, transform=pose)
     scene.export(tmp_path / "parts.glb")
-    report = import_garment(tmp_path / "parts.glb", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "parts.glb", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 0.001
     assert any("by the file's own unit, is not" in text for text in report.assumptions)
@@ -160,7 +174,9 @@ def test_text_gltf_with_files_beside(tmp_path):
     ):
         (tmp_path / name).write_bytes(data)
     report = import_garment(
-        tmp_path / "model.gltf", out=tmp_path / "out", spacing=COARSE, name="my top"
+        tmp_path / "model.gltf",
+        out=tmp_path / "out",
+        options=GarmentImportOptions(spacing=COARSE, name="my top"),
     )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.name == "my_top"
@@ -176,7 +192,7 @@ def test_usd_in_centimetres_as_in_clothesnet(tmp_path, suffix):
     path = folder / f"TNLC_Top099_obj{suffix}"
     vertices = foreign.to_file(shape, unit=0.01, axes=foreign.Y_UP)
     foreign.save_usd(path, shape, vertices, unit=0.01, up="Y")
-    report = import_garment(path, out=tmp_path / "out", spacing=0.016)
+    report = import_garment(path, out=tmp_path / "out", options=GarmentImportOptions(spacing=0.016))
     smaller = foreign.Shape(vertices=0.85 * shape.vertices, faces=shape.faces)
     check(report, smaller, category="Tops_LongSleeve", openings=4)
     assert report.scale == pytest.approx(0.0085)
@@ -189,7 +205,9 @@ def test_top_at_an_angle(tmp_path):
     shape = foreign.make_worn_top(10)
     turn = Rotation.from_euler("xyz", [35, 20, 50], degrees=True).as_matrix()
     foreign.to_mesh(shape, foreign.to_file(shape, unit=1.0, axes=turn)).export(tmp_path / "t.ply")
-    report = import_garment(tmp_path / "t.ply", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "t.ply", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     assert report.area == pytest.approx(shape.area, rel=0.01)
     assert report.extent == pytest.approx(np.ptp(shape.vertices, axis=0), rel=0.06)
 
@@ -216,7 +234,9 @@ def test_archive_with_buttons_faults_key_points_and_licence(tmp_path):
         b'"source": "a friend"}',
     }
     archive = foreign.save_zip(tmp_path / "shirt.zip", files)
-    report = import_garment(archive, out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        archive, out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     check(report, shape, category="Tops_LongSleeve", openings=4)
     said = "; ".join(report.assumptions)
     assert "3 loose pieces" in said
@@ -237,7 +257,7 @@ def test_archive_with_buttons_faults_key_points_and_licence(tmp_path):
 def test_quads_by_hand_of_other_categories(tmp_path, make, category, openings):
     vertices, quads = make()
     path = foreign.save_quads(tmp_path / "thing.obj", vertices * 100, quads)
-    report = import_garment(path, out=tmp_path / "out", spacing=0.015)
+    report = import_garment(path, out=tmp_path / "out", options=GarmentImportOptions(spacing=0.015))
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     shape = foreign.Shape(vertices=vertices, faces=triangles)
     check(report, shape, category=category, openings=openings)
@@ -249,7 +269,9 @@ def test_coat_opens_in_front(tmp_path):
     shape = foreign.make_coat(12)
     turned = shape.vertices * [-1, 1, -1]  # its back is towards +z in the file
     foreign.to_mesh(shape, turned * 1000).export(tmp_path / "coat.ply")
-    report = import_garment(tmp_path / "coat.ply", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "coat.ply", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     check(report, shape, category="Tops_FrontOpen", openings=3)
     assert "front where it opens" in report.assumptions
 
@@ -258,7 +280,9 @@ def test_scarf_of_two_triangles(tmp_path):
     (tmp_path / "scarf.obj").write_text(
         "v 0 0 0\nv 0 140 0\nv 30 140 0\nv 30 0 0\nf 1 2 3 4\n", encoding="utf-8"
     )
-    report = import_garment(tmp_path / "scarf.obj", out=tmp_path / "out", spacing=COARSE)
+    report = import_garment(
+        tmp_path / "scarf.obj", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+    )
     assert report.category == "Scarf"
     assert report.extent == pytest.approx((1.4, 0.3, 0.0), abs=1e-6)
     garment = load_asset(report.folder)
@@ -286,7 +310,9 @@ def test_a_sheet_of_two_triangles_is_no_hat_of_a_file(tmp_path):
     file = tmp_path / "two.obj"
     file.write_text("v 0 0 0\nv 0.2 0 0\nv 0.2 0.2 0\nv 0 0.2 0.05\nf 1 2 3\nf 1 3 4\n")
     with pytest.raises(UnclearGarmentError, match=r"two\.obj: a Bowl_Hat is hollow"):
-        import_garment(file, out=tmp_path / "out", category="Bowl_Hat")
+        import_garment(
+            file, out=tmp_path / "out", options=GarmentImportOptions(category="Bowl_Hat")
+        )
     assert not (tmp_path / "out").exists()
 
 
@@ -297,10 +323,8 @@ def test_hat_stands_on_its_rim(tmp_path):
     report = import_garment(
         tmp_path / "bowl.ply",
         out=tmp_path / "out",
-        category="Bowl_Hat",
-        units="cm",
-        spacing=0.012,
         lay_flat=lambda vertices, faces, rest: vertices * [1, 1, 0.1],
+        options=GarmentImportOptions(category="Bowl_Hat", units="cm", spacing=0.012),
     )
     garment = load_asset(report.folder)
     assert not report.is_laid_flat

@@ -12,6 +12,7 @@ from dgl_assets import AssetNotFoundError, Sleeve, TopParameters, make_top
 from dgl_assets.importing import (
     AssetImportError,
     BrokenMeshError,
+    GarmentImportOptions,
     UnclearGarmentError,
     UnreadableFileError,
     import_garment,
@@ -46,8 +47,9 @@ def scarf(tmp_path):
     return path
 
 
-def bring(path, tmp_path, **options):
-    return import_garment(path, out=tmp_path / "out", spacing=0.02, **options)
+def bring(path, tmp_path, lay_flat=None, **options):
+    options = GarmentImportOptions(spacing=0.02, **options)
+    return import_garment(path, out=tmp_path / "out", options=options, lay_flat=lay_flat)
 
 
 def sheet(columns: int, rows: int, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -291,7 +293,7 @@ def test_other_names_are_no_codes():
 )
 def test_wrong_options_are_value_errors(scarf, tmp_path, option, value):
     with pytest.raises(ValueError, match=option):
-        import_garment(scarf, out=tmp_path / "out", **{option: value})
+        import_garment(scarf, out=tmp_path / "out", options=GarmentImportOptions(**{option: value}))
     assert not (tmp_path / "out").exists()
 
 
@@ -375,7 +377,9 @@ def test_names_that_are_not_latin_become_folders(tmp_path):
 
 def test_an_asset_can_be_imported_again(scarf, tmp_path):
     first = bring(scarf, tmp_path, licence="CC0")
-    again = import_garment(first.folder, out=tmp_path / "again", spacing=0.02)
+    again = import_garment(
+        first.folder, out=tmp_path / "again", options=GarmentImportOptions(spacing=0.02)
+    )
     assert again.licence == "CC0"
     assert again.extent == pytest.approx(first.extent, abs=1e-6)
 

@@ -207,7 +207,6 @@ CASES = {
     "pair without hand": (samples.pair(), "pair", {}, "--hand-link"),
     "pair at a moving link": (samples.pair(), "pair", {"hand_link": "elbow_body"},
         "fixed to the arm"),
-    "unknown collision": (ARM, "arm", {"collision": "voxels"}, "collision must be"),
     "far mount": (HAND, "hand", {"mount_offset": 3.0}, "0.5 m"),
     "home of nobody": ({"r.urdf": ARM, "home.json": b'{"left": {}}'}, "arm", {"home": "home.json"},
         "left and right"),
@@ -297,6 +296,8 @@ def test_missing_files_links_out_of_the_folder_and_bad_names(tmp_path):
     for name in ("", "../up", "A", "ur10e", "shadow", "a+b", "x" * 60, ".hidden"):
         refuse(path, "name must be", name=name)
     refuse(path, "kind must be", kind="leg")
+    with pytest.raises(ValueError, match="collision"):
+        RobotImportOptions(collision="voxels")
     inside = tmp_path / "deep"
     inside.mkdir()
     (tmp_path / "base.stl").write_bytes(CUBE)

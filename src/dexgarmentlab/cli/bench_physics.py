@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
 
 if TYPE_CHECKING:
-    from dgl_bench.physics import Row
+    from dgl_bench.physics import Reading
 
 __all__ = ["BenchPhysicsOptions", "measure_physics", "print_rows"]
 
@@ -81,7 +81,7 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
     return EXIT_OK
 
 
-def print_rows(rows: "Sequence[Row]", *, as_json: bool) -> None:
+def print_rows(rows: "Sequence[Reading]", *, as_json: bool) -> None:
     """Write rows as JSON or as a table."""
     from dgl_bench.rows import format_value
 

@@ -109,10 +109,11 @@ def _see(
 
 def _import_mesh(path: Path, *, seed: int, up: Up | None, category: str | None) -> Cloud:
     """Import a mesh in metres and the garment frame."""
-    from dgl_assets.importing import import_garment, load_asset
+    from dgl_assets.importing import GarmentImportOptions, import_garment, load_asset
 
     with tempfile.TemporaryDirectory(prefix="dgl-match-") as folder:
-        report = import_garment(path, out=folder, category=category, up=up, use_textures=False)
+        options = GarmentImportOptions(category=category, up=up, textures=False)
+        report = import_garment(path, out=folder, options=options)
         asset = load_asset(report.folder)
     return _see(path.name, asset, seed, report.assumptions)
 

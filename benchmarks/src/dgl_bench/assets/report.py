@@ -10,7 +10,7 @@ from dgl_bench.assets.attempts import Attempt, find_positions
 from dgl_bench.assets.rows import group, summarise
 from dgl_bench.assets.run import load_run
 from dgl_bench.assets.sheets import COLUMNS, draw_sheet, load_dropped
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_files.whole import written_beside
 
 __all__ = ["PICTURES", "REPORT_FILE", "TABLE_FILE", "count_pictures", "make_table", "write_report"]
@@ -19,7 +19,7 @@ REPORT_FILE, TABLE_FILE, PICTURES = "report.html", "table.md", "pictures"
 SHOWN, WORST = 2 * COLUMNS, COLUMNS
 """Garments of a category that are shown before and after, and those that were strained most."""
 
-_COLUMNS: tuple[tuple[str, Callable[[Mapping[str, Row]], str]], ...] = (
+_COLUMNS: tuple[tuple[str, Callable[[Mapping[str, Reading]], str]], ...] = (
     ("garments", lambda r: _write(r, "garments")),
     ("whole", lambda r: f"{_write(r, 'whole', digits=1)} %"),
     ("errors", lambda r: _write(r, "errors")),
@@ -163,7 +163,7 @@ def _describe_motion(attempt: Attempt) -> str:
     return f"{1000 * (attempt.speed or 0.0):.1f} mm/s, root mean square"
 
 
-def _write(rows: Mapping[str, Row], name: str, *, digits: int = 0) -> str:
+def _write(rows: Mapping[str, Reading], name: str, *, digits: int = 0) -> str:
     """Write a value; a share that is not quite all is not rounded up to 100."""
     value = rows[name].value
     if value is None:
@@ -174,6 +174,6 @@ def _write(rows: Mapping[str, Row], name: str, *, digits: int = 0) -> str:
 
 
 def _pair(
-    rows: Mapping[str, Row], first: str, second: str, digits: int, between: str = " / "
+    rows: Mapping[str, Reading], first: str, second: str, digits: int, between: str = " / "
 ) -> str:
     return f"{_write(rows, first, digits=digits)}{between}{_write(rows, second, digits=digits)}"

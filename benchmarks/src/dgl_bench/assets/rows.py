@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 
 from dgl_bench.assets.attempts import STRAIN_LIMIT, Attempt
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 
 __all__ = ["PARTICLE_RANGE", "group", "make_rows", "summarise"]
 
@@ -22,7 +22,7 @@ def group(attempts: Iterable[Attempt]) -> dict[str, list[Attempt]]:
     return by_category
 
 
-def make_rows(attempts: Sequence[Attempt]) -> list[Row]:
+def make_rows(attempts: Sequence[Attempt]) -> list[Reading]:
     """Make the rows of all garments and, where there are several categories, of each."""
     rows = summarise("all", attempts)
     categories = group(attempts)
@@ -31,128 +31,120 @@ def make_rows(attempts: Sequence[Attempt]) -> list[Row]:
     return rows
 
 
-def summarise(name: str, attempts: Sequence[Attempt]) -> list[Row]:
+def summarise(name: str, attempts: Sequence[Attempt]) -> list[Reading]:
     """Make the rows of some garments, each named after them and what was measured: `all.whole`."""
     built = [a for a in attempts if a.edge_share is not None]
     dropped = [a for a in built if not a.error]
     low, high = PARTICLE_RANGE
     is_sized = [low <= a.particles <= high for a in built]
     return [
-        Row(name=f"{name}.garments", value=float(len(attempts)), unit=""),
-        Row(
-            name=f"{name}.errors",
-            value=float(sum(bool(a.error) for a in attempts)),
-            unit="",
+        Reading(f"{name}.garments", float(len(attempts)), ""),
+        Reading(
+            f"{name}.errors",
+            float(sum(bool(a.error) for a in attempts)),
+            "",
             bar="<= 0",
             note="not built, diverged, not finite, or too many contacts",
         ),
-        Row(
-            name=f"{name}.whole",
-            value=_share([a.is_whole for a in attempts]),
-            unit="%",
+        Reading(
+            f"{name}.whole",
+            _share([a.is_whole for a in attempts]),
+            "%",
             bar=">= 100",
             note=f"mean strain <= {100 * STRAIN_LIMIT:g} % in every frame, no edge changed by more "
             "than 50 % at the end",
         ),
-        Row(
-            name=f"{name}.whole_at_end",
-            value=_share(
-                [a.strain_end is not None and a.strain_end <= STRAIN_LIMIT for a in attempts]
-            ),
-            unit="%",
+        Reading(
+            f"{name}.whole_at_end",
+            _share([a.strain_end is not None and a.strain_end <= STRAIN_LIMIT for a in attempts]),
+            "%",
             note="mean strain in the last frame alone",
         ),
-        Row(
-            name=f"{name}.strain_median",
-            value=_over(dropped, lambda a: a.strain_worst, statistics.median, 100),
-            unit="%",
+        Reading(
+            f"{name}.strain_median",
+            _over(dropped, lambda a: a.strain_worst, statistics.median, 100),
+            "%",
             note="mean strain over the edges, in the worst frame of each garment",
         ),
-        Row(
-            name=f"{name}.strain_worst",
-            value=_over(dropped, lambda a: a.strain_worst, max, 100),
-            unit="%",
+        Reading(
+            f"{name}.strain_worst",
+            _over(dropped, lambda a: a.strain_worst, max, 100),
+            "%",
             bar=f"<= {100 * STRAIN_LIMIT:g}",
         ),
-        Row(
-            name=f"{name}.edge_change",
-            value=_over(dropped, lambda a: a.edge_change, max, 100),
-            unit="%",
+        Reading(
+            f"{name}.edge_change",
+            _over(dropped, lambda a: a.edge_change, max, 100),
+            "%",
             bar="<= 50",
             note="one edge of one garment, at the end",
         ),
-        Row(
-            name=f"{name}.at_rest",
-            value=_share([a.still_seconds is not None for a in attempts]),
-            unit="%",
+        Reading(
+            f"{name}.at_rest",
+            _share([a.still_seconds is not None for a in attempts]),
+            "%",
             note="within the time simulated",
         ),
-        Row(
-            name=f"{name}.crossings",
-            value=float(sum((a.crossings_end or 0) > 0 for a in dropped)),
-            unit="",
+        Reading(
+            f"{name}.crossings",
+            float(sum((a.crossings_end or 0) > 0 for a in dropped)),
+            "",
             note="garments with an edge that pierces a triangle of another place at the end",
         ),
-        Row(
-            name=f"{name}.edges",
-            value=_pool(built, lambda a: a.edge_share, lambda a: a.edges),
-            unit="%",
+        Reading(
+            f"{name}.edges",
+            _pool(built, lambda a: a.edge_share, lambda a: a.edges),
+            "%",
             bar=">= 99",
             note="within 8 to 18 mm, of all edges",
         ),
-        Row(
-            name=f"{name}.edges_least",
-            value=_over(built, lambda a: a.edge_share, min, 100),
-            unit="%",
+        Reading(
+            f"{name}.edges_least",
+            _over(built, lambda a: a.edge_share, min, 100),
+            "%",
             note="of one garment",
         ),
-        Row(
-            name=f"{name}.angles",
-            value=_pool(built, lambda a: a.angle_share, lambda a: a.faces),
-            unit="%",
+        Reading(
+            f"{name}.angles",
+            _pool(built, lambda a: a.angle_share, lambda a: a.faces),
+            "%",
             bar=">= 99",
             note="smallest angle of at least 20 degrees, of all triangles",
         ),
-        Row(
-            name=f"{name}.angles_least",
-            value=_over(built, lambda a: a.angle_share, min, 100),
-            unit="%",
+        Reading(
+            f"{name}.angles_least",
+            _over(built, lambda a: a.angle_share, min, 100),
+            "%",
             note="of one garment",
         ),
-        Row(
-            name=f"{name}.particles",
-            value=_share(is_sized),
-            unit="%",
+        Reading(
+            f"{name}.particles",
+            _share(is_sized),
+            "%",
             bar=">= 100",
             note=f"garments of {low:,} to {high:,} particles",
         ),
-        Row(
-            name=f"{name}.particles_least", value=_over(built, lambda a: a.particles, min), unit=""
-        ),
-        Row(name=f"{name}.particles_most", value=_over(built, lambda a: a.particles, max), unit=""),
-        Row(
-            name=f"{name}.landmarks",
-            value=_over(built, lambda a: a.landmark_miss, max),
-            unit="edges",
+        Reading(f"{name}.particles_least", _over(built, lambda a: a.particles, min), ""),
+        Reading(f"{name}.particles_most", _over(built, lambda a: a.particles, max), ""),
+        Reading(
+            f"{name}.landmarks",
+            _over(built, lambda a: a.landmark_miss, max),
+            "edges",
             bar="<= 0.5",
             note="largest miss of a landmark that is mapped to another garment of the category",
         ),
-        Row(
-            name=f"{name}.build",
-            value=_over(built, lambda a: a.build_seconds, statistics.median),
-            unit="s",
+        Reading(
+            f"{name}.build",
+            _over(built, lambda a: a.build_seconds, statistics.median),
+            "s",
             bar="<= 1",
             note="median CPU time of building a garment",
         ),
-        Row(
-            name=f"{name}.build_longest",
-            value=_over(built, lambda a: a.build_seconds, max),
-            unit="s",
-        ),
-        Row(
-            name=f"{name}.drop",
-            value=_over(dropped, lambda a: a.drop_seconds, statistics.fmean),
-            unit="s",
+        Reading(f"{name}.build_longest", _over(built, lambda a: a.build_seconds, max), "s"),
+        Reading(
+            f"{name}.drop",
+            _over(dropped, lambda a: a.drop_seconds, statistics.fmean),
+            "s",
             note="mean CPU time of dropping a garment",
         ),
     ]

@@ -15,7 +15,7 @@ from dgl_bench.collect.rows import (
     make_worker_rows,
 )
 from dgl_bench.collect.timed import FACTORY, AttemptTimes, TimedOptions
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_collect import AttemptResult, CollectConfig, Progress, Workers, collect
 from dgl_tasks import load_task
 
@@ -80,7 +80,7 @@ Make = Callable[[str, int, int], list[AttemptTimes]]
 """Makes the attempts at a task: its id, their number, and the number of workers."""
 
 
-def measure_collection(plan: Plan, make: Make) -> list[Row]:
+def measure_collection(plan: Plan, make: Make) -> list[Reading]:
     """Make the attempts of a plan.
 
     Args:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dgl_bench.collect.components import COMPONENTS, REST
 from dgl_bench.collect.throughput import compare_throughput
 from dgl_bench.collect.timed import AttemptTimes
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 
 __all__ = [
     "find_worker_obstacle",
@@ -30,7 +30,7 @@ WARM = 20
 """Attempts after which a process has made what it keeps."""
 
 
-def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
+def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Reading]:
     """Sum up the attempts at a task by one worker; the components add up to the attempt."""
     middle = select_median(attempts)
     seconds = statistics.fmean(times.seconds for times in middle)
@@ -39,29 +39,29 @@ def make_task_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
     name = f"{task}, attempt"
     bar = f"<= {ATTEMPT_BARS[task]:g}" if task in ATTEMPT_BARS else ""
     rows = [
-        Row(
-            name=name,
-            value=seconds,
-            unit="s",
+        Reading(
+            name,
+            seconds,
+            "s",
             bar=bar,
             note=f"processor time; median of {len(attempts)}, {least:.1f} to {most:.1f}; "
             f"{succeeded} succeeded "
             "in their first round, where they end",
         ),
-        Row(
-            name=f"{name}, elapsed",
-            value=statistics.median(times.elapsed for times in attempts),
-            unit="s",
+        Reading(
+            f"{name}, elapsed",
+            statistics.median(times.elapsed for times in attempts),
+            "s",
             note="more than the processor time where the machine has other work to do",
         ),
     ]
     for component in (*COMPONENTS, REST):
         part = statistics.fmean(times.components[component] for times in middle)
         rows.append(
-            Row(
-                name=f"{task}, {component}",
-                value=part,
-                unit="s",
+            Reading(
+                f"{task}, {component}",
+                part,
+                "s",
                 note=f"{100 * part / seconds:.1f} % of the attempt",
             )
         )
@@ -75,27 +75,26 @@ def select_median(attempts: Sequence[AttemptTimes]) -> list[AttemptTimes]:
     return ordered[(count - 1) // 2 : count // 2 + 1]
 
 
-def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Row]:
+def make_start_rows(attempts: Sequence[AttemptTimes]) -> list[Reading]:
     """Sum up the start of workers: from a new process to the first control step."""
     starts = [(t.start, t.start_elapsed) for t in attempts if t.start is not None]
     name = "start of a worker to its first control step"
     if not starts:
-        note = "skipped: no attempt came to a control step"
-        return [Row(name=name, value=None, unit="s", note=note, is_skipped=True)]
+        return [Reading.skip(name, "s", "no attempt came to a control step")]
     seconds, elapsed = min(starts)
     return [
-        Row(
-            name=name,
-            value=seconds,
-            unit="s",
+        Reading(
+            name,
+            seconds,
+            "s",
             bar=f"<= {START_BAR:g}",
             note=f"processor time; quickest of {len(starts)}, as the first one may compile kernels",
         ),
-        Row(name=f"{name}, elapsed", value=elapsed, unit="s", note="of the same worker"),
+        Reading(f"{name}, elapsed", elapsed, "s", note="of the same worker"),
     ]
 
 
-def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
+def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Reading]:
     """Report the memory, and its growth, of the process that made the attempts at a task.
 
     Args:
@@ -103,14 +102,14 @@ def make_memory_rows(task: str, attempts: Sequence[AttemptTimes]) -> list[Row]:
         attempts: Of one worker, in their order.
     """
     name = f"{task}, memory of a process"
-    rows = [Row(name=f"{name} at the end", value=attempts[-1].memory / 2**30, unit="GiB")]
+    rows = [Reading(f"{name} at the end", attempts[-1].memory / 2**30, "GiB")]
     if len(attempts) > WARM and len({times.process for times in attempts}) == 1:
         warm = attempts[WARM - 1].memory
         rows.append(
-            Row(
-                name=f"{name}, growth after {WARM} attempts",
-                value=100 * (attempts[-1].memory / warm - 1),
-                unit="%",
+            Reading(
+                f"{name}, growth after {WARM} attempts",
+                100 * (attempts[-1].memory / warm - 1),
+                "%",
                 bar=f"<= {MEMORY_BAR:g}",
                 note=f"{len(attempts)} attempts",
             )
@@ -130,30 +129,29 @@ def find_worker_obstacle(workers: int, attempts: int) -> str | None:
 
 def make_worker_rows(
     task: str, alone: Sequence[AttemptTimes], together: Sequence[AttemptTimes], *, workers: int
-) -> list[Row]:
+) -> list[Reading]:
     """Compare several workers with one, see `compare_throughput`; or give a skipped row."""
     name = f"{task}, {workers} workers against 1"
     if obstacle := find_worker_obstacle(workers, len(alone)):
-        note = f"skipped: {obstacle}"
-        return [Row(name=name, value=None, unit="times", note=note, is_skipped=True)]
+        return [Reading.skip(name, "times", obstacle)]
     found = compare_throughput(alone, together, workers=workers)
     rate = 3600 / statistics.fmean(times.elapsed for times in alone)
     return [
-        Row(name=f"{task}, 1 worker", value=rate, unit="attempts/h"),
-        Row(name=f"{task}, {workers} workers", value=rate * found.ratio, unit="attempts/h"),
-        Row(
-            name=name,
-            value=found.ratio,
-            unit="times",
+        Reading(f"{task}, 1 worker", rate, "attempts/h"),
+        Reading(f"{task}, {workers} workers", rate * found.ratio, "attempts/h"),
+        Reading(
+            name,
+            found.ratio,
+            "times",
             bar=f">= {EFFICIENCY_BAR * workers:g}",
             note=f"elapsed time; the workers had {found.cores:.2f} cores, less than {workers} "
             "where the machine has "
             "other work to do",
         ),
-        Row(
-            name=f"{name}, had each a core",
-            value=found.processor_ratio,
-            unit="times",
+        Reading(
+            f"{name}, had each a core",
+            found.processor_ratio,
+            "times",
             note="by the processor time of the same attempts",
         ),
     ]

@@ -6,6 +6,6 @@ from dgl_bench.physics.experiment import Result as Result
 from dgl_bench.physics.registry import EXPERIMENTS as EXPERIMENTS
 from dgl_bench.physics.registry import run as run
 from dgl_bench.physics.registry import select as select
-from dgl_bench.rows import Row as Row
+from dgl_bench.rows import Reading as Reading
 
-__all__ = ["EXPERIMENTS", "Bench", "Experiment", "Result", "Row", "run", "select"]
+__all__ = ["EXPERIMENTS", "Bench", "Experiment", "Reading", "Result", "run", "select"]

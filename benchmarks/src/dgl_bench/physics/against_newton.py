@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Bars, Chart, Curve, Figure, Limit
-from dgl_bench.physics.panel import Panel, hang_panel, summarise_strain
-from dgl_bench.rows import Row
+from dgl_bench.physics.figures import Bars, Chart, Figure, Limit, Series
+from dgl_bench.physics.panel import HungPanel, hang_panel, summarise_strain
+from dgl_bench.rows import Reading
 from dgl_physics import SolverConfig
 
 __all__ = ["NewtonError", "Setting", "hang_here", "hang_in_newton", "measure_newton"]
@@ -46,7 +46,7 @@ FIX = "install it with `pip install newton`, or name an interpreter that has it 
 def measure_newton(bench: Bench) -> Result:
     """Hang the panel for a third of a second in this solver and in both of Newton's."""
     frames = bench.scale(FRAMES, least=3)
-    panel = Panel()
+    panel = HungPanel()
     ours = hang_here(panel, frames)
     rows = _make_rows(
         "dgl-physics", ours, None, f"{len(panel.vertices)} particles, {frames} frames"
@@ -57,27 +57,19 @@ def measure_newton(bench: Bench) -> Result:
         try:
             theirs = hang_in_newton(bench, panel, frames, kind, setting)
         except NewtonError as err:
-            rows.append(
-                Row(
-                    name=f"{name}, frame relative to dgl-physics",
-                    value=None,
-                    unit="",
-                    note=f"skipped: {err}",
-                    is_skipped=True,
-                )
-            )
+            rows.append(Reading.skip(f"{name}, frame relative to dgl-physics", "", str(err)))
             continue
         note = f"Newton {theirs['version']}, {setting}, {about}"
         rows += _make_rows(name, theirs, ours, note)
         runs[name] = theirs
-    return Result(rows=rows, figures=(_draw(runs),))
+    return Result(rows, (_draw(runs),))
 
 
 class NewtonError(Exception):
     """Newton is not there, or did not do it; the message says why and what helps."""
 
 
-def hang_here(panel: Panel, frames: int, config: SolverConfig | None = None) -> dict:
+def hang_here(panel: HungPanel, frames: int, config: SolverConfig | None = None) -> dict:
     """Hang the panel in this solver.
 
     Returns:
@@ -98,7 +90,9 @@ def hang_here(panel: Panel, frames: int, config: SolverConfig | None = None) -> 
     return {"seconds": seconds, "means": means, "tails": tails, "is_finite": True}
 
 
-def hang_in_newton(bench: Bench, panel: Panel, frames: int, kind: str, setting: Setting) -> dict:
+def hang_in_newton(
+    bench: Bench, panel: HungPanel, frames: int, kind: str, setting: Setting
+) -> dict:
     """Hang the panel in a solver of Newton, "xpbd" or "vbd"; return as `hang_here`.
 
     Raises:
@@ -143,15 +137,15 @@ def _last_line(text: str) -> str:
     return lines[-1] if lines else "no message"
 
 
-def _make_rows(name: str, run: dict, ours: dict | None, note: str) -> list[Row]:
+def _make_rows(name: str, run: dict, ours: dict | None, note: str) -> list[Reading]:
     frame = _frame(run)
-    rows = [Row(name=f"{name}, frame of the hung panel", value=frame, unit="ms", note=note)]
+    rows = [Reading(f"{name}, frame of the hung panel", frame, "ms", note=note)]
     if ours is not None:
         rows.append(
-            Row(
-                name=f"{name}, frame relative to dgl-physics",
-                value=frame / _frame(ours),
-                unit="times",
+            Reading(
+                f"{name}, frame relative to dgl-physics",
+                frame / _frame(ours),
+                "times",
                 note="" if run["is_finite"] else "its result is not finite",
             )
         )
@@ -160,10 +154,10 @@ def _make_rows(name: str, run: dict, ours: dict | None, note: str) -> list[Row]:
         late = values[len(values) // 2 :]
         is_whole = len(values) == len(run[key])
         rows.append(
-            Row(
-                name=f"{name}, {label} while it falls into its corners",
-                value=float(np.mean(late)) if is_whole else None,
-                unit="%",
+            Reading(
+                f"{name}, {label} while it falls into its corners",
+                float(np.mean(late)) if is_whole else None,
+                "%",
                 note="mean of the second half of the frames" if is_whole else "not finite",
             )
         )
@@ -182,27 +176,21 @@ def _draw(runs: dict[str, dict]) -> Figure:
     for tone, (name, run) in enumerate(runs.items()):
         t = np.arange(1, len(run["tails"]) + 1) / 60
         tails = [np.nan if v is None else max(v, 1e-3) for v in run["tails"]]
-        curves.append(Curve(x=t, y=tails, label=name, tone=tone))
+        curves.append(Series(t, tails, name, tone=tone))
     return Figure(
-        name="newton",
-        caption="The same panel of two layers hung by two corners in this solver and in Newton's, "
+        "newton",
+        "The same panel of two layers hung by two corners in this solver and in Newton's, "
         "on the same core: "
         "time of a frame, and the strain that 1 in 1,000 edges exceeds while it falls into its "
         "corners.",
-        panels=(
-            Bars(
-                title="time of a frame",
-                labels=names,
-                values=frames,
-                value_label="time of a frame [ms]",
-                is_log=len(names) > 1,
-            ),
+        (
+            Bars("time of a frame", names, frames, "time of a frame [ms]", is_log=len(names) > 1),
             Chart(
-                title="strain at the same mesh",
-                x_label="time [s]",
-                y_label="99.9th percentile of strain [%]",
-                curves=curves,
-                limits=(Limit(value=4.0, label="bar at rest"),),
+                "strain at the same mesh",
+                "time [s]",
+                "99.9th percentile of strain [%]",
+                curves,
+                limits=(Limit(4.0, "bar at rest"),),
                 is_log_y=True,
             ),
         ),

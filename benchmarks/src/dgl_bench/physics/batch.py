@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure
+from dgl_bench.physics.figures import Chart, Figure, Series
 from dgl_bench.physics.sheets import make_sheet
-from dgl_bench.rows import Row
+from dgl_bench.rows import NO_CUDA, Reading
 from dgl_physics import ClothMaterial, ModelBuilder, SolverXPBD, State
 
 __all__ = ["measure_batch"]
@@ -34,63 +34,46 @@ def measure_batch(bench: Bench) -> Result:
             speeds.append(particles / seconds)
             sizes.append(measure_memory(model, state, solver) / count / 1e6)
             rows.append(
-                Row(
-                    name=f"batch of {count} on {device}, particle-substeps",
-                    value=particles / seconds,
-                    unit="1/s",
+                Reading(
+                    f"batch of {count} on {device}, particle-substeps",
+                    particles / seconds,
+                    "1/s",
                     note=f"{count / seconds:.0f} env-frames/s of {model.particles_per_env} "
                     "particles",
                 )
             )
         rows.append(
-            Row(
-                name=f"batch on {device}, memory of an environment",
-                value=sizes[-1],
-                unit="MB",
+            Reading(
+                f"batch on {device}, memory of an environment",
+                sizes[-1],
+                "MB",
                 note="arrays of model, state and solver, without the neighbour grid",
             )
         )
-        curves.append(Curve(x=batches, y=np.array(speeds) / 1e6, label=device, tone=tone))
-        curves.append(Curve(x=batches, y=np.array(speeds) / 1e6, kind="measured", tone=tone))
-        memory.append(
-            Curve(x=batches, y=np.array(sizes) * np.array(batches), label=device, tone=tone)
-        )
+        curves.append(Series(batches, np.array(speeds) / 1e6, device, tone=tone))
+        curves.append(Series(batches, np.array(speeds) / 1e6, kind="measured", tone=tone))
+        memory.append(Series(batches, np.array(sizes) * np.array(batches), device, tone=tone))
     if bench.cuda is None:
-        rows.append(
-            Row(
-                name="batch on CUDA, particle-substeps",
-                value=None,
-                unit="1/s",
-                note="skipped: no CUDA device; run this where nvidia-smi shows one",
-                is_skipped=True,
-            )
-        )
+        rows.append(Reading.skip("batch on CUDA, particle-substeps", "1/s", NO_CUDA))
     figure = Figure(
-        name="batch",
-        caption="B environments in one model, two layers of 2,205 particles at rest in each. Warp "
+        "batch",
+        "B environments in one model, two layers of 2,205 particles at rest in each. Warp "
         "runs a kernel on "
         "one thread of a CPU, so there throughput does not grow with B: use a process for each "
         "core.",
-        panels=(
+        (
             Chart(
-                title="throughput",
-                x_label="environments B",
-                y_label="particle-substeps [10⁶/s]",
-                curves=curves,
+                "throughput",
+                "environments B",
+                "particle-substeps [10⁶/s]",
+                curves,
                 is_log_x=True,
                 y_range=(0.0, 1.25 * max(float(np.max(c.y)) for c in curves)),
             ),
-            Chart(
-                title="memory",
-                x_label="environments B",
-                y_label="memory [MB]",
-                curves=memory,
-                is_log_x=True,
-                is_log_y=True,
-            ),
+            Chart("memory", "environments B", "memory [MB]", memory, is_log_x=True, is_log_y=True),
         ),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))
 
 
 def build_pile(env_count: int, *, device: str = "cpu") -> tuple[SolverXPBD, State]:

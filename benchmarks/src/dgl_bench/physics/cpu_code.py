@@ -9,10 +9,10 @@ import numpy as np
 from dgl_bench.physics.experiment import Bench, Result
 from dgl_bench.physics.figures import Bars, Figure
 from dgl_bench.physics.speed_scenes import SpeedScene, make_drop, make_fold, make_hanging
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics.launcher import find_vector_obstacle
 
-__all__ = ["Comparison", "compare_codes", "make_rows", "measure_cpu_code"]
+__all__ = ["CodeTimes", "compare_codes", "make_rows", "measure_cpu_code"]
 
 BARS = {"Fold Tops, awake frame": "<= 5", "crumpled drop, frame": "<= 8"}
 """Longest frames of vector code [ms]."""
@@ -23,7 +23,7 @@ WARM_UP = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class CodeTimes:
     """Times of both codes for the same frames."""
 
     vector: np.ndarray
@@ -40,17 +40,16 @@ def measure_cpu_code(bench: Bench) -> Result:
     from dgl_collect.attempt_jobs import make_attempt_seed
 
     if obstacle := find_vector_obstacle():
-        note = f"skipped: this CPU runs no vector code: {obstacle}"
-        name = "vector code against Warp's"
-        return Result(rows=[Row(name=name, value=None, unit="times", note=note, is_skipped=True)])
+        why = f"this CPU runs no vector code: {obstacle}"
+        return Result([Reading.skip("vector code against Warp's", "times", why)])
     # the garment and place of a collection's first attempt
     record = record_fold(seed=make_attempt_seed(bench.seed, 0), garment=None)
     found = [(s, compare_codes(s)) for s in (make_fold(record), make_drop(), make_hanging())]
     rows = [row for scene, comparison in found for row in make_rows(scene, comparison)]
-    return Result(rows=rows, figures=(_draw(found),))
+    return Result(rows, (_draw(found),))
 
 
-def compare_codes(scene: SpeedScene) -> Comparison:
+def compare_codes(scene: SpeedScene) -> CodeTimes:
     """Play a scene with both codes, in turns; frames in which all sleep do not count."""
     codes = ("vector", "warp")
     built = {code: scene.build(replace(scene.config, cpu_code=code)) for code in codes}
@@ -69,56 +68,52 @@ def compare_codes(scene: SpeedScene) -> Comparison:
     counted = counted[counted >= scene.first_timed]
     ends = [state.get_positions()[0].view(np.uint32) for _, state in built.values()]
     vector, warp = milliseconds[:, counted]
-    return Comparison(
+    return CodeTimes(
         vector=vector, warp=warp, differing=int((ends[0] != ends[1]).any(axis=1).sum())
     )
 
 
-def make_rows(scene: SpeedScene, found: Comparison) -> list[Row]:
+def make_rows(scene: SpeedScene, found: CodeTimes) -> list[Reading]:
     """Sum up a comparison."""
     vector, warp = float(found.vector.mean()), float(found.warp.mean())
     middle, late = np.percentile(found.vector, (50, 95))
     spread = f"median {middle:.1f}, 95th percentile {late:.1f}"
     return [
-        Row(
-            name=f"{scene.name}, vector code",
-            value=vector,
-            unit="ms",
+        Reading(
+            f"{scene.name}, vector code",
+            vector,
+            "ms",
             bar=BARS.get(scene.name, ""),
             note=f"mean processor time of {len(found.vector)} frames, {spread}; {scene.note}",
         ),
-        Row(name=f"{scene.name}, Warp's code", value=warp, unit="ms"),
-        Row(
-            name=f"{scene.name}, Warp's code relative to vector code",
-            value=warp / vector,
-            unit="times",
-        ),
-        Row(
-            name=f"{scene.name}, particles that differ at the end",
-            value=float(found.differing),
-            unit="particles",
+        Reading(f"{scene.name}, Warp's code", warp, "ms"),
+        Reading(f"{scene.name}, Warp's code relative to vector code", warp / vector, "times"),
+        Reading(
+            f"{scene.name}, particles that differ at the end",
+            float(found.differing),
+            "particles",
             bar="<= 0",
             note="to the bit",
         ),
     ]
 
 
-def _draw(found: Sequence[tuple[SpeedScene, Comparison]]) -> Figure:
+def _draw(found: Sequence[tuple[SpeedScene, CodeTimes]]) -> Figure:
     names = [scene.name.removesuffix(", frame").removesuffix(", awake frame") for scene, _ in found]
     panels = [
         Bars(
-            title=title,
-            labels=names,
-            values=[float(getattr(comparison, code).mean()) for _, comparison in found],
-            value_label="processor time of a frame [ms]",
+            title,
+            names,
+            [float(getattr(comparison, code).mean()) for _, comparison in found],
+            "processor time of a frame [ms]",
         )
         for code, title in (("vector", "vector code"), ("warp", "Warp's code"))
     ]
     return Figure(
-        name="cpu_code",
-        caption="Mean time of a frame on one core, the same frames in turns by vector code and by "
+        "cpu_code",
+        "Mean time of a frame on one core, the same frames in turns by vector code and by "
         "Warp's own: the "
         "robots' fold while the top moves, a crumpled dress, and a dress that hangs from two "
         "hands over a bar.",
-        panels=panels,
+        panels,
     )

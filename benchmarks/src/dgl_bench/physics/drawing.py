@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dgl_bench.physics.figures import Bars, Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.figures import Bars, Chart, ClothView, Figure, Limit, Series
 from dgl_bench.physics.rendering import (
     compute_value_limit,
     measure_extent,
@@ -73,7 +73,7 @@ def save_figure(figure: Figure, folder: Path) -> Path:
         count = len(figure.panels)
         columns = count if count <= 3 else -(-count // (-(-count // 4)))
         rows = -(-count // columns)
-        pictures = [panel for panel in figure.panels if isinstance(panel, Picture)]
+        pictures = [panel for panel in figure.panels if isinstance(panel, ClothView)]
         share = 0.72 if len(pictures) == count > 3 else 1.0
         canvas = Canvas(
             figsize=(share * _PANEL_WIDTH * columns, share * _PANEL_HEIGHT * rows),
@@ -126,7 +126,7 @@ def _draw_chart(ax: "Axes", chart: Chart) -> None:
         ax.legend(loc="best", handlelength=1.6, borderaxespad=0.3, labelcolor=INK)
 
 
-def _draw_curve(ax: "Axes", curve: Curve) -> None:
+def _draw_curve(ax: "Axes", curve: Series) -> None:
     colour = TONES[curve.tone % len(TONES)]
     label = curve.label or None
     if curve.kind == "theory":
@@ -188,7 +188,7 @@ def _draw_bars(ax: "Axes", bars: Bars) -> None:
     ax.set_xlabel(bars.value_label)
 
 
-def _draw_picture(ax: "Axes", picture: Picture, size: np.ndarray) -> None:
+def _draw_picture(ax: "Axes", picture: ClothView, size: np.ndarray) -> None:
     """Draw a picture whose width and height [m] hold `size`, which all of a figure share."""
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable

@@ -13,11 +13,11 @@ from dgl_bench.physics.against_newton import (
     hang_in_newton,
 )
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.panel import Panel
-from dgl_bench.rows import Row
+from dgl_bench.physics.panel import HungPanel
+from dgl_bench.rows import Reading
 from dgl_physics import SolverConfig
 
-__all__ = ["Trial", "find_cheapest", "make_rows", "measure_equal_strain"]
+__all__ = ["StrainTrial", "find_cheapest", "make_rows", "measure_equal_strain"]
 
 FRAMES = 10
 """A sixth of a second, in which the panel falls into its corners; strain counts in its second
@@ -38,7 +38,7 @@ springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class StrainTrial:
     """The panel with one setting."""
 
     setting: Setting
@@ -58,7 +58,7 @@ class Trial:
         return f"{self.setting}: mean strain {self.mean:.2f} %, 99.9th percentile {self.tail:.1f} %"
 
     @classmethod
-    def from_run(cls, setting: Setting, run: Mapping) -> "Trial":
+    def from_run(cls, setting: Setting, run: Mapping) -> "StrainTrial":
         """Sum up what `hang_here` or `hang_in_newton` returned."""
         late = slice(len(run["means"]) // 2, None)
         mean, tail = (
@@ -71,52 +71,52 @@ class Trial:
 
 def measure_equal_strain(bench: Bench) -> Result:
     """Find the cheapest setting of each solver that leaves as little strain."""
-    frames, panel = bench.scale(FRAMES, least=4), Panel()
+    frames, panel = bench.scale(FRAMES, least=4), HungPanel()
 
     def hang(kind: str, setting: Setting) -> Mapping:
         if kind == OURS:
             return hang_here(panel, frames, SolverConfig(substeps=setting.substeps))
         return hang_in_newton(bench, panel, frames, kind, setting)
 
-    rows: list[Row] = []
-    ours: Trial | None = None
+    rows: list[Reading] = []
+    ours: StrainTrial | None = None
     for kind, settings in SETTINGS.items():
         name = kind if kind == OURS else f"Newton {kind.upper()}"
         try:
             trials = find_cheapest(settings, lambda s, kind=kind: hang(kind, s))
         except NewtonError as err:
-            note = f"skipped: {err}"
-            unmeasured = f"{name}, frame at equal strain"
-            rows.append(Row(name=unmeasured, value=None, unit="ms", note=note, is_skipped=True))
+            rows.append(Reading.skip(f"{name}, frame at equal strain", "ms", str(err)))
             continue
         rows += make_rows(name, trials, ours)
         ours = trials[-1] if kind == OURS else ours
-    return Result(rows=rows)
+    return Result(rows)
 
 
-def find_cheapest(settings: Sequence[Setting], hang: Callable[[Setting], Mapping]) -> list[Trial]:
+def find_cheapest(
+    settings: Sequence[Setting], hang: Callable[[Setting], Mapping]
+) -> list[StrainTrial]:
     """Try settings, from cheap to expensive, up to the first that is enough."""
-    trials: list[Trial] = []
+    trials: list[StrainTrial] = []
     for setting in settings:
-        trials.append(Trial.from_run(setting, hang(setting)))
+        trials.append(StrainTrial.from_run(setting, hang(setting)))
         if trials[-1].is_enough:
             break
     return trials
 
 
-def make_rows(name: str, trials: Sequence[Trial], ours: Trial | None) -> list[Row]:
+def make_rows(name: str, trials: Sequence[StrainTrial], ours: StrainTrial | None) -> list[Reading]:
     """Sum up the trials of a solver, beside the one that was enough for this solver."""
     label, found = f"{name}, frame at equal strain", trials[-1]
     if not found.is_enough:
-        return [Row(name=label, value=None, unit="ms", note=f"not reached; {found}")]
+        return [Reading(label, None, "ms", note=f"not reached; {found}")]
     before = f"; not enough: {trials[-2]}" if len(trials) > 1 else ""
-    rows = [Row(name=label, value=found.frame, unit="ms", note=f"processor time; {found}{before}")]
+    rows = [Reading(label, found.frame, "ms", note=f"processor time; {found}{before}")]
     if ours is not None and ours.is_enough:
         rows.append(
-            Row(
-                name=f"{label}, relative to {OURS}",
-                value=found.frame / ours.frame,
-                unit="times",
+            Reading(
+                f"{label}, relative to {OURS}",
+                found.frame / ours.frame,
+                "times",
                 note=f"at most {MEAN_LIMIT:g} % mean strain and {TAIL_LIMIT:g} % at the 99.9th "
                 "percentile",
             )

@@ -1,14 +1,14 @@
 """Experiments: functions of a bench that return rows and figures."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import warp as wp
 
 from dgl_bench.physics.figures import Figure
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics.quiet import quiet_warp
 
 if TYPE_CHECKING:
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 __all__ = ["Bench", "Experiment", "Result"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Result:
     """Result of an experiment."""
 
-    rows: Sequence[Row]
-    figures: Sequence[Figure] = field(default_factory=tuple)
+    rows: Sequence[Reading]
+    figures: Sequence[Figure] = ()
 
 
 @dataclass(frozen=True)

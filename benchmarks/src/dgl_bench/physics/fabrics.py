@@ -3,9 +3,9 @@
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Bars, Chart, Curve, Figure
+from dgl_bench.physics.figures import Bars, Chart, Figure, Series
 from dgl_bench.physics.peirce import PeirceResult, measure_bending_length
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import FABRICS
 
 __all__ = ["compute_elastica", "measure_fabrics"]
@@ -20,10 +20,10 @@ def measure_fabrics(bench: Bench) -> Result:
     del bench
     strips = {name: measure_bending_length(FABRICS[name], rows=ROWS) for name in FABRICS}
     rows = tuple(
-        Row(
-            name=f"bending length of {_spell(name)}, error",
-            value=100 * abs(strip.error),
-            unit="%",
+        Reading(
+            f"bending length of {_spell(name)}, error",
+            100 * abs(strip.error),
+            "%",
             bar="<= 20",
             note=f"{1e3 * strip.bending_length:.2f} mm for {1e3 * strip.expected:.2f} mm; the "
             "chord is "
@@ -31,7 +31,7 @@ def measure_fabrics(bench: Bench) -> Result:
         )
         for name, strip in strips.items()
     )
-    return Result(rows=rows, figures=(_draw(strips),))
+    return Result(rows, (_draw(strips),))
 
 
 def compute_elastica(overhang: float, *, points: int = 101) -> np.ndarray:
@@ -73,31 +73,26 @@ def _draw(strips: dict[str, PeirceResult]) -> Figure:
         theory = 1e3 * strip.expected * shape
         rows = 1e3 * strip.positions.reshape(ROWS + 3, -1, 3).mean(axis=1)
         curves += [
-            Curve(x=theory[:, 0], y=theory[:, 1], label="" if tone else "elastica", kind="theory"),
-            Curve(x=rows[:, 1], y=rows[:, 2], label=_spell(name), kind="measured", tone=tone),
+            Series(theory[:, 0], theory[:, 1], "" if tone else "elastica", kind="theory"),
+            Series(rows[:, 1], rows[:, 2], _spell(name), kind="measured", tone=tone),
         ]
     errors = [100 * abs(strip.error) for strip in strips.values()]
     return Figure(
-        name="fabrics",
-        caption="Strips clamped level at 0 hang over by twice the bending length of their fabric. "
+        "fabrics",
+        "Strips clamped level at 0 hang over by twice the bending length of their fabric. "
         "Left: rows of "
         "particles against the heavy elastica of that fabric, an inextensible strip that bends "
         "under its weight. "
         "Right: the bending length that the chord from the clamp to the tip stands for; theory is "
         "the cube "
         "root of rigidity over weight. Silk and polyester bend alike.",
-        panels=(
-            Chart(
-                title="how the strips hang",
-                x_label="out [mm]",
-                y_label="up [mm]",
-                curves=curves,
-            ),
+        (
+            Chart("how the strips hang", "out [mm]", "up [mm]", curves),
             Bars(
-                title=f"at most {max(errors):.1f} % off; the bar is 20 %",
-                labels=[_spell(name) for name in strips],
-                values=[1e3 * strip.bending_length for strip in strips.values()],
-                value_label="bending length [mm]",
+                f"at most {max(errors):.1f} % off; the bar is 20 %",
+                [_spell(name) for name in strips],
+                [1e3 * strip.bending_length for strip in strips.values()],
+                "bending length [mm]",
                 expected=[1e3 * strip.expected for strip in strips.values()],
             ),
         ),

@@ -1,23 +1,24 @@
 """Content of figures, as data: experiments make it, `drawing` draws it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
 import numpy as np
 
-__all__ = ["Bars", "Chart", "Curve", "Figure", "Limit", "Panel", "Picture", "Solid"]
+__all__ = ["Bars", "Chart", "ClothView", "Figure", "Limit", "Plot", "Series", "ShownSolid"]
 
 CurveKind = Literal["theory", "measured", "line", "faint"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curve:
+@dataclass(frozen=True)
+class Series:
     """One curve of a chart."""
 
     x: Sequence[float] | np.ndarray
     y: Sequence[float] | np.ndarray
     label: str = ""
+    _: KW_ONLY
     kind: CurveKind = "line"
     """"theory" is dashed and quiet, "measured" are points, "line" is a measurement over time and
     "faint" one of many of which none matters by itself."""
@@ -25,25 +26,27 @@ class Curve:
     """Colour, counted from 0; what has the same colour belongs together."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Limit:
     """A bar: the number that a value is compared with."""
 
     value: float
     label: str = "bar"
+    _: KW_ONLY
     is_vertical: bool = False
     is_quiet: bool = False
     """It only says where something is, and asks nothing."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Chart:
     """Curves over a common axis."""
 
     title: str
     x_label: str
     y_label: str
-    curves: Sequence[Curve]
+    curves: Sequence[Series]
+    _: KW_ONLY
     limits: Sequence[Limit] = ()
     is_log_x: bool = False
     is_log_y: bool = False
@@ -51,7 +54,7 @@ class Chart:
     x_range: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Bars:
     """Named values side by side."""
 
@@ -59,14 +62,15 @@ class Bars:
     labels: Sequence[str]
     values: Sequence[float]
     value_label: str
+    _: KW_ONLY
     limits: Sequence[Limit] = ()
     is_log: bool = False
     expected: Sequence[float] = ()
     """Theoretical value of each bar, marked across it; none when empty."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Solid:
+@dataclass(frozen=True)
+class ShownSolid:
     """A rigid body in a picture."""
 
     vertices: np.ndarray
@@ -75,8 +79,8 @@ class Solid:
     """Shape (F, 3), seen from outside counter-clockwise."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Picture:
+@dataclass(frozen=True)
+class ClothView:
     """Cloth as it lies or hangs, seen from far away."""
 
     title: str
@@ -84,6 +88,7 @@ class Picture:
     """[m], shape (V, 3), world frame."""
     faces: np.ndarray
     """Shape (F, 3)."""
+    _: KW_ONLY
     azimuth: float = -60.0
     """Direction from which it is seen [deg], from +x towards +y."""
     elevation: float = 30.0
@@ -93,19 +98,19 @@ class Picture:
     value_label: str = ""
     value_limit: float | None = None
     """Largest value of the colour scale; the values' 99.9th percentile when None."""
-    solids: Sequence[Solid] = ()
+    solids: Sequence[ShownSolid] = ()
     marks: np.ndarray | None = None
     """Places [m], shape (N, 3), marked by rings."""
 
 
-Panel = Chart | Bars | Picture
+Plot = Chart | Bars | ClothView
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Figure:
     """Panels side by side, saved as one file."""
 
     name: str
     """Name of the file without its ending."""
     caption: str
-    panels: Sequence[Panel] = field(default_factory=tuple)
+    panels: Sequence[Plot] = ()

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series
 from dgl_bench.physics.fold_replay import ClothReplay, replay_cloth
-from dgl_bench.rows import Row
+from dgl_bench.rows import NO_CUDA, Reading
 from dgl_tasks.coverage import sample_visible_surface
 
 __all__ = [
@@ -42,23 +42,23 @@ def measure_fold_rest(bench: Bench) -> Result:
     drift = 100 * np.abs(np.array(areas) / areas[0] - 1)
     late = float(np.max(np.array(speeds)[np.array(t) >= 3.0]))
     rows = (
-        Row(
-            name="fold, share of the area where the task wants it",
-            value=record.success_value,
-            unit="",
+        Reading(
+            "fold, share of the area where the task wants it",
+            record.success_value,
+            "",
             bar=">= 0.85",
         ),
-        Row(
-            name="folded top, drift of the covered area in 10 s",
-            value=float(drift.max()),
-            unit="%",
+        Reading(
+            "folded top, drift of the covered area in 10 s",
+            float(drift.max()),
+            "%",
             bar="<= 1",
             note=f"largest; cells of {1e3 * CELL:g} mm, {areas[0]:.4f} m² at first",
         ),
-        Row(
-            name="folded top, RMS speed of the particles after 3 s",
-            value=late,
-            unit="mm/s",
+        Reading(
+            "folded top, RMS speed of the particles after 3 s",
+            late,
+            "mm/s",
             bar="<= 1",
             note="largest between 3 and 10 s",
         ),
@@ -67,38 +67,37 @@ def measure_fold_rest(bench: Bench) -> Result:
     ends = [0, *(end for _, end in record.stages.values())]
     shapes = [*(replay.positions[f] for f in ends), state.get_positions()[0]]
     pictures = Figure(
-        name="fold",
-        caption="A top of the catalogue, folded by the two robots after the demonstration, gripped "
+        "fold",
+        "A top of the catalogue, folded by the two robots after the demonstration, gripped "
         "by nothing but "
         "friction: before, after each stage, and after it has lain for 10 s.",
-        panels=[
-            Picture(title=name, vertices=shape, faces=record.faces, azimuth=-90, elevation=60)
+        [
+            ClothView(name, shape, record.faces, azimuth=-90, elevation=60)
             for name, shape in zip(names, shapes, strict=True)
         ],
     )
     charts = Figure(
-        name="fold_rest",
-        caption="The folded top at rest. Left: the area that it covers. Right: the particles' RMS "
-        "speed.",
-        panels=(
+        "fold_rest",
+        "The folded top at rest. Left: the area that it covers. Right: the particles' RMS speed.",
+        (
             Chart(
-                title=f"covered area drifts {drift.max():.2f} %",
-                x_label="time since the fold [s]",
-                y_label="change of covered area [%]",
-                curves=(Curve(x=t, y=100 * (np.array(areas) / areas[0] - 1)),),
-                limits=(Limit(value=1.0, label="bar"), Limit(value=-1.0, label="")),
+                f"covered area drifts {drift.max():.2f} %",
+                "time since the fold [s]",
+                "change of covered area [%]",
+                (Series(t, 100 * (np.array(areas) / areas[0] - 1)),),
+                limits=(Limit(1.0, "bar"), Limit(-1.0, "")),
             ),
             Chart(
-                title=f"RMS speed after 3 s: {late:.2g} mm/s",
-                x_label="time since the fold [s]",
-                y_label="RMS speed [mm/s]",
-                curves=(Curve(x=t, y=speeds),),
-                limits=(Limit(value=1.0, label="bar after 3 s"),),
+                f"RMS speed after 3 s: {late:.2g} mm/s",
+                "time since the fold [s]",
+                "RMS speed [mm/s]",
+                (Series(t, speeds),),
+                limits=(Limit(1.0, "bar after 3 s"),),
                 is_log_y=True,
             ),
         ),
     )
-    return Result(rows=rows, figures=(pictures, charts))
+    return Result(rows, (pictures, charts))
 
 
 def measure_convergence(bench: Bench) -> Result:
@@ -112,26 +111,22 @@ def measure_convergence(bench: Bench) -> Result:
         for name, (_, end) in record.stages.items()
     }
     rows = (
-        Row(
-            name="fold, change of the final shape by twice the substeps, mean",
-            value=float(moved.mean()),
-            unit="mm",
+        Reading(
+            "fold, change of the final shape by twice the substeps, mean",
+            float(moved.mean()),
+            "mm",
             bar="<= 5",
             note=f"{count} against {2 * count} substeps; the bodies' motion is the same",
         ),
-        Row(
-            name="the same, 95th percentile",
-            value=float(np.percentile(moved, 95)),
-            unit="mm",
-        ),
+        Reading("the same, 95th percentile", float(np.percentile(moved, 95)), "mm"),
     )
     share = 100 * (np.arange(len(moved)) + 1) / len(moved)
     limit = float(np.percentile(moved, 99))
     panels = [
-        Picture(
-            title=f"{n} substeps",
-            vertices=shape,
-            faces=record.faces,
+        ClothView(
+            f"{n} substeps",
+            shape,
+            record.faces,
             azimuth=-90,
             elevation=60,
             values=moved[record.faces].mean(axis=1),
@@ -141,24 +136,24 @@ def measure_convergence(bench: Bench) -> Result:
         for n, shape in ((count, coarse.final), (2 * count, fine.final))
     ]
     chart = Chart(
-        title=f"mean {moved.mean():.1f} mm",
-        x_label="distance between the two [mm]",
-        y_label="particles up to it [%]",
-        curves=[
-            Curve(x=np.sort(d), y=share, label=f"after {name.replace('_', ' ')}", tone=k)
+        f"mean {moved.mean():.1f} mm",
+        "distance between the two [mm]",
+        "particles up to it [%]",
+        [
+            Series(np.sort(d), share, f"after {name.replace('_', ' ')}", tone=k)
             for k, (name, d) in enumerate(by_stage.items())
         ],
-        limits=(Limit(value=5.0, label="bar, for the mean", is_vertical=True),),
+        limits=(Limit(5.0, "bar, for the mean", is_vertical=True),),
         x_range=(0.0, max(8.0, limit)),
     )
     figure = Figure(
-        name="convergence",
-        caption="The fold with the default and with twice the substeps, against the same motion of "
+        "convergence",
+        "The fold with the default and with twice the substeps, against the same motion of "
         "the robots: where "
         "the final shapes differ, and how many particles by how much after each stage.",
-        panels=(*panels, chart),
+        (*panels, chart),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))
 
 
 def measure_determinism(bench: Bench) -> Result:
@@ -167,37 +162,35 @@ def measure_determinism(bench: Bench) -> Result:
     # Not against the environment, whose record begins without its state's memory.
     third = replay_cloth(record)
     differ = int((again.final.view(np.uint32) != third.final.view(np.uint32)).any(axis=1).sum())
-    same = Row(
-        name="CPU, particles that differ when the fold is repeated",
-        value=float(differ),
-        unit="particles",
+    same = Reading(
+        "CPU, particles that differ when the fold is repeated",
+        float(differ),
+        "particles",
         bar="<= 0",
         note=f"to the bit, after {len(record.actions)} frames of {len(record.final)} particles; "
         "the cloth alone, twice from the same state",
     )
     name = "CUDA against CPU, mean difference after 2 s of a fold"
     if bench.cuda is None:
-        note = "skipped: no CUDA device; run this where nvidia-smi shows one"
-        row = Row(name=name, value=None, unit="mm", bar="<= 2", note=note, is_skipped=True)
-        return Result(rows=(same, row))
+        return Result((same, Reading.skip(name, "mm", NO_CUDA, bar="<= 2")))
     paths = [_play_part(bench, again, device) for device in ("cpu", bench.cuda)]
     mean = 1e3 * np.linalg.norm(paths[0] - paths[1], axis=2).mean(axis=1)
-    row = Row(name=name, value=float(mean[-1]), unit="mm", bar="<= 2", note=bench.cuda)
+    row = Reading(name, float(mean[-1]), "mm", bar="<= 2", note=bench.cuda)
     figure = Figure(
-        name="cuda_against_cpu",
-        caption="The first 2 s of the fold on both devices: how far particles lie apart.",
-        panels=(
+        "cuda_against_cpu",
+        "The first 2 s of the fold on both devices: how far particles lie apart.",
+        (
             Chart(
-                title=f"after 2 s: {mean[-1]:.2g} mm",
-                x_label="time [s]",
-                y_label="mean difference [mm]",
-                curves=(Curve(x=np.arange(1, 121) / 60, y=np.maximum(mean, 1e-6)),),
-                limits=(Limit(value=2.0, label="bar at 2 s"),),
+                f"after 2 s: {mean[-1]:.2g} mm",
+                "time [s]",
+                "mean difference [mm]",
+                (Series(np.arange(1, 121) / 60, np.maximum(mean, 1e-6)),),
+                limits=(Limit(2.0, "bar at 2 s"),),
                 is_log_y=True,
             ),
         ),
     )
-    return Result(rows=(same, row), figures=(figure,))
+    return Result((same, row), (figure,))
 
 
 def _play_part(bench: Bench, again: ClothReplay, device: str) -> np.ndarray:
@@ -221,58 +214,50 @@ def measure_fold_speed(bench: Bench) -> Result:
     bodies, shapes = replay.solver.model.body_count - 1, replay.solver.model.shape_count
     note = f"processor time; {len(record.final)} particles, {bodies} bodies with {shapes} shapes"
     rows = (
-        Row(
-            name="Fold Tops, frame of the cloth, mean",
-            value=float(cloth.mean()),
-            unit="ms",
+        Reading(
+            "Fold Tops, frame of the cloth, mean",
+            float(cloth.mean()),
+            "ms",
             bar=f"<= {FRAME_BUDGET:.1f}",
             note=note + "; 1.5 times real time",
         ),
-        Row(name="Fold Tops, frame of the cloth, median", value=float(np.median(cloth)), unit="ms"),
-        Row(
-            name="Fold Tops, frame of the cloth, 95th percentile",
-            value=float(np.percentile(cloth, 95)),
-            unit="ms",
+        Reading("Fold Tops, frame of the cloth, median", float(np.median(cloth)), "ms"),
+        Reading(
+            "Fold Tops, frame of the cloth, 95th percentile", float(np.percentile(cloth, 95)), "ms"
         ),
-        Row(
-            name="Fold Tops, cloth relative to real time",
-            value=float(1e3 / 60 / cloth.mean()),
-            unit="",
+        Reading(
+            "Fold Tops, cloth relative to real time",
+            float(1e3 / 60 / cloth.mean()),
+            "",
             bar=">= 1.5",
         ),
-        Row(
-            name="Fold Tops, step of the environment, mean",
-            value=float(step.mean()),
-            unit="ms",
+        Reading(
+            "Fold Tops, step of the environment, mean",
+            float(step.mean()),
+            "ms",
             note="robots and cloth, nothing drawn",
         ),
     )
     t = np.arange(len(cloth)) / 60
     figure = Figure(
-        name="fold_speed",
-        caption="Time of each frame while the robots fold the top, on one core: the cloth alone, "
+        "fold_speed",
+        "Time of each frame while the robots fold the top, on one core: the cloth alone, "
         "and the step of the "
         "environment, which contains it (another run). Vertical lines: the hands of a stage begin "
         "to close.",
-        panels=(
+        (
             Chart(
-                title=f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} x real "
-                "time",
-                x_label="simulated time [s]",
-                y_label="time of a frame [ms]",
-                curves=(
-                    Curve(x=t, y=_smooth(step), label="environment", tone=1),
-                    Curve(x=t, y=_smooth(cloth), label="cloth"),
+                f"cloth {cloth.mean():.1f} ms a frame, {1e3 / 60 / cloth.mean():.2f} x real time",
+                "simulated time [s]",
+                "time of a frame [ms]",
+                (
+                    Series(t, _smooth(step), "environment", tone=1),
+                    Series(t, _smooth(cloth), "cloth"),
                 ),
                 limits=(
-                    Limit(value=FRAME_BUDGET, label="bar: 1.5 x real time"),
+                    Limit(FRAME_BUDGET, "bar: 1.5 x real time"),
                     *(
-                        Limit(
-                            value=f / 60,
-                            label=name.replace("_", " "),
-                            is_vertical=True,
-                            is_quiet=True,
-                        )
+                        Limit(f / 60, name.replace("_", " "), is_vertical=True, is_quiet=True)
                         for name, (f, _) in record.stages.items()
                     ),
                 ),
@@ -280,7 +265,7 @@ def measure_fold_speed(bench: Bench) -> Result:
             ),
         ),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))
 
 
 def _smooth(values: np.ndarray, window: int = 9) -> np.ndarray:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture, Solid
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series, ShownSolid
 from dgl_bench.physics.sheets import join, make_bowl, make_box
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import ModelBuilder, Shape, SolidMaterial
 from dgl_physics.scene import Scene
 
@@ -138,35 +138,35 @@ def measure_hat(bench: Bench) -> Result:
     worn, pressed, released, off = record.moments
     squeezed, left = (record.path[m.frame - 1][2] for m in (pressed, released))
     rows = (
-        Row(
-            name="bowl hat under the plate, largest change of shape",
-            value=float(pressed.change.max()),
-            unit="mm",
+        Reading(
+            "bowl hat under the plate, largest change of shape",
+            float(pressed.change.max()),
+            "mm",
             note=f"mean {pressed.change.mean():.2f} mm, {squeezed:.1f} N on the head",
         ),
-        Row(
-            name="bowl hat 1 s after release, largest change of shape",
-            value=float(released.change.max()),
-            unit="mm",
+        Reading(
+            "bowl hat 1 s after release, largest change of shape",
+            float(released.change.max()),
+            "mm",
             bar=f"<= {BAR:g}",
             note="distance to the rest shape after the best rigid motion, still on the head; "
             f"{worn.change.max():.2f} mm before the plate came, {off.change.max():.2f} mm without "
             "the head",
         ),
-        Row(
-            name="bowl hat 1 s after release, mean change of shape",
-            value=float(released.change.mean()),
-            unit="mm",
+        Reading(
+            "bowl hat 1 s after release, mean change of shape",
+            float(released.change.mean()),
+            "mm",
             note=f"{left:.3f} N on the head for a weight of {record.weight:.3f} N",
         ),
-        Row(
-            name="bowl hat, frame",
-            value=1e3 * float(np.mean(record.seconds[2:])),
-            unit="ms",
+        Reading(
+            "bowl hat, frame",
+            1e3 * float(np.mean(record.seconds[2:])),
+            "ms",
             note=f"mean of all, {len(pressed.vertices)} particles",
         ),
     )
-    return Result(rows=rows, figures=(_draw_moments(record), _draw_path(record)))
+    return Result(rows, (_draw_moments(record), _draw_path(record)))
 
 
 def _make_poses(head: float, plate: float) -> np.ndarray:
@@ -178,17 +178,17 @@ def _draw_moments(record: HatRecord) -> Figure:
     plate, plate_faces = make_box((0.2, 0.2, 2 * PLATE))
     half, half_faces = make_bowl(HEAD, 12)
     sphere, sphere_faces = join([(half, half_faces), (-half, half_faces[:, ::-1])])
-    head = Solid(vertices=sphere, faces=sphere_faces)
+    head = ShownSolid(sphere, sphere_faces)
     return Figure(
-        name="hat",
-        caption="A bowl hat of felt is put on a head that is 3 mm too wide, pressed by a plate, "
+        "hat",
+        "A bowl hat of felt is put on a head that is 3 mm too wide, pressed by a plate, "
         "and let go. Colour: "
         "how far each place is from the rest shape after the best rigid motion.",
-        panels=tuple(
-            Picture(
-                title=f"{m.name}: at most {m.change.max():.1f} mm",
-                vertices=m.vertices,
-                faces=record.faces,
+        tuple(
+            ClothView(
+                f"{m.name}: at most {m.change.max():.1f} mm",
+                m.vertices,
+                record.faces,
                 azimuth=-90,
                 elevation=5,
                 values=m.change[record.faces].max(axis=1),
@@ -196,7 +196,7 @@ def _draw_moments(record: HatRecord) -> Figure:
                 value_limit=max(BAR, float(record.moments[1].change.max())),
                 solids=(
                     head,
-                    Solid(vertices=np.add(plate, [0.0, 0.0, m.plate]), faces=plate_faces),
+                    ShownSolid(np.add(plate, [0.0, 0.0, m.plate]), plate_faces),
                 ),
             )
             for m in record.moments[:3]
@@ -209,33 +209,33 @@ def _draw_path(record: HatRecord) -> Figure:
     t = np.arange(1, len(mean) + 1) / 60
     begins = [m.frame / 60 for m in record.moments]
     events = [
-        Limit(value=begin, label=label, is_vertical=True, is_quiet=True)
+        Limit(begin, label, is_vertical=True, is_quiet=True)
         for begin, label in zip(begins, ("plate down", "plate up", "head away"), strict=False)
     ]
     released = record.moments[2]
     return Figure(
-        name="hat_path",
-        caption="The same hat over time. Left: its change of shape; friction on the head keeps a "
+        "hat_path",
+        "The same hat over time. Left: its change of shape; friction on the head keeps a "
         "part of it until "
         "the head is taken away. Right: the force on the head.",
-        panels=(
+        (
             Chart(
-                title=f"released: at most {released.change.max():.2f} mm",
-                x_label="time [s]",
-                y_label="change of shape [mm]",
-                curves=(
-                    Curve(x=t, y=largest, label="largest"),
-                    Curve(x=t, y=mean, label="mean", tone=1),
+                f"released: at most {released.change.max():.2f} mm",
+                "time [s]",
+                "change of shape [mm]",
+                (
+                    Series(t, largest, "largest"),
+                    Series(t, mean, "mean", tone=1),
                 ),
-                limits=(Limit(value=BAR, label="bar"), *events),
+                limits=(Limit(BAR, "bar"), *events),
             ),
             Chart(
-                title=f"{force[released.frame - 1]:.3f} N of {record.weight:.3f} N",
-                x_label="time [s]",
-                y_label="force on the head [N]",
-                curves=(
-                    Curve(x=t, y=np.full(len(t), record.weight), label="weight", kind="theory"),
-                    Curve(x=t, y=force, label="measured"),
+                f"{force[released.frame - 1]:.3f} N of {record.weight:.3f} N",
+                "time [s]",
+                "force on the head [N]",
+                (
+                    Series(t, np.full(len(t), record.weight), "weight", kind="theory"),
+                    Series(t, force, "measured"),
                 ),
                 limits=events,
             ),

@@ -3,9 +3,9 @@
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit
+from dgl_bench.physics.figures import Chart, Figure, Limit, Series
 from dgl_bench.physics.sheets import make_sheet
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 from dgl_physics.scene import Scene
 
@@ -32,43 +32,43 @@ def measure_free_fall(bench: Bench) -> Result:
     error = 100 * np.abs(np.array(fallen[1:]) / theory[1:] - 1)
     step = 1 / 60 / scene.solver.config.substeps
     euler = 100 * step / t[1:]
-    row = Row(
-        name="free fall of 1 s, error of the distance",
-        value=float(error[-1]),
-        unit="%",
+    row = Reading(
+        "free fall of 1 s, error of the distance",
+        float(error[-1]),
+        "%",
         bar="<= 0.5",
         note=f"{fallen[-1]:.4f} m for {theory[-1]:.4f} m; symplectic Euler is off by h/t = "
         f"{euler[-1]:.3f} %",
     )
     figure = Figure(
-        name="free_fall",
-        caption="A sheet falls without drag. Left: the distance against ½gt². Right: the relative "
+        "free_fall",
+        "A sheet falls without drag. Left: the distance against ½gt². Right: the relative "
         "error; "
         "what is left is that of the integrator, h/t for substeps of length h.",
-        panels=(
+        (
             Chart(
-                title=f"{fallen[-1]:.3f} m in 1 s",
-                x_label="time [s]",
-                y_label="distance [m]",
-                curves=(
-                    Curve(x=t, y=theory, label="½gt²", kind="theory"),
-                    Curve(x=t[::4], y=fallen[::4], label="measured", kind="measured"),
+                f"{fallen[-1]:.3f} m in 1 s",
+                "time [s]",
+                "distance [m]",
+                (
+                    Series(t, theory, "½gt²", kind="theory"),
+                    Series(t[::4], fallen[::4], "measured", kind="measured"),
                 ),
             ),
             Chart(
-                title=f"error after 1 s: {error[-1]:.2f} %",
-                x_label="time [s]",
-                y_label="error [%]",
-                curves=(
-                    Curve(x=t[1:], y=euler, label="symplectic Euler, h/t", kind="theory"),
-                    Curve(x=t[1::4], y=error[::4], label="measured", kind="measured"),
+                f"error after 1 s: {error[-1]:.2f} %",
+                "time [s]",
+                "error [%]",
+                (
+                    Series(t[1:], euler, "symplectic Euler, h/t", kind="theory"),
+                    Series(t[1::4], error[::4], "measured", kind="measured"),
                 ),
-                limits=(Limit(value=0.5, label="bar at 1 s: 0.5 %"),),
+                limits=(Limit(0.5, "bar at 1 s: 0.5 %"),),
                 is_log_y=True,
             ),
         ),
     )
-    return Result(rows=(row,), figures=(figure,))
+    return Result((row,), (figure,))
 
 
 SLOPES = (0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0)
@@ -85,11 +85,11 @@ def measure_incline(bench: Bench) -> Result:
     acceleration = slides[1.2][1]
     error = 100 * abs(acceleration / theory[1.2] - 1)
     rows = (
-        Row(name="slope of 0.8 μ, slip in 2 s", value=crept, unit="mm", bar="<= 0.1"),
-        Row(
-            name="slope of 1.2 μ, error of the acceleration",
-            value=error,
-            unit="%",
+        Reading("slope of 0.8 μ, slip in 2 s", crept, "mm", bar="<= 0.1"),
+        Reading(
+            "slope of 1.2 μ, error of the acceleration",
+            error,
+            "%",
             bar="<= 10",
             note=f"{acceleration:.4f} m/s² for {theory[1.2]:.4f} m/s², μ = {mu}",
         ),
@@ -97,44 +97,39 @@ def measure_incline(bench: Bench) -> Result:
     fine = np.linspace(0.4, 2.1, 200)
     t = np.arange(121) / 60
     figure = Figure(
-        name="incline",
-        caption="A patch of 10 cm on slopes. Left: its acceleration against g (sin θ - μ cos θ), "
+        "incline",
+        "A patch of 10 cm on slopes. Left: its acceleration against g (sin θ - μ cos θ), "
         "which is zero "
         "where friction holds. Right: how far it has slid; below μ it does not creep.",
-        panels=(
+        (
             Chart(
-                title=f"at 1.2 μ: {error:.1f} % off",
-                x_label="tan θ / μ",
-                y_label="acceleration [m/s²]",
-                curves=(
-                    Curve(
-                        x=fine,
-                        y=[_compute_acceleration(r * mu, mu) for r in fine],
-                        label="theory",
+                f"at 1.2 μ: {error:.1f} % off",
+                "tan θ / μ",
+                "acceleration [m/s²]",
+                (
+                    Series(
+                        fine,
+                        [_compute_acceleration(r * mu, mu) for r in fine],
+                        "theory",
                         kind="theory",
                     ),
-                    Curve(
-                        x=SLOPES,
-                        y=[slides[r][1] for r in SLOPES],
-                        label="measured",
-                        kind="measured",
-                    ),
+                    Series(SLOPES, [slides[r][1] for r in SLOPES], "measured", kind="measured"),
                 ),
             ),
             Chart(
-                title=f"at 0.8 μ: slips {crept:.3f} mm in 2 s",
-                x_label="time [s]",
-                y_label="slid [m]",
-                curves=[
-                    Curve(x=t, y=np.maximum(slides[r][0], 1e-8), label=f"{r:g} μ", tone=k)
+                f"at 0.8 μ: slips {crept:.3f} mm in 2 s",
+                "time [s]",
+                "slid [m]",
+                [
+                    Series(t, np.maximum(slides[r][0], 1e-8), f"{r:g} μ", tone=k)
                     for k, r in enumerate((0.8, 0.95, 1.05, 1.2))
                 ],
-                limits=(Limit(value=1e-4, label="sticks: below 0.1 mm"),),
+                limits=(Limit(1e-4, "sticks: below 0.1 mm"),),
                 is_log_y=True,
             ),
         ),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))
 
 
 def _compute_acceleration(slope: float, mu: float) -> float:
@@ -169,17 +164,17 @@ def measure_momentum(bench: Bench) -> Result:
     """Momentum of cloth that flaps in free space, and of cloth that meets a free body."""
     drift, angular, times = _flap(bench.seed)
     rows = [
-        Row(
-            name="free cloth, change of linear momentum",
-            value=float(drift.max()),
-            unit="",
+        Reading(
+            "free cloth, change of linear momentum",
+            float(drift.max()),
+            "",
             bar="<= 1e-4",
             note="relative, largest of 2 s of a flapping sheet without gravity",
         ),
-        Row(
-            name="free cloth, change of angular momentum",
-            value=float(angular.max()),
-            unit="",
+        Reading(
+            "free cloth, change of angular momentum",
+            float(angular.max()),
+            "",
             note="relative, the same",
         ),
     ]
@@ -192,54 +187,52 @@ def measure_momentum(bench: Bench) -> Result:
     exchanged = np.linalg.norm(lost, axis=1).sum()
     mismatch = float(np.linalg.norm(lost - told, axis=1).sum() / exchanged)
     rows += [
-        Row(
-            name="two-way contact, impulses on cloth and body do not cancel by",
-            value=mismatch,
-            unit="",
+        Reading(
+            "two-way contact, impulses on cloth and body do not cancel by",
+            mismatch,
+            "",
             bar="<= 1e-3",
             note="relative, summed over the frames of a sheet that hits a free box of SAPIEN",
         ),
-        Row(
-            name="two-way contact, change of the whole momentum",
-            value=float(whole.max()),
-            unit="",
+        Reading(
+            "two-way contact, change of the whole momentum",
+            float(whole.max()),
+            "",
             bar="<= 1e-3",
             note="relative to what the sheet brought",
         ),
     ]
     figure = Figure(
-        name="momentum",
-        caption="Left: linear and angular momentum of a sheet that flaps in free space, relative "
+        "momentum",
+        "Left: linear and angular momentum of a sheet that flaps in free space, relative "
         "change. Right: a "
         "sheet hits a free box of SAPIEN without gravity; what one loses, the other has a frame "
         "later.",
-        panels=(
+        (
             Chart(
-                title=f"free cloth: {drift.max():.1e}",
-                x_label="time [s]",
-                y_label="relative change",
-                curves=(
-                    Curve(x=times, y=np.maximum(drift, 1e-9), label="linear"),
-                    Curve(x=times, y=np.maximum(angular, 1e-9), label="angular", tone=1),
+                f"free cloth: {drift.max():.1e}",
+                "time [s]",
+                "relative change",
+                (
+                    Series(times, np.maximum(drift, 1e-9), "linear"),
+                    Series(times, np.maximum(angular, 1e-9), "angular", tone=1),
                 ),
-                limits=(Limit(value=1e-4, label="bar, linear"),),
+                limits=(Limit(1e-4, "bar, linear"),),
                 is_log_y=True,
             ),
             Chart(
-                title=f"cloth against a box: {mismatch:.1e}",
-                x_label="time [s]",
-                y_label="momentum down [mN s]",
-                curves=(
-                    Curve(x=t, y=-1e3 * cloth[:, 2], label="cloth"),
-                    Curve(x=t, y=-1e3 * (box + given)[:, 2], label="box", tone=1),
-                    Curve(
-                        x=t, y=-1e3 * (cloth + box + given)[:, 2], label="together", kind="theory"
-                    ),
+                f"cloth against a box: {mismatch:.1e}",
+                "time [s]",
+                "momentum down [mN s]",
+                (
+                    Series(t, -1e3 * cloth[:, 2], "cloth"),
+                    Series(t, -1e3 * (box + given)[:, 2], "box", tone=1),
+                    Series(t, -1e3 * (cloth + box + given)[:, 2], "together", kind="theory"),
                 ),
             ),
         ),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))
 
 
 def _flap(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

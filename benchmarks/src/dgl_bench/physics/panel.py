@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series
 from dgl_bench.physics.sheets import make_panel
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import ClothMaterial, ModelBuilder, SolverConfig
 from dgl_physics.scene import Scene
 
-__all__ = ["Panel", "hang_panel", "measure_panel", "summarise_strain"]
+__all__ = ["HungPanel", "hang_panel", "measure_panel", "summarise_strain"]
 
 WIDTH, LENGTH, EDGE = 0.6, 0.7, 0.013
 """Size [m] and the edge length of the catalogue's garments [m]."""
@@ -21,7 +21,7 @@ SWING_FRAMES, REST_FRAMES = 240, 360
 REST_DRAG = 2.0
 
 
-class Panel:
+class HungPanel:
     """Mesh of two layers sewn at their sides, upright in x and z, with its fixed corners."""
 
     def __init__(self, material: ClothMaterial | None = None) -> None:
@@ -38,7 +38,7 @@ class Panel:
         self.pinned = (int(top[ends.argmin()]), int(top[ends.argmax()]))
 
 
-def hang_panel(panel: Panel, *, drag: float, config: SolverConfig | None = None) -> Scene:
+def hang_panel(panel: HungPanel, *, drag: float, config: SolverConfig | None = None) -> Scene:
     """Hang the panel by its two upper corners."""
     builder = ModelBuilder()
     builder.add_garment(
@@ -60,7 +60,7 @@ def summarise_strain(strain: np.ndarray) -> tuple[float, float]:
 def measure_panel(bench: Bench) -> Result:
     """Let the panel fall into its corners and swing; and let it come to rest."""
     del bench
-    panel = Panel()
+    panel = HungPanel()
     swinging = hang_panel(panel, drag=panel.material.drag)
     seconds, path = [], []
     for _ in range(SWING_FRAMES):
@@ -78,44 +78,42 @@ def measure_panel(bench: Bench) -> Result:
     mean, tail = summarise_strain(strain)
     frame = 1e3 * float(np.mean(seconds[2:]))
     rows = (
-        Row(
-            name="hung panel at rest, mean strain",
-            value=mean,
-            unit="%",
+        Reading(
+            "hung panel at rest, mean strain",
+            mean,
+            "%",
             bar="<= 1",
             note=f"{len(panel.vertices)} particles, {WIDTH} m x {LENGTH} m in two layers, 6 s with "
             f"drag {REST_DRAG:g}/s",
         ),
-        Row(
-            name="hung panel at rest, 99.9th percentile of strain", value=tail, unit="%", bar="<= 4"
-        ),
-        Row(
-            name="hung panel while swinging, mean strain",
-            value=float(means.mean()),
-            unit="%",
+        Reading("hung panel at rest, 99.9th percentile of strain", tail, "%", bar="<= 4"),
+        Reading(
+            "hung panel while swinging, mean strain",
+            float(means.mean()),
+            "%",
             bar="<= 1",
             note="average over 4 s at the default drag, from the fall into the corners on",
         ),
-        Row(
-            name="hung panel while swinging, 99.9th percentile of strain",
-            value=float(tails.mean()),
-            unit="%",
+        Reading(
+            "hung panel while swinging, 99.9th percentile of strain",
+            float(tails.mean()),
+            "%",
             bar="<= 4",
             note=f"average of the frames' percentiles; the largest is {tails.max():.1f} %",
         ),
-        Row(
-            name="hung panel, frame",
-            value=frame,
-            unit="ms",
+        Reading(
+            "hung panel, frame",
+            frame,
+            "ms",
             bar=f"<= {1e3 / 60 / 1.5:.1f}",
             note="mean processor time while swinging; the bar is 1.5 times real time",
         ),
     )
-    return Result(rows=rows, figures=tuple(_draw(panel, resting, strain, (means, tails), settle)))
+    return Result(rows, tuple(_draw(panel, resting, strain, (means, tails), settle)))
 
 
 def _draw(
-    panel: Panel,
+    panel: HungPanel,
     resting: Scene,
     strain: np.ndarray,
     swing: tuple[np.ndarray, np.ndarray],
@@ -128,18 +126,18 @@ def _draw(
     np.maximum.at(by_vertex, resting.model.garments[0].edges.ravel(), np.repeat(absolute, 2))
     t, rest = np.arange(1, len(swing[0]) + 1) / 60, np.array(settle)
     yield Figure(
-        name="panel",
-        caption="Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: "
+        "panel",
+        "Two layers of 0.6 m x 0.7 m, sewn along their sides, hang by two particles. Left: "
         "at rest, each face "
         "coloured by the largest strain at its corners. Middle: how many edges are strained by how "
         "much. Right: the "
         "strain while it falls into its corners and swings, and while it comes to rest with more "
         "drag.",
-        panels=(
-            Picture(
-                title="at rest",
-                vertices=x,
-                faces=panel.faces,
+        (
+            ClothView(
+                "at rest",
+                x,
+                panel.faces,
                 azimuth=-70,
                 elevation=10,
                 values=by_vertex[panel.faces].max(axis=1),
@@ -148,46 +146,38 @@ def _draw(
                 marks=x[list(panel.pinned)],
             ),
             Chart(
-                title=f"at rest: mean {mean:.2g} %, 99.9 % below {tail:.3g} %",
-                x_label="strain [%]",
-                y_label="share of edges strained more",
-                curves=(
-                    Curve(
-                        x=np.maximum(np.sort(absolute), 1e-4),
-                        y=1 - np.arange(len(absolute)) / len(absolute),
+                f"at rest: mean {mean:.2g} %, 99.9 % below {tail:.3g} %",
+                "strain [%]",
+                "share of edges strained more",
+                (
+                    Series(
+                        np.maximum(np.sort(absolute), 1e-4),
+                        1 - np.arange(len(absolute)) / len(absolute),
                     ),
                 ),
                 limits=(
-                    Limit(value=4.0, label="bar at 1/1000", is_vertical=True),
-                    Limit(value=1e-3, label="99.9th percentile", is_quiet=True),
+                    Limit(4.0, "bar at 1/1000", is_vertical=True),
+                    Limit(1e-3, "99.9th percentile", is_quiet=True),
                 ),
                 is_log_x=True,
                 is_log_y=True,
                 x_range=(1e-3, max(100.0, 1.5 * float(absolute.max()))),
             ),
             Chart(
-                title="while it swings and settles",
-                x_label="time [s]",
-                y_label="strain [%]",
-                curves=(
-                    Curve(x=t, y=swing[0], label="swinging, mean"),
-                    Curve(x=t, y=swing[1], label="swinging, 99.9 %", tone=1),
-                    Curve(
-                        x=np.arange(1, len(rest) + 1) / 60,
-                        y=rest[:, 0],
-                        label="settling, mean",
-                        tone=2,
-                    ),
-                    Curve(
-                        x=np.arange(1, len(rest) + 1) / 60,
-                        y=rest[:, 1],
-                        label="settling, 99.9 %",
-                        tone=3,
+                "while it swings and settles",
+                "time [s]",
+                "strain [%]",
+                (
+                    Series(t, swing[0], "swinging, mean"),
+                    Series(t, swing[1], "swinging, 99.9 %", tone=1),
+                    Series(np.arange(1, len(rest) + 1) / 60, rest[:, 0], "settling, mean", tone=2),
+                    Series(
+                        np.arange(1, len(rest) + 1) / 60, rest[:, 1], "settling, 99.9 %", tone=3
                     ),
                 ),
                 limits=(
-                    Limit(value=1.0, label="bar, mean"),
-                    Limit(value=4.0, label="bar, 99.9 %"),
+                    Limit(1.0, "bar, mean"),
+                    Limit(4.0, "bar, 99.9 %"),
                 ),
                 is_log_y=True,
             ),

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series
 from dgl_bench.physics.sheets import make_capsule, make_sheet
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import ClothMaterial, ModelBuilder, Shape
 from dgl_physics.scene import Scene
 
@@ -142,43 +142,36 @@ def measure_pinch(bench: Bench) -> Result:
     elif held.top < LIFT - 0.2:
         fate = f"it fell, {len(held.slip) / 60:.1f} s after the lift; "
     rows = (
-        Row(
-            name="pinch, creep in 10 s of shaking",
-            value=None if held.lifted_slip > FALLEN else creep,
-            unit="mm",
+        Reading(
+            "pinch, creep in 10 s of shaking",
+            None if held.lifted_slip > FALLEN else creep,
+            "mm",
             bar="<= 2",
             note=f"{note}; {fate}largest, ±{1e3 * SHAKE:g} mm at {SHAKE_RATE:g} Hz",
         ),
-        Row(
-            name="pinch, slip while lifted by 0.5 m",
-            value=1e3 * held.lifted_slip,
-            unit="mm",
+        Reading(
+            "pinch, slip while lifted by 0.5 m",
+            1e3 * held.lifted_slip,
+            "mm",
             note=f"at {LIFT_SPEED} m/s",
         ),
-        Row(
-            name="pinch, creep at the original's friction of 25",
-            value=1e3 * float(original.slip.max()),
-            unit="mm",
+        Reading(
+            "pinch, creep at the original's friction of 25", 1e3 * float(original.slip.max()), "mm"
         ),
-        Row(
-            name="pinch without friction and adhesion, fallen below where it was held",
-            value=LIFT - slippery.top,
-            unit="m",
+        Reading(
+            "pinch without friction and adhesion, fallen below where it was held",
+            LIFT - slippery.top,
+            "m",
             bar=">= 0.5",
         ),
-        Row(
-            name="one finger from above, lifts by",
-            value=risen,
-            unit="mm",
-            bar="<= 3",
-        ),
+        Reading("one finger from above, lifts by", risen, "mm", bar="<= 3"),
     )
     runs = {"default material": held, "friction 25": original, "no friction": slippery}
     curves = [
-        Curve(
-            x=np.arange(1, len(p.slip) + 1) / 60,
-            y=np.maximum(1e3 * p.slip.max(axis=1), 1e-4),
-            label=label,
+        Series(
+            np.arange(1, len(p.slip) + 1) / 60,
+            np.maximum(1e3 * p.slip.max(axis=1), 1e-4),
+            label,
             tone=tone,
         )
         for tone, (label, p) in enumerate(runs.items())
@@ -189,10 +182,10 @@ def measure_pinch(bench: Bench) -> Result:
         if p.top > LIFT - 0.1 and not panels:
             tips = [np.array([HALF_LENGTH * s, 0, 0]) for s in (-1, 1)]
             panels.append(
-                Picture(
-                    title=f"held for 10 s, {label}",
-                    vertices=p.vertices,
-                    faces=p.faces,
+                ClothView(
+                    f"held for 10 s, {label}",
+                    p.vertices,
+                    p.faces,
                     azimuth=-35,
                     elevation=15,
                     solids=[make_capsule(f + tips[0], f + tips[1], RADIUS) for f in p.fingers],
@@ -200,21 +193,21 @@ def measure_pinch(bench: Bench) -> Result:
             )
     panels.append(
         Chart(
-            title="default material falls during the lift"
+            "default material falls during the lift"
             if held.lifted_slip > FALLEN
             else f"creep {creep:.2g} mm in 10 s of shaking",
-            x_label="time since the lift [s]",
-            y_label="largest slip [mm]",
-            curves=curves,
-            limits=(Limit(value=2.0, label="bar"),),
+            "time since the lift [s]",
+            "largest slip [mm]",
+            curves,
+            limits=(Limit(2.0, "bar"),),
             is_log_y=True,
         )
     )
     figure = Figure(
-        name="pinch",
-        caption=f"Two capsules of {2e3 * RADIUS:g} mm pinch {held.grams:.0f} g of two-layer cloth, "
+        "pinch",
+        f"Two capsules of {2e3 * RADIUS:g} mm pinch {held.grams:.0f} g of two-layer cloth, "
         "lift it by 0.5 m "
         "and shake it: how far particles between the fingers have moved relative to them.",
-        panels=panels,
+        panels,
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))

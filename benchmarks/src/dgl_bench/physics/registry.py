@@ -1,6 +1,6 @@
 """All experiments by name, quick ones first.
 
-A new one is one function of a `Bench` and one line here.
+A new one is one function of a `Bench`, `measure_NAME`, and one line of the table.
 """
 
 import difflib
@@ -10,137 +10,113 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from dgl_bench.physics.experiment import Bench, Experiment, Result
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import PhysicsError
 
 __all__ = ["EXPERIMENTS", "run", "select"]
 
 
-def _lazily(module: str, function: str) -> Callable[[Bench], Result]:
+_TABLE = {
+    "free_fall": ("Free fall", "mechanics", "Without drag a sheet falls by ½gt²."),
+    "incline": (
+        "Friction on a slope",
+        "mechanics",
+        "A patch stays where tan θ < μ, and slides with g (sin θ - μ cos θ) where it is steeper.",
+    ),
+    "momentum": (
+        "Momentum",
+        "mechanics",
+        "Free cloth keeps its momentum; what cloth and a body give to each other cancels.",
+    ),
+    "fabrics": (
+        "Peirce's test of the fabrics",
+        "fabrics",
+        "A strip that hangs over an edge by twice its fabric's bending length has the chord of "
+        "the heavy elastica.",
+    ),
+    "solids": (
+        "Elastic solids",
+        "solids",
+        "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a "
+        "head returns to its shape.",
+    ),
+    "pinch": (
+        "A pinch between two fingers",
+        "pinch",
+        "Friction alone lifts and holds; without friction and adhesion it falls, and one "
+        "finger lifts nothing.",
+    ),
+    "panel": (
+        "Stretch of a hung panel",
+        "panel",
+        "Cloth of this stiffness would stretch by less than a thousandth; what is seen is what "
+        "the solver leaves.",
+    ),
+    "batch": ("Batches", "batch", "B environments in one model."),
+    "fold_speed": (
+        "Speed of the Fold Tops scene",
+        "fold",
+        "Both robots are colliders, and the garment is one of the catalogue's.",
+    ),
+    "cpu_code": (
+        "Two codes for a CPU",
+        "cpu_code",
+        "Vector code takes eight constraints at a time and gives what Warp's own gives, to the "
+        "bit.",
+    ),
+    "fold_rest": (
+        "Fold and rest",
+        "fold",
+        "What was folded should stay as it is, and come to rest.",
+    ),
+    "determinism": (
+        "Determinism",
+        "fold",
+        "The same motion gives the same particles to the bit on the CPU, and nearly so on CUDA.",
+    ),
+    "convergence": (
+        "Convergence of the fold",
+        "fold",
+        "A result that changes with the number of substeps is the solver's and not the cloth's.",
+    ),
+    "robustness": (
+        "Flailing robots",
+        "robustness",
+        "Nothing that robots do may make the simulation explode.",
+    ),
+    "newton": (
+        "Beside Newton",
+        "against_newton",
+        "The same mesh, hung by the same corners on the same core, in Newton's XPBD and VBD.",
+    ),
+    "equal_strain": (
+        "Beside Newton at equal strain",
+        "equal_strain",
+        "The same panel: how long each solver takes for a frame of the same quality, by its "
+        "cheapest setting.",
+    ),
+    "self_contact": (
+        "Drops and folds",
+        "selfcontact",
+        "Cloth cannot pass through cloth: no edge may pierce a triangle of another place.",
+    ),
+}
+"""Title of each experiment, module with its function `measure_<name>`, and what is measured."""
+
+
+def _measure_in(module: str, name: str) -> Callable[[Bench], Result]:
     """Import an experiment's module when it is measured: some need the simulator of the tasks."""
 
     def measure(bench: Bench) -> Result:
         found = importlib.import_module(f"dgl_bench.physics.{module}")
-        return getattr(found, function)(bench)
+        return getattr(found, f"measure_{name}")(bench)
 
     return measure
 
 
 EXPERIMENTS: dict[str, Experiment] = {
-    e.name: e
-    for e in (
-        Experiment(
-            "free_fall",
-            "Free fall",
-            "Without drag a sheet falls by ½gt².",
-            _lazily("mechanics", "measure_free_fall"),
-        ),
-        Experiment(
-            "incline",
-            "Friction on a slope",
-            "A patch stays where tan θ < μ, and slides with g (sin θ - μ cos θ) where it is "
-            "steeper.",
-            _lazily("mechanics", "measure_incline"),
-        ),
-        Experiment(
-            "momentum",
-            "Momentum",
-            "Free cloth keeps its momentum; what cloth and a body give to each other cancels.",
-            _lazily("mechanics", "measure_momentum"),
-        ),
-        Experiment(
-            "fabrics",
-            "Peirce's test of the fabrics",
-            "A strip that hangs over an edge by twice its fabric's bending length has the chord of "
-            "the heavy elastica.",
-            _lazily("fabrics", "measure_fabrics"),
-        ),
-        Experiment(
-            "solids",
-            "Elastic solids",
-            "A hanging bar stretches by F/A = E ε at every cut; a hat that was squeezed onto a "
-            "head returns to its shape.",
-            _lazily("solids", "measure_solids"),
-        ),
-        Experiment(
-            "pinch",
-            "A pinch between two fingers",
-            "Friction alone lifts and holds; without friction and adhesion it falls, and one "
-            "finger lifts nothing.",
-            _lazily("pinch", "measure_pinch"),
-        ),
-        Experiment(
-            "panel",
-            "Stretch of a hung panel",
-            "Cloth of this stiffness would stretch by less than a thousandth; what is seen is what "
-            "the solver leaves.",
-            _lazily("panel", "measure_panel"),
-        ),
-        Experiment(
-            "batch",
-            "Batches",
-            "B environments in one model.",
-            _lazily("batch", "measure_batch"),
-        ),
-        Experiment(
-            "fold_speed",
-            "Speed of the Fold Tops scene",
-            "Both robots are colliders, and the garment is one of the catalogue's.",
-            _lazily("fold", "measure_fold_speed"),
-        ),
-        Experiment(
-            "cpu_code",
-            "Two codes for a CPU",
-            "Vector code takes eight constraints at a time and gives what Warp's own gives, to the "
-            "bit.",
-            _lazily("cpu_code", "measure_cpu_code"),
-        ),
-        Experiment(
-            "fold_rest",
-            "Fold and rest",
-            "What was folded should stay as it is, and come to rest.",
-            _lazily("fold", "measure_fold_rest"),
-        ),
-        Experiment(
-            "determinism",
-            "Determinism",
-            "The same motion gives the same particles to the bit on the CPU, and nearly so on "
-            "CUDA.",
-            _lazily("fold", "measure_determinism"),
-        ),
-        Experiment(
-            "convergence",
-            "Convergence of the fold",
-            "A result that changes with the number of substeps is the solver's and not the "
-            "cloth's.",
-            _lazily("fold", "measure_convergence"),
-        ),
-        Experiment(
-            "robustness",
-            "Flailing robots",
-            "Nothing that robots do may make the simulation explode.",
-            _lazily("robustness", "measure_robustness"),
-        ),
-        Experiment(
-            "newton",
-            "Beside Newton",
-            "The same mesh, hung by the same corners on the same core, in Newton's XPBD and VBD.",
-            _lazily("against_newton", "measure_newton"),
-        ),
-        Experiment(
-            "equal_strain",
-            "Beside Newton at equal strain",
-            "The same panel: how long each solver takes for a frame of the same quality, by its "
-            "cheapest setting.",
-            _lazily("equal_strain", "measure_equal_strain"),
-        ),
-        Experiment(
-            "self_contact",
-            "Drops and folds",
-            "Cloth cannot pass through cloth: no edge may pierce a triangle of another place.",
-            _lazily("selfcontact", "measure_self_contact"),
-        ),
-    )
+    name: Experiment(name, title, about, _measure_in(module, name))
+    for name, (title, module, about) in _TABLE.items()
 }
 
 
@@ -175,7 +151,7 @@ def run(
         except _get_findings() as err:
             note = f"{type(err).__name__}: {err}"
             name = f"{experiment.title}, measured to its end"
-            result = Result(rows=(Row(name=name, value=None, unit="", bar=">= 1", note=note),))
+            result = Result((Reading(name, None, "", bar=">= 1", note=note),))
         yield experiment, result, time.perf_counter() - started
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_bench.physics.figures import Picture
+from dgl_bench.physics.figures import ClothView
 from dgl_physics.drawing.camera import PinholeCamera
 from dgl_physics.drawing.mesh import Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser, weigh_corners
@@ -49,14 +49,14 @@ def _make_axes(azimuth: float, elevation: float) -> np.ndarray:
     return np.stack([right, np.cross(towards, right), towards])
 
 
-def measure_extent(picture: Picture) -> tuple[np.ndarray, np.ndarray]:
+def measure_extent(picture: ClothView) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner of what a picture shows, right and up [m], shape (2,)."""
     points = np.concatenate([picture.vertices, *(s.vertices for s in picture.solids)])
     seen = project(points, azimuth=picture.azimuth, elevation=picture.elevation)[:, :2]
     return seen.min(axis=0), seen.max(axis=0)
 
 
-def compute_value_limit(picture: Picture) -> float:
+def compute_value_limit(picture: ClothView) -> float:
     """Largest value of a picture's colour scale."""
     if picture.values is None:
         raise ValueError("the picture has no values")
@@ -66,7 +66,7 @@ def compute_value_limit(picture: Picture) -> float:
 
 
 def render(
-    picture: Picture,
+    picture: ClothView,
     *,
     centre: np.ndarray,
     half: tuple[float, float],
@@ -143,7 +143,7 @@ class _Part:
         return np.clip(colour * shade[:, None], 0, 1)
 
 
-def _collect(picture: Picture, colour_map: ColourMap | None) -> list[_Part]:
+def _collect(picture: ClothView, colour_map: ColourMap | None) -> list[_Part]:
     """Cloth and solids."""
     faces = picture.faces
     if picture.values is None:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
-from dgl_bench.rows import Row
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series
+from dgl_bench.rows import Reading
 from dgl_physics import ContactOverflowError, SimulationDivergedError
 
 __all__ = ["measure_robustness"]
@@ -64,74 +64,65 @@ def measure_robustness(bench: Bench) -> Result:
         "" if count == ACTIONS else f"; --effort {1 / SHARE:g} makes all"
     )
     rows = (
-        Row(
-            name="flailing robots, actions during which they touch the garment",
-            value=100 * touched / count,
-            unit="%",
+        Reading(
+            "flailing robots, actions during which they touch the garment",
+            100 * touched / count,
+            "%",
             note=f"{starts} starts: a new one after {IDLE} actions without a touch",
         ),
-        Row(name="flailing robots, diverged", value=diverged, unit="times", bar="<= 0", note=note),
-        Row(
-            name="flailing robots, contacts that overflowed",
-            value=overflowed,
-            unit="times",
-            bar="<= 0",
-        ),
-        Row(
-            name=f"flailing robots, frames with an edge longer than {TORN:g} times",
-            value=torn,
-            unit="frames",
+        Reading("flailing robots, diverged", diverged, "times", bar="<= 0", note=note),
+        Reading("flailing robots, contacts that overflowed", overflowed, "times", bar="<= 0"),
+        Reading(
+            f"flailing robots, frames with an edge longer than {TORN:g} times",
+            torn,
+            "frames",
             bar="<= 0",
             note="counts as an explosion",
         ),
-        Row(
-            name="flailing robots, largest strain of an edge",
-            value=max(strains, default=None),
-            unit="%",
+        Reading(
+            "flailing robots, largest strain of an edge",
+            max(strains, default=None),
+            "%",
             note="" if strains else "no frame succeeded",
         ),
-        Row(
-            name="flailing robots, fastest particle",
-            value=max(speeds, default=None),
-            unit="m/s",
+        Reading(
+            "flailing robots, fastest particle",
+            max(speeds, default=None),
+            "m/s",
             note=f"speeds are bounded by {env.cloth.config.max_speed:g} m/s",
         ),
     )
     t = np.arange(len(strains)) / 60
     figure = Figure(
-        name="robustness",
-        caption=f"Both robots go to random poses near the garment, all 60 joints off by {NOISE} "
+        "robustness",
+        f"Both robots go to random poses near the garment, all 60 joints off by {NOISE} "
         "rad (standard "
         f"deviation), a new goal every 0.2 s, and a new start after {IDLE / 60:g} s without a "
         "touch. Left: the garment at the end. "
         "Right: its largest strain and speed.",
-        panels=(
-            Picture(
-                title=f"after {count} random actions",
-                vertices=env.get_particles(),
-                faces=env.garment.faces,
+        (
+            ClothView(
+                f"after {count} random actions",
+                env.get_particles(),
+                env.garment.faces,
                 azimuth=-90,
                 elevation=50,
             ),
             Chart(
-                title=f"largest strain {max(strains, default=0):.0f} %",
-                x_label="simulated time [s]",
-                y_label="largest strain of an edge [%]",
-                curves=(Curve(x=t, y=strains, tone=1),),
-                limits=(Limit(value=100 * (TORN - 1), label="explosion"),),
+                f"largest strain {max(strains, default=0):.0f} %",
+                "simulated time [s]",
+                "largest strain of an edge [%]",
+                (Series(t, strains, tone=1),),
+                limits=(Limit(100 * (TORN - 1), "explosion"),),
                 is_log_y=True,
             ),
             Chart(
-                title=f"fastest particle {max(speeds, default=0):.1f} m/s",
-                x_label="simulated time [s]",
-                y_label="fastest particle [m/s]",
-                curves=(Curve(x=t, y=speeds),),
-                limits=(
-                    Limit(
-                        value=env.cloth.config.max_speed, label="bound of the solver", is_quiet=True
-                    ),
-                ),
+                f"fastest particle {max(speeds, default=0):.1f} m/s",
+                "simulated time [s]",
+                "fastest particle [m/s]",
+                (Series(t, speeds),),
+                limits=(Limit(env.cloth.config.max_speed, "bound of the solver", is_quiet=True),),
             ),
         ),
     )
-    return Result(rows=rows, figures=(figure,))
+    return Result(rows, (figure,))

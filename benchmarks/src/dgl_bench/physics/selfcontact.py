@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 
 from dgl_assets import garment_ids, load_garment
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Chart, Curve, Figure, Limit, Picture
-from dgl_bench.rows import Row
+from dgl_bench.physics.figures import Chart, ClothView, Figure, Limit, Series
+from dgl_bench.rows import Reading
 from dgl_physics import ClothMaterial, ModelBuilder, PhysicsError, Shape
 from dgl_physics.measure import find_intersections
 from dgl_physics.scene import Scene
@@ -58,37 +58,37 @@ def measure_self_contact(bench: Bench) -> Result:
     start = load_garment(ids[0])
     before = len(find_intersections(start.vertices, start.faces))
     rows = (
-        Row(
-            name="drops and folds that end with a layer through another",
-            value=float(caught),
-            unit=f"of {count}",
+        Reading(
+            "drops and folds that end with a layer through another",
+            float(caught),
+            f"of {count}",
             bar="<= 0",
             note="runs in whose last frame an edge pierces a triangle that it shares no vertex "
             "with, by exact "
             f"arithmetic; {before} at the start",
         ),
-        Row(
-            name="edges that pierce a triangle, mean of the runs",
-            value=float(crossings.mean()),
-            unit="",
+        Reading(
+            "edges that pierce a triangle, mean of the runs",
+            float(crossings.mean()),
+            "",
             note=f"largest {crossings.max()}; of about {3 * len(start.faces) // 2} edges",
         ),
-        Row(
-            name="closest pair of particles that share no edge, worst run",
-            value=float(closest.min()),
-            unit="% of thickness",
+        Reading(
+            "closest pair of particles that share no edge, worst run",
+            float(closest.min()),
+            "% of thickness",
             bar=">= 50",
             note=f"median run {np.median(closest):.0f} %",
         ),
-        Row(
-            name="drops and folds that failed",
-            value=float(len(failed)),
-            unit=f"of {count}",
+        Reading(
+            "drops and folds that failed",
+            float(len(failed)),
+            f"of {count}",
             bar="<= 0",
             note="; ".join(sorted(set(failed))),
         ),
     )
-    return Result(rows=rows, figures=(_draw(ended, crossings, closest),))
+    return Result(rows, (_draw(ended, crossings, closest),))
 
 
 def _draw(outcomes: list[Outcome], crossings: np.ndarray, closest: np.ndarray) -> Figure:
@@ -103,10 +103,10 @@ def _draw(outcomes: list[Outcome], crossings: np.ndarray, closest: np.ndarray) -
         )
         if worst is not None:
             panels.append(
-                Picture(
-                    title=f"worst {kind}: {worst.crossings} edges pierce",
-                    vertices=worst.vertices,
-                    faces=worst.faces,
+                ClothView(
+                    f"worst {kind}: {worst.crossings} edges pierce",
+                    worst.vertices,
+                    worst.faces,
                     azimuth=-60,
                     elevation=40,
                     marks=worst.places[:: max(1, len(worst.places) // 40)],
@@ -114,35 +114,35 @@ def _draw(outcomes: list[Outcome], crossings: np.ndarray, closest: np.ndarray) -
             )
     panels += [
         Chart(
-            title=f"{(crossings > 0).sum()} of {len(runs)} with layers caught",
-            x_label="run",
-            y_label="edges that pierce a triangle",
-            curves=(
-                Curve(x=runs[drops], y=crossings[drops], label="drops", kind="measured"),
-                Curve(x=runs[~drops], y=crossings[~drops], label="folds", kind="measured", tone=1),
+            f"{(crossings > 0).sum()} of {len(runs)} with layers caught",
+            "run",
+            "edges that pierce a triangle",
+            (
+                Series(runs[drops], crossings[drops], "drops", kind="measured"),
+                Series(runs[~drops], crossings[~drops], "folds", kind="measured", tone=1),
             ),
-            limits=(Limit(value=0.0, label="bar: none"),),
+            limits=(Limit(0.0, "bar: none"),),
         ),
         Chart(
-            title=f"closest pair {closest.min():.0f} % of the thickness",
-            x_label="run",
-            y_label="closest pair [% of thickness]",
-            curves=(
-                Curve(x=runs[drops], y=closest[drops], label="drops", kind="measured"),
-                Curve(x=runs[~drops], y=closest[~drops], label="folds", kind="measured", tone=1),
+            f"closest pair {closest.min():.0f} % of the thickness",
+            "run",
+            "closest pair [% of thickness]",
+            (
+                Series(runs[drops], closest[drops], "drops", kind="measured"),
+                Series(runs[~drops], closest[~drops], "folds", kind="measured", tone=1),
             ),
-            limits=(Limit(value=50.0, label="bar"),),
+            limits=(Limit(50.0, "bar"),),
             y_range=(0.0, 105.0),
         ),
     ]
     return Figure(
-        name="self_contact",
-        caption="Tops of the catalogue, dropped as they happen to be turned and laid down in "
+        "self_contact",
+        "Tops of the catalogue, dropped as they happen to be turned and laid down in "
         "folds. Rings: where an "
         "edge pierces a triangle of another place of the cloth. Right: how many do in each run, "
         "and how near the "
         "closest two particles are that share no edge.",
-        panels=panels,
+        panels,
     )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dgl_bench.physics.figures import Solid
+from dgl_bench.physics.figures import ShownSolid
 
 __all__ = ["join", "make_bowl", "make_box", "make_capsule", "make_panel", "make_sheet", "place"]
 
@@ -109,7 +109,7 @@ def join(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.nda
     )
 
 
-def make_capsule(start: np.ndarray, end: np.ndarray, radius: float) -> Solid:
+def make_capsule(start: np.ndarray, end: np.ndarray, radius: float) -> ShownSolid:
     """Make a capsule between two points [m] for a picture."""
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     axis = end - start
@@ -132,10 +132,10 @@ def make_capsule(start: np.ndarray, end: np.ndarray, radius: float) -> Solid:
     a, b = (i * 16 + j).ravel(), (i * 16 + (j + 1) % 16).ravel()
     c, d = a + 16, b + 16
     faces = np.concatenate([np.column_stack([a, b, d]), np.column_stack([a, d, c])])
-    return Solid(vertices=vertices, faces=faces)
+    return ShownSolid(vertices, faces)
 
 
-def place(solid: Solid, pose: np.ndarray) -> Solid:
+def place(solid: ShownSolid, pose: np.ndarray) -> ShownSolid:
     """Move a solid by a pose, xyz [m] + quaternion wxyz, shape (7,)."""
     w, x, y, z = pose[3:]
     rotation = np.array(
@@ -145,4 +145,4 @@ def place(solid: Solid, pose: np.ndarray) -> Solid:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-    return Solid(vertices=solid.vertices @ rotation.T + pose[:3], faces=solid.faces)
+    return ShownSolid(solid.vertices @ rotation.T + pose[:3], solid.faces)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dgl_bench.physics.experiment import Bench, Result
-from dgl_bench.physics.figures import Bars, Chart, Curve, Figure, Picture
+from dgl_bench.physics.figures import Bars, Chart, ClothView, Figure, Series
 from dgl_bench.physics.hat import measure_hat
 from dgl_bench.physics.sheets import make_box
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_physics import ModelBuilder, SolidMaterial, SolverConfig
 from dgl_physics.lattice import fill_closed_surface
 from dgl_physics.scene import Scene
@@ -93,16 +93,16 @@ def measure_solids(bench: Bench) -> Result:
     hat = measure_hat(bench)
     bars = [stretch_bar(modulus, ratio) for modulus, ratio in CASES]
     rows = tuple(
-        Row(
-            name=f"bar in tension, E = {_spell(bar)}, error of E",
-            value=100 * abs(bar.error),
-            unit="%",
+        Reading(
+            f"bar in tension, E = {_spell(bar)}, error of E",
+            100 * abs(bar.error),
+            "%",
             bar="<= 5",
             note=f"measured {bar.modulus:.4g} Pa, strains up to {100 * bar.strain.max():.1f} %",
         )
         for bar in bars
     )
-    return Result(rows=(*rows, *hat.rows), figures=(_draw(bars), *hat.figures))
+    return Result((*rows, *hat.rows), (_draw(bars), *hat.figures))
 
 
 def _draw(bars: list[Tension]) -> Figure:
@@ -117,46 +117,40 @@ def _draw(bars: list[Tension]) -> Figure:
     for tone, bar in enumerate(bars):
         line = theory / 100 * bar.material.youngs_modulus
         curves += [
-            Curve(x=theory, y=line, label="" if tone else "F/A = E ε", kind="theory"),
-            Curve(
-                x=100 * bar.strain,
-                y=bar.stress,
-                label=f"E = {_spell(bar)}",
-                kind="measured",
-                tone=tone,
-            ),
+            Series(theory, line, "" if tone else "F/A = E ε", kind="theory"),
+            Series(100 * bar.strain, bar.stress, f"E = {_spell(bar)}", kind="measured", tone=tone),
         ]
     return Figure(
-        name="tension",
-        caption="A bar hangs by its upper end, so that each cut carries the weight below it. Left: "
+        "tension",
+        "A bar hangs by its upper end, so that each cut carries the weight below it. Left: "
         "the bar, coloured "
         "by the strain of its layers. Middle: force over cross-section against strain, at every "
         "cut. Right: the "
         "error of the slope, away from the ends by a width.",
-        panels=(
-            Picture(
-                title=f"E = {_spell(first)}",
-                vertices=first.vertices,
-                faces=first.faces,
+        (
+            ClothView(
+                f"E = {_spell(first)}",
+                first.vertices,
+                first.faces,
                 elevation=15,
                 values=100 * first.strain[cut],
                 value_label="strain [%]",
                 value_limit=100 * LARGEST_STRAIN,
             ),
             Chart(
-                title="stress over strain",
-                x_label="strain ε [%]",
-                y_label="F/A [Pa]",
-                curves=curves,
+                "stress over strain",
+                "strain ε [%]",
+                "F/A [Pa]",
+                curves,
                 is_log_x=True,
                 is_log_y=True,
-                y_range=(0.3 * lowest, 200 * highest),  # room for the legend
+                y_range=(0.3 * lowest, 200 * highest),
             ),
             Bars(
-                title=f"at most {max(errors):.2g} % off; the bar is 5 %",
-                labels=[_spell(bar) for bar in bars],
-                values=errors,
-                value_label="error of E [%]",
+                f"at most {max(errors):.2g} % off; the bar is 5 %",
+                [_spell(bar) for bar in bars],
+                errors,
+                "error of E [%]",
             ),
         ),
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dgl_bench.rows import Row
+from dgl_bench.rows import Reading
 from dgl_bench.soak.spell import Spell
 
 __all__ = ["find_growth", "make_rows"]
@@ -11,7 +11,7 @@ EARLY = 0.1
 """Share of a worker's episodes in which memory may still grow: caches fill."""
 
 
-def make_rows(spells: Sequence[Spell]) -> list[Row]:
+def make_rows(spells: Sequence[Spell]) -> list[Reading]:
     """Count what went wrong, and measure how memory has grown.
 
     Args:
@@ -26,34 +26,32 @@ def make_rows(spells: Sequence[Spell]) -> list[Row]:
     )
     touching = sum(spell.touching for spell in spells)
     growth = find_growth(spells)
+    name = "growth of a process's memory after the first tenth, at most"
+    grown = Reading(name, growth, "%", bar="<= 5")
+    if growth is None:
+        why = "a process needs ten episodes, and two of each task"
+        grown = Reading.skip(name, "%", why, bar="<= 5")
     return [
-        Row(name="random actions", value=float(steps), unit="", note="five control steps each"),
-        Row(name="with a hand on the garment", value=100 * touching / max(steps, 1), unit="%"),
-        Row(
-            name="numbers that are not finite",
-            value=float(sum(spell.not_finite for spell in spells)),
-            unit="actions",
+        Reading("random actions", float(steps), "", note="five control steps each"),
+        Reading("with a hand on the garment", 100 * touching / max(steps, 1), "%"),
+        Reading(
+            "numbers that are not finite",
+            float(sum(spell.not_finite for spell in spells)),
+            "actions",
             bar="<= 0",
         ),
-        Row(
-            name="contact lists that could not grow",
-            value=float(sum(spell.overflows for spell in spells)),
-            unit="",
+        Reading(
+            "contact lists that could not grow",
+            float(sum(spell.overflows for spell in spells)),
+            "",
             bar="<= 0",
         ),
-        Row(name="exceptions", value=float(len(errors)), unit="", bar="<= 0", note=first),
-        Row(
-            name="growth of a process's memory after the first tenth, at most",
-            value=growth,
-            unit="%",
-            bar="<= 5",
-            note="" if growth is not None else "a process needs ten episodes, and two of each task",
-            is_skipped=growth is None,
-        ),
-        Row(
-            name="memory of a process, at most",
-            value=max((spell.memory for spell in spells), default=0) / 2**30,
-            unit="GiB",
+        Reading("exceptions", float(len(errors)), "", bar="<= 0", note=first),
+        grown,
+        Reading(
+            "memory of a process, at most",
+            max((spell.memory for spell in spells), default=0) / 2**30,
+            "GiB",
         ),
     ]
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from dgl_assets import AssetError, load_garment
 from dgl_assets.garments.garment import Garment
-from dgl_assets.importing import ImportedGarment, import_garment, load_asset
+from dgl_assets.importing import GarmentImportOptions, ImportedGarment, import_garment, load_asset
 from dgl_assets.importing.asset_folder import META_FILE
 from dgl_assets.importing.paths import detect_kind, read_bytes
 from dgl_assets.importing.read import read_mesh
@@ -94,7 +94,8 @@ def _import(source: Path, task: Task, folder: Path) -> tuple[Path, tuple[str, ..
         told = load_asset(made[0].parent).meta.get("assumptions", ())
         return made[0].parent, (*told, f"imported before, into {made[0].parent}")
     try:
-        report = import_garment(source, out=root, category=task.category, lay_flat=lay_flat)
+        options = GarmentImportOptions(category=task.category)
+        report = import_garment(source, out=root, options=options, lay_flat=lay_flat)
     except AssetError:
         shutil.rmtree(root, ignore_errors=True)
         raise

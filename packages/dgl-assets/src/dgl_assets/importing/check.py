@@ -226,7 +226,7 @@ def _choose_piece(
     if part is not None:
         if part > count:
             raise UnclearGarmentError(
-                f"{name} has {count} connected parts; there is no `object_name` part{part}"
+                f"{name} has {count} connected parts; there is no `object` part{part}"
             )
         return np.flatnonzero(labels == order[part - 1]), [
             f"part{part} of {count} connected parts was taken, {shares[order[part - 1]]:.1%} of "
@@ -296,8 +296,7 @@ def _describe_pieces(
     if named:
         listed = f"{named}; or {listed}"
     text = (
-        f"{name}: the surface is in {len(order)} loose pieces; choose one with `object_name`: "
-        + listed
+        f"{name}: the surface is in {len(order)} loose pieces; choose one with `object`: " + listed
     )
     gap = measure_gap(raw.vertices, *(faces[keep][labels == order[k]] for k in (0, 1)))
     if gap is not None:

@@ -7,7 +7,9 @@ import logging
 import tempfile
 import unicodedata
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +18,14 @@ from dgl_assets.importing.archive import unpack
 from dgl_assets.importing.asset_folder import write_asset
 from dgl_assets.importing.categories import CATEGORIES
 from dgl_assets.importing.errors import BrokenMeshError, UnreadableFileError, make_printable
-from dgl_assets.importing.frame import AXES
 from dgl_assets.importing.keypoints import Keypoints, check_on_surface, read_keypoints
+from dgl_assets.importing.options import GarmentImportOptions
 from dgl_assets.importing.paths import detect_kind
 from dgl_assets.importing.placing import PlacedGarment, place_surface
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.read import read_mesh
 from dgl_assets.importing.remesh import Remeshed, remesh_surface
 from dgl_assets.importing.report import ImportReport, measure_evenness
-from dgl_assets.importing.scale import UNITS
 from dgl_assets.importing.source import Source, find_source, has_mesh, list_archives
 from dgl_assets.importing.staging import check_target, stage_folder
 from dgl_assets.importing.surface import SurfaceIndex
@@ -41,9 +42,8 @@ positions [m], (V, 3).
 """
 
 NO_LICENCE = "not stated: do not redistribute"
-_SPACINGS = (0.006, 0.025)
+_SAID = ("category", "units", "up", "source", "licence")  # in meta.json
 _LEAST_EVEN = 0.95  # share of edges and angles below which the mesh is refused
-_MOST_WELD = 0.01  # wider gaps are openings [m]
 _THICK = 0.10  # a garment that is thicker does not lie [m]
 _REACH = 1.2  # width that both robots reach [m]
 _LONGEST_NAME = 120  # bytes
@@ -54,21 +54,8 @@ def import_garment(
     path: str | Path,
     *,
     out: str | Path,
-    category: str | None = None,
-    units: str | None = None,
-    up: str | None = None,
-    scale: float | None = None,
-    spacing: float = 0.013,
+    options: GarmentImportOptions | None = None,
     lay_flat: LayFlat | None = None,
-    keypoints: str | Path | None = None,
-    name: str | None = None,
-    licence: str | None = None,
-    source: str | None = None,
-    use_textures: bool = True,
-    overwrite: bool = False,
-    mesh: str | None = None,
-    object_name: str | None = None,
-    weld: float | None = None,
 ) -> ImportReport:
     """Import one garment.
 
@@ -77,32 +64,14 @@ def import_garment(
             perhaps keypoints.json and meta.json, a model folder of ClothesNet, or a zip archive of
             one of these.
         out: Root of assets. The asset is written to `<out>/<category>/<name>`, whole or not at all.
-        category: One of `CATEGORIES`; guessed from the openings by default, with a note.
-        units: "m", "cm", "mm" or "in"; found from the size by default.
-        up: Up axis of the file, such as "y" or "-z"; found from the openings by default.
-        scale: Size over the original's: 1 by default, 0.85 for ClothesNet, so that robots reach
-            both cuffs.
-        spacing: Edge length of the new mesh [m], 0.006 to 0.025.
+        options: What is known or wanted; by default all is found out.
         lay_flat: Simulation that lays it flat; none by default. Hats and gloves keep their shape.
-        keypoints: JSON file of named points, `{"left_cuff": 123, "collar": [x, y, z]}`, in vertices
-            or positions of the mesh file; by default keypoints.json in the folder. Names such as
-            left_cuff, collar and hem tell the orientation.
-        name: Name of the asset, letters of any alphabet; that of the file by default.
-        licence: Licence under which you have it. It is recorded, never checked.
-        source: Origin of the garment; recorded.
-        use_textures: Keep the picture. A picture that is missing is an error then.
-        overwrite: Replace an asset of the same name.
-        mesh: Mesh to take from a folder or an archive of several, such as "source/shirt.obj".
-        object_name: Object to take from a file of several: the name of an object or a group, or a
-            connected part by its area, such as "part2" or "Shirt/part2".
-        weld: Distance below which open edges are sewn together, at the size of the file [m], above
-            0 to 0.01; by default 1e-4 of the diagonal.
 
     Returns:
         The asset's folder, facts and assumptions.
 
     Raises:
-        ValueError: If an option is out of range.
+        ValueError: If the name holds neither letters nor digits.
         AssetImportError: If it cannot be imported: `UnreadableFileError`, `UnsafePathError`,
             `BrokenMeshError` or `UnclearGarmentError`, each with the place and the remedy. Nothing
             is left in `out` then.
@@ -111,65 +80,33 @@ def import_garment(
         Layers that pass through each other are kept. Of a garment modelled with a thickness the
         outer surface is kept; parts that are sewn onto the cloth (pockets) are left out.
     """
-    _check_options(category=category, units=units, up=up, scale=scale, spacing=spacing, weld=weld)
+    options = options or GarmentImportOptions()
     path, out = Path(path), Path(out)
     with tempfile.TemporaryDirectory(prefix="dgl-import-") as folder:
-        found = find_source(_unpack(path, Path(folder)), mesh=mesh)
-        asset_name = make_asset_name(name or (path.stem if path.is_file() else found.name))
-        meta = found.meta
-        if found.clothesnet is not None and scale is None:
-            scale = clothesnet.SCALE
-        raw = read_mesh(found.mesh, use_textures=use_textures, root=found.root)
-        points = _read_points(found, keypoints, raw)
-        hint = found.clothesnet.category if found.clothesnet else None
-        placed = place_surface(
-            raw,
-            found.mesh.name,
-            category=category or meta.get("category") or hint,
-            units=units or meta.get("units"),
-            up=up or meta.get("up"),
-            scale=1.0 if scale is None else scale,
-            spacing=spacing,
-            keypoints=points,
-            object_name=object_name,
-            weld=weld,
-        )
+        found = find_source(_unpack(path, Path(folder)), mesh=options.mesh)
+        asset_name = make_asset_name(options.name or (path.stem if path.is_file() else found.name))
+        raw = read_mesh(found.mesh, use_textures=options.textures, root=found.root)
+        keypoints = options.keypoints or found.keypoints
+        points = None if keypoints is None else read_keypoints(keypoints, raw.vertices)
+        options = _complete(options, found, path)
+        placed = place_surface(raw, found.mesh.name, options, points)
         target = out / placed.category / asset_name
-        check_target(target, overwrite=overwrite)
-        return _finish(
-            raw,
-            placed,
-            points,
-            target,
-            spacing=spacing,
-            lay_flat=lay_flat,
-            overwrite=overwrite,
-            texts=_describe(found, path, licence=licence, source=source),
-        )
+        check_target(target, overwrite=options.overwrite)
+        return _finish(raw, placed, points, target, options, found, lay_flat)
 
 
-def _check_options(
-    *,
-    category: str | None,
-    units: str | None,
-    up: str | None,
-    scale: float | None,
-    spacing: float,
-    weld: float | None,
-) -> None:
-    for option, value, valid in (
-        ("category", category, CATEGORIES),
-        ("units", units, UNITS),
-        ("up", up, AXES),
-    ):
-        if value is not None and value not in valid:
-            raise ValueError(f"{option} must be one of {list(valid)}; got {value!r}")
-    if not _SPACINGS[0] <= spacing <= _SPACINGS[1]:
-        raise ValueError(f"spacing must be in {list(_SPACINGS)} m; got {spacing}")
-    if scale is not None and not 0.1 <= scale <= 10:
-        raise ValueError(f"scale must be in [0.1, 10]; got {scale}")
-    if weld is not None and not 0 < weld <= _MOST_WELD:
-        raise ValueError(f"weld must be above 0 and at most {_MOST_WELD} m; got {weld}")
+def _complete(options: GarmentImportOptions, found: Source, path: Path) -> GarmentImportOptions:
+    """Take over what the source says and the options do not."""
+    said: dict[str, Any] = {"source": make_printable(path.name), "licence": NO_LICENCE}
+    if found.clothesnet is not None:
+        said = {
+            "source": clothesnet.SOURCE,
+            "licence": clothesnet.LICENCE,
+            "scale": clothesnet.SCALE,
+            "category": found.clothesnet.category,
+        }
+    said |= {key: make_printable(found.meta[key]) for key in _SAID if found.meta.get(key)}
+    return replace(options, **{k: value for k, value in said.items() if not getattr(options, k)})
 
 
 def _unpack(path: Path, folder: Path) -> Path:
@@ -220,39 +157,17 @@ def make_asset_name(text: str) -> str:
     return name
 
 
-def _read_points(found: Source, given: str | Path | None, raw: RawMesh) -> Keypoints | None:
-    path = Path(given) if given is not None else found.keypoints
-    return None if path is None else read_keypoints(path, raw.vertices)
-
-
-def _describe(
-    found: Source, path: Path, *, licence: str | None, source: str | None
-) -> dict[str, str]:
-    code = found.clothesnet
-    texts = {
-        "subtype": found.meta.get("subtype") or (code.subtype if code else ""),
-        "source": source or found.meta.get("source") or (clothesnet.SOURCE if code else path.name),
-        "source_id": found.meta.get("source_id") or found.mesh.stem,
-        "licence": licence
-        or found.meta.get("licence")
-        or (clothesnet.LICENCE if code else NO_LICENCE),
-    }
-    return {key: make_printable(text) for key, text in texts.items()}
-
-
 def _finish(
     raw: RawMesh,
     placed: PlacedGarment,
     points: Keypoints | None,
     target: Path,
-    *,
-    spacing: float,
+    options: GarmentImportOptions,
+    found: Source,
     lay_flat: LayFlat | None,
-    overwrite: bool,
-    texts: dict[str, str],
 ) -> ImportReport:
     """Remesh, carry over what is on the surface, lay flat, and write."""
-    mesh, notes = placed.mesh, list(placed.notes)
+    mesh, notes, spacing = placed.mesh, list(placed.notes), options.spacing
     surface = SurfaceIndex(mesh.vertices, mesh.faces, spacing=spacing / 2)
     pins, pin_normals = _place_points(placed, points, surface, target.name)
     remeshed = remesh_surface(
@@ -295,7 +210,10 @@ def _finish(
         folder=target,
         name=target.name,
         category=placed.category,
-        **texts,
+        subtype=make_printable(found.subtype),
+        source=options.source or "",
+        source_id=make_printable(found.meta.get("source_id") or found.mesh.stem),
+        licence=options.licence or "",
         unit=placed.unit,
         scale=placed.scale,
         up=placed.frame.up,
@@ -314,7 +232,7 @@ def _finish(
     meta = {key: value for key, value in report.to_dict().items() if key != "folder"}
     meta["wall_thickness"] = CATEGORIES[placed.category].wall_thickness
     meta |= {"rotation": placed.frame.rotation.tolist(), "spacing": spacing}
-    with stage_folder(target, overwrite=overwrite) as folder:
+    with stage_folder(target, overwrite=options.overwrite) as folder:
         write_asset(
             folder,
             vertices=vertices,

@@ -72,7 +72,7 @@ def drop_attached(
         f"{b} near "
         f"({place}) and has {edges.counts[crowded[0]]}; which faces are the cloth cannot be told: "
         "remove the others, or "
-        "make them an object of their own and choose with `object_name`"
+        "make them an object of their own and choose with `object`"
     )
 
 

@@ -54,7 +54,7 @@ def choose_object(raw: RawMesh, name: str | None, file: str) -> RawMesh:
     if not keep.any():
         listed = list_objects(raw, np.arange(len(raw.faces)))
         has = f"it has {listed}" if listed else "it names no objects; parts are part1, part2, ..."
-        raise UnclearGarmentError(f"{file} has no `object_name` {name[:60]!r}; {has}")
+        raise UnclearGarmentError(f"{file} has no `object` {name[:60]!r}; {has}")
     return replace(
         raw,
         faces=raw.faces[keep],

@@ -9,7 +9,7 @@ from dgl_assets.importing.bounds import MAX_FILE_BYTES
 from dgl_assets.importing.errors import UnreadableFileError, UnsafePathError
 from dgl_files.fields import decode_json
 
-TEXTURE_HINT = ", or import without pictures: `use_textures=False`"
+TEXTURE_HINT = ", or import without pictures: `textures=False`"
 """Remedy where a picture cannot be read."""
 
 _HEAD = 65536  # bytes that tell the kind of a file

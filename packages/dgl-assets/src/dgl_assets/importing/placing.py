@@ -24,6 +24,7 @@ from dgl_assets.importing.openings import (
     measure_trunk,
     name_openings,
 )
+from dgl_assets.importing.options import GarmentImportOptions
 from dgl_assets.importing.raw import RawMesh
 from dgl_assets.importing.scale import UNITS, find_unit
 from dgl_assets.importing.topology import compute_normals
@@ -46,54 +47,29 @@ class PlacedGarment:
 
 
 def place_surface(
-    raw: RawMesh,
-    name: str,
-    *,
-    category: str | None,
-    units: str | None,
-    up: str | None,
-    scale: float,
-    spacing: float,
-    keypoints: Keypoints | None = None,
-    object_name: str | None = None,
-    weld: float | None = None,
+    raw: RawMesh, name: str, options: GarmentImportOptions, keypoints: Keypoints | None = None
 ) -> PlacedGarment:
     """Check a surface and bring it to metres in the garment frame.
 
     Args:
         raw: What was read.
         name: Of the file, for messages.
-        category: What it is; guessed when None.
-        units: Its unit; found when None.
-        up: Its up axis; found when None.
-        scale: Size over the original's.
-        spacing: Edge length that it will be meshed at [m].
+        options: Options of the import.
         keypoints: Named points of the file; known names tell how it is turned.
-        object_name: Object or connected part to take.
-        weld: Distance below which seams are joined, at the size of the file [m]; found from the
-            size when None.
 
     Raises:
         BrokenMeshError: If it is not one sheet of cloth.
         UnclearGarmentError: If something cannot be told and must be given.
     """
-    options = _Options(
-        category=category,
-        units=units,
-        up=up,
-        scale=scale,
-        spacing=spacing,
-        keypoints=keypoints,
-        object_name=object_name,
-    )
+    units, weld = options.units, options.weld
     if weld is None:
-        return _place(raw, name, options, weld=None)
+        return _place(raw, name, options, keypoints, weld=None)
     # The sewn surface gives the unit, and the unit the distance to sew: take a unit that agrees.
     tried = [UNITS[units]] if units is not None else [*filter(None, [raw.unit]), *UNITS.values()]
     problem: AssetImportError | None = None
     for unit in dict.fromkeys(tried):
         try:
-            placed = _place(raw, name, options, weld=weld / unit)
+            placed = _place(raw, name, options, keypoints, weld=weld / unit)
         except (BrokenMeshError, UnclearGarmentError) as err:
             problem = problem or err
             continue
@@ -104,23 +80,18 @@ def place_surface(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Options:
-    """Options of `place_surface`."""
-
-    category: str | None
-    units: str | None
-    up: str | None
-    scale: float
-    spacing: float
-    keypoints: Keypoints | None
-    object_name: str | None
-
-
-def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) -> PlacedGarment:
+def _place(
+    raw: RawMesh,
+    name: str,
+    options: GarmentImportOptions,
+    keypoints: Keypoints | None,
+    *,
+    weld: float | None,
+) -> PlacedGarment:
     """Place a surface; `weld` is in the units of the file."""
-    category, scale, spacing = options.category, options.scale, options.spacing
-    mesh = clean_mesh(raw, name, choice=options.object_name, weld=weld)
+    category, spacing = options.category, options.spacing
+    scale = 1.0 if options.scale is None else options.scale
+    mesh = clean_mesh(raw, name, choice=options.object, weld=weld)
     notes = list(mesh.notes)
     try:
         loops = find_openings(mesh.vertices, mesh.faces)
@@ -139,7 +110,7 @@ def _place(raw: RawMesh, name: str, options: _Options, *, weld: float | None) ->
             openings=openings,
             up=options.up,
             declared_up=raw.up,
-            directions=find_directions(options.keypoints),
+            directions=find_directions(keypoints),
         )
         vertices = mesh.vertices @ frame.rotation.T
         longest = float(np.ptp(vertices, axis=0).max())

@@ -38,6 +38,11 @@ class Source:
     """Texts of meta.json."""
     clothesnet: ClothesNetName | None = None
 
+    @property
+    def subtype(self) -> str:
+        """Kind of garment in words; empty if nothing tells it."""
+        return self.meta.get("subtype") or (self.clothesnet.subtype if self.clothesnet else "")
+
 
 def list_models(folder: Path) -> tuple[Path, ...]:
     """Find the models below a folder, such as all of ClothesNet.

@@ -3,7 +3,6 @@
 import io
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 import trimesh
@@ -13,10 +12,9 @@ from dgl_assets.robots.collision import CollisionShape
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.importing.capsules import Capsule, fit_capsules
 from dgl_assets.robots.importing.meshes import load_geometry
+from dgl_assets.robots.importing.options import CollisionMethod
 from dgl_assets.robots.importing.raw import RawLink, RawShape
 
-CollisionMethod = Literal["capsules", "coacd", "keep"]
-METHODS: tuple[CollisionMethod, ...] = get_args(CollisionMethod)
 MOST_PIECES = 8
 """Largest number of convex pieces of one mesh."""
 
@@ -42,7 +40,7 @@ def build_collision(
     files: dict[str, bytes] = {}
     for number, shape in enumerate(link.collisions or link.visuals):
         if shape.kind != "mesh":
-            shapes.append(_convert_primitive(link.name, shape, is_kept=method == "keep"))
+            shapes.append(convert_primitive(link.name, shape, is_kept=method == "keep"))
             continue
         if method == "capsules":
             assert shape.path is not None
@@ -92,7 +90,8 @@ def _to_shape(link: str, capsule: Capsule, mesh_to_link: np.ndarray) -> Collisio
     )
 
 
-def _convert_primitive(link: str, shape: RawShape, *, is_kept: bool) -> CollisionShape:
+def convert_primitive(link: str, shape: RawShape, *, is_kept: bool) -> CollisionShape:
+    """Convert a box, sphere, capsule or cylinder; a long cylinder is kept, or becomes a capsule."""
     T = shape.shape_to_link
     pose = {
         "link": link,

@@ -9,13 +9,14 @@ import numpy as np
 
 from dgl_assets.importing.bounds import MAX_PIXELS, check_count
 from dgl_assets.robots.collision import CollisionShape
-from dgl_assets.robots.importing.collision import CollisionMethod, build_collision
+from dgl_assets.robots.importing.collision import build_collision
 from dgl_assets.robots.importing.masses import settle_masses
 from dgl_assets.robots.importing.meshes import (
     count_vertices_and_pixels,
     encode_visuals,
     load_geometry,
 )
+from dgl_assets.robots.importing.options import CollisionMethod
 from dgl_assets.robots.importing.raw import RawJoint, RawLink, RawRobot
 from dgl_assets.robots.tree import KinematicTree, TreeJoint, TreeLink
 from dgl_assets.robots.visual import LinkMeshes

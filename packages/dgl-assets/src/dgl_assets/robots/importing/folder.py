@@ -24,6 +24,7 @@ from dgl_assets.robots._frames import (
 from dgl_assets.robots.collision import CollisionShape
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.gains import JointGains
+from dgl_assets.robots.importing.collision import convert_primitive
 from dgl_assets.robots.importing.raw import RawLink, RawRobot, RawShape
 from dgl_assets.robots.importing.read_urdf import read_urdf
 from dgl_assets.robots.robot import ArmPart, HandPart
@@ -295,21 +296,6 @@ def _to_tree(raw: RawRobot) -> KinematicTree:
 
 
 def _to_shape(link: RawLink, shape: RawShape) -> CollisionShape:
-    T = shape.shape_to_link
-    x, y, z = T[:3, 3].tolist()
-    w, a, b, c = quaternion_from_rotation(T[:3, :3]).tolist()
     if shape.kind == "mesh":
         return CollisionShape(link=link.name, kind="mesh", mesh=_mesh_name(shape))
-    if shape.kind == "box":
-        hx, hy, hz = (s / 2 for s in shape.size)
-        return CollisionShape(
-            link=link.name, kind="box", half_size=(hx, hy, hz), xyz=(x, y, z), wxyz=(w, a, b, c)
-        )
-    return CollisionShape(
-        link=link.name,
-        kind=shape.kind,
-        radius=shape.size[0],
-        half_length=shape.size[1] / 2 if len(shape.size) > 1 else 0.0,
-        xyz=(x, y, z),
-        wxyz=(w, a, b, c),
-    )
+    return convert_primitive(link.name, shape, is_kept=True)

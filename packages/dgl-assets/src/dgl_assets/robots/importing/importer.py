@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from dgl_assets.importing.paths import read_json
 from dgl_assets.importing.staging import stage_folder
 from dgl_assets.robots._frames import transform
 from dgl_assets.robots.errors import RobotImportError
-from dgl_assets.robots.importing.collision import METHODS, CollisionMethod
 from dgl_assets.robots.importing.convert import ConvertedPart, convert
 from dgl_assets.robots.importing.drives import choose_gains
 from dgl_assets.robots.importing.fingers import (
@@ -28,6 +27,7 @@ from dgl_assets.robots.importing.fingers import (
 )
 from dgl_assets.robots.importing.folder import POSE_NAMES, read_positions, write_robot_folder
 from dgl_assets.robots.importing.home import find_home, find_parked
+from dgl_assets.robots.importing.options import RobotImportOptions, RobotKind
 from dgl_assets.robots.importing.poses import compute_grasp_point, take_over_poses
 from dgl_assets.robots.importing.raw import RawJoint, RawRobot
 from dgl_assets.robots.importing.read_urdf import read_foreign_urdf
@@ -44,7 +44,6 @@ from dgl_assets.robots.tree import (
     make_frame_link,
 )
 
-RobotKind = Literal["arm", "hand", "pair"]
 KINDS: tuple[RobotKind, ...] = get_args(RobotKind)
 TOOL_LINKS = ("tool0", "flange", "ee_link", "tool_link", "tcp")
 """Links that are taken for the end of an arm when there are several, by their usual names."""
@@ -53,48 +52,6 @@ HAND_LOAD = 4.0
 """Mass that an arm's drives are made for, about that of the Shadow Hand [kg]."""
 RESERVED = ("ur10e", "shadow")
 """Names of what is built in."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotImportOptions:
-    """Options of an import; the importer finds values that are None."""
-
-    root: str | None = None
-    """Import only what hangs on this link; the file's root otherwise."""
-    ee_link: str | None = None
-    """Link that an arm's tool is mounted on; the end of the chain otherwise."""
-    hand_link: str | None = None
-    """First link of the hand in a file that has arm and hand."""
-    tool_axis: str = "+z"
-    """Direction of the fingers in that link."""
-    tool_palm: str | None = None
-    """Direction out of the palm in that link; the one that lets the arm reach most otherwise."""
-    fingers_axis: str | None = None
-    """Direction of the straight fingers in the hand's first link."""
-    palm_axis: str | None = None
-    """Direction out of the palm."""
-    thumb: str | None = None
-    """A link of the thumb."""
-    side: Side | None = None
-    """Side of the hand in the file; found from the thumb otherwise."""
-    mount_offset: float | None = None
-    """Distance from the flange to the hand's first link along the fingers [m]."""
-    grasp_point: tuple[float, float, float] | None = None
-    """Grasp point between the fingers of the right hand, axes of `ee` [m]."""
-    home: Path | None = None
-    """JSON file: {"left": {joint: value}, "right": {...}}, where the arms start."""
-    poses: Path | None = None
-    """JSON file: {"open": {joint: value}, ...}; poses that it lacks are found."""
-    packages: Mapping[str, Path] = field(default_factory=dict)
-    """Folders of ROS packages that the file refers to."""
-    collision: CollisionMethod = "capsules"
-    """Method that makes collision shapes."""
-    licence: str = ""
-    """Licence under which you have it; recorded, never judged."""
-    source: str = ""
-    """Origin; recorded."""
-    overwrite: bool = False
-    """Replace a robot of that name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,8 +100,6 @@ def import_robot(
     path, out = Path(path), Path(out)
     if kind not in KINDS:
         raise RobotImportError(f"kind must be one of {KINDS}; got {kind!r}")
-    if options.collision not in METHODS:
-        raise RobotImportError(f"collision must be one of {METHODS}; got {options.collision!r}")
     if not _NAME.fullmatch(name) or name in RESERVED:
         raise RobotImportError(
             "a robot's name must be lower-case letters, digits, '_' and '-', at most 40, and none "

@@ -237,7 +237,7 @@ class _UrdfReader:
             if folder.name == name:
                 return folder
         raise self._error(
-            f"refers to package {name[:60]!r}, whose folder is not known; give it with --package "
+            f"refers to package {name[:60]!r}, whose folder is not known; give it with --packages "
             "NAME FOLDER"
         )
 
