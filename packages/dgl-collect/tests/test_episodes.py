@@ -107,7 +107,11 @@ WRONG_STAGES = (
     ("action", [[0.0] * 60] * 2, "action should be an instance of ndarray"),
     ("image", np.zeros((2, 480, 640, 3), np.int64), "image must be uint8; got int64"),
     ("joint_state", np.full((2, 60), np.nan, np.float32), "must be finite; got 120 values"),
-    ("joint_state", np.zeros((0, 60), np.float32), "at least one frame; got 0"),
+    (
+        "joint_state",
+        np.zeros((0, 60), np.float32),
+        r"at least one frame and joint; got shape \(0, 60\)",
+    ),
     ("joint_state", np.zeros(60, np.float32), "joint_state must have shape"),
     ("ee_pose", np.zeros((2, 2, 7), np.float32), "unit quaternions; got one of length 0"),
     ("points_affordance_feature", np.full((2048, 2), 1.01, np.float32), r"in \[0, 1\]; got"),
@@ -132,7 +136,10 @@ WRONG_EPISODES = (
     ({"extra": {"x": np.array(["text"])}}, "must be numeric"),
     ({"extra": {"a/b": np.zeros(3)}}, "without '/'"),
     ({"extra": {"x": np.array([np.nan])}}, "extra 'x' must be finite; got 1 values"),
-    ({"commands": np.zeros((4, 59), np.float32)}, r"commands must have shape \(S, 60\)"),
+    (
+        {"commands": np.zeros((4, 59), np.float32)},
+        r"commands must have shape \(4, 60\); got \(4, 59\)",
+    ),
 )
 
 
@@ -279,7 +286,7 @@ def test_a_missing_file_is_not_called_corrupt(tmp_path):
 
 def test_a_failed_write_leaves_what_was_there(written, fakes, monkeypatch):
     before = written.read_bytes()
-    monkeypatch.setattr("dgl_collect.episodes._write_stage", lambda *_: 1 / 0)
+    monkeypatch.setattr("dgl_collect.episodes._write_fields", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_episode(written, fakes.make_episode(2))
     assert written.read_bytes() == before

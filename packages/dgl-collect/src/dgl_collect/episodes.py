@@ -6,7 +6,7 @@ import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
@@ -54,33 +54,23 @@ _Count: TypeAlias = Annotated[int, Ge(0)]
 _CONFIG: ConfigDict = {**STRICT, "arbitrary_types_allowed": True}
 
 
+_JSON = ("points", "randomisation", "measurements", "package_versions")
+"""Fields that files hold as JSON text."""
+
+
 @dataclass(frozen=True)
-class _Array:
-    """Declaration of one data set of a stage."""
+class _Layout:
+    """Declaration of an array; sizes that have a name, such as T frames, are equal everywhere."""
 
-    shape: tuple[int, ...]  # without the frame axis; 0 stands for the number of the robot's joints
-    dtype: str = "float32"
-    per_frame: bool = True
-    optional: bool = False
-    frames_a_chunk: int = 8  # the length of a training window
+    shape: tuple[int | str, ...]
+    dtype: str
+    chunk: int
+    """Frames in a chunk of the file."""
 
 
-_ARRAYS: dict[str, _Array] = {
-    "joint_state": _Array((0,), frames_a_chunk=64),
-    "action": _Array((0,), frames_a_chunk=64),
-    "ee_pose": _Array((2, 7), frames_a_chunk=64),
-    "image": _Array((IMAGE_HEIGHT, IMAGE_WIDTH, 3), dtype="uint8", frames_a_chunk=1),
-    "env_point_cloud": _Array((CLOUD_SIZE, 6)),
-    "garment_point_cloud": _Array((CLOUD_SIZE, 3), per_frame=False),
-    "points_affordance_feature": _Array((CLOUD_SIZE, 2), per_frame=False),
-    "object_point_cloud": _Array((CLOUD_SIZE, 3), per_frame=False, optional=True),
-}
-_ATTRIBUTES = (
-    "task", "seed", "garment_id", "robot", "matcher", "affordance_matcher", "success",
-    "success_value",
-)  # fmt: skip
-_JSON_ATTRIBUTES = ("randomisation", "measurements", "package_versions")
-_STAGE_STEPS = ("cloud_step", "first_step")
+def _layout(*shape: int | str, dtype: str = "float32", chunk: int = 8) -> Mapping[str, _Layout]:
+    """Make the metadata of a field; eight frames are the length of a training window."""
+    return {"layout": _Layout(shape, dtype, chunk)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,21 +88,23 @@ class StageRecord:
 
     name: _Text
     """The stage's name in the task's demonstration."""
-    joint_state: np.ndarray
+    joint_state: np.ndarray = field(metadata=_layout("T", "D", chunk=64))
     """Measured joint positions [rad], shape (T, D), D joints of the robot: 60 by default."""
-    action: np.ndarray
+    action: np.ndarray = field(metadata=_layout("T", "D", chunk=64))
     """Commanded joint targets [rad], shape (T, D)."""
-    ee_pose: np.ndarray
+    ee_pose: np.ndarray = field(metadata=_layout("T", 2, 7, chunk=64))
     """Left and right end effector, position [m] and unit quaternion wxyz, shape (T, 2, 7)."""
-    image: np.ndarray
+    image: np.ndarray = field(
+        metadata=_layout("T", IMAGE_HEIGHT, IMAGE_WIDTH, 3, dtype="uint8", chunk=1)
+    )
     """Environment camera, RGB, shape (T, 480, 640, 3), uint8."""
-    env_point_cloud: np.ndarray
+    env_point_cloud: np.ndarray = field(metadata=_layout("T", CLOUD_SIZE, 6))
     """Position [m] and colour in [0, 1], shape (T, 2048, 6)."""
-    garment_point_cloud: np.ndarray
+    garment_point_cloud: np.ndarray = field(metadata=_layout(CLOUD_SIZE, 3))
     """The garment when the stage begins [m], shape (2048, 3)."""
-    points_affordance_feature: np.ndarray
+    points_affordance_feature: np.ndarray = field(metadata=_layout(CLOUD_SIZE, 2))
     """Affordance for the left and the right hand in [0, 1], shape (2048, 2)."""
-    object_point_cloud: np.ndarray | None = None
+    object_point_cloud: np.ndarray | None = field(default=None, metadata=_layout(CLOUD_SIZE, 3))
     """The object when the stage begins [m], shape (2048, 3); None in tasks without one."""
     points: Points = field(default_factory=dict)
     """The points found on the garment."""
@@ -125,15 +117,12 @@ class StageRecord:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        arrays = {key: getattr(self, key) for key in _ARRAYS if getattr(self, key) is not None}
-        _check_shapes(arrays)
+        _check_arrays(self)
         if not self.approach_frames < self.frame_count:
             raise ValueError(
                 f"approach_frames must be fewer than the {self.frame_count} frames; "
                 f"got {self.approach_frames}"
             )
-        for key, array in arrays.items():
-            _check_finite(key, array)
         _check_range("points_affordance_feature", self.points_affordance_feature)
         _check_range("colour of env_point_cloud", self.env_point_cloud[..., 3:])
         norms = np.linalg.norm(self.ee_pose[..., 3:], axis=-1)
@@ -181,7 +170,7 @@ class Episode:
     """Further named numbers, such as the largest stretch, JSON-ready."""
     package_versions: Mapping[str, object] = field(default_factory=dict)
     """Package to version."""
-    commands: np.ndarray | None = None
+    commands: np.ndarray | None = field(default=None, metadata=_layout("S", "D"))
     """Joint targets of all S control steps from the reset to the verdict [rad], shape (S, D),
     float32, for replays; None in files without them."""
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -197,15 +186,8 @@ class Episode:
                 f"joint_state of robot {self.robot} must have shape (T, {DEFAULT_JOINTS}); "
                 f"got (T, {joints[0]})"
             )
-        if self.commands is not None:
-            shape, dtype = self.commands.shape, self.commands.dtype
-            if len(shape) != 2 or shape[1] != joints[0] or dtype != np.float32:
-                raise ValueError(
-                    f"commands must have shape (S, {joints[0]}) and dtype float32; "
-                    f"got {shape} {dtype}"
-                )
-            _check_finite("commands", self.commands)
-        for name in _JSON_ATTRIBUTES:
+        _check_arrays(self, D=joints[0])
+        for name in _JSON[1:]:
             _to_json(name, getattr(self, name))
         for name, array in self.extra.items():
             if not name or "/" in name:
@@ -237,16 +219,10 @@ def write_episode(path: Path | str, episode: Episode) -> Path:
     content = io.BytesIO()
     with h5py.File(content, "w", libver=("v110", "v110")) as file:
         file.attrs["format_version"] = FORMAT_VERSION
-        for name in _ATTRIBUTES:
-            if getattr(episode, name) is not None:
-                file.attrs[name] = getattr(episode, name)
         file.attrs["stage_names"] = json.dumps(episode.stage_names)
-        for name in _JSON_ATTRIBUTES:
-            file.attrs[name] = _to_json(name, getattr(episode, name))
+        _write_fields(file, episode)
         for number, stage in enumerate(episode.stages, start=1):
-            _write_stage(file.create_group(f"stage_{number}"), stage)
-        if episode.commands is not None:
-            _write_array(file, "commands", episode.commands)
+            _write_fields(file.create_group(f"stage_{number}"), stage)
         for name in sorted(episode.extra):
             _write_array(file, f"extra/{name}", episode.extra[name])
     write_bytes(path, content.getvalue())
@@ -280,12 +256,7 @@ def read_episode(path: Path | str) -> Episode:
         if "extra" in file:
             group = take(file, "extra", h5py.Group)
             extra = {str(name): take(group, str(name), h5py.Dataset)[()] for name in group}
-        return Episode(
-            stages=stages,
-            commands=take(file, "commands", h5py.Dataset)[()] if "commands" in file else None,
-            extra=extra,
-            **_read_attributes(file, _ATTRIBUTES, _JSON_ATTRIBUTES),
-        )
+        return Episode(stages=stages, extra=extra, **_read_fields(file, Episode))
 
 
 @contextmanager
@@ -296,17 +267,19 @@ def opened_episode(path: Path | str) -> Iterator[h5py.File]:
         FileNotFoundError, FileUnavailableError, CorruptEpisodeError: As `read_episode`.
     """
     path = Path(path)
-    with unavailable_told(path):
-        if not path.is_file():
-            raise FileNotFoundError(f"no episode file at {path}")
-        try:
-            with unavailable_told(path), h5py.File(path, "r") as file:
+    try:
+        with unavailable_told(path):
+            if not path.is_file():
+                raise FileNotFoundError(f"no episode file at {path}")
+            with h5py.File(path, "r") as file:
                 yield file
-        except (OSError, RuntimeError) as err:  # HDF5's truncated files and failed checksums
-            raise CorruptEpisodeError(path, f"not a whole HDF5 file ({err})") from err
-        except (ValueError, KeyError, TypeError, AttributeError) as err:
-            fault = str(err.args[0]) if err.args else repr(err)
-            raise CorruptEpisodeError(path, fault) from err
+    except FileNotFoundError:
+        raise
+    except (OSError, RuntimeError) as err:  # HDF5's truncated files and failed checksums
+        raise CorruptEpisodeError(path, f"not a whole HDF5 file ({err})") from err
+    except (ValueError, KeyError, TypeError, AttributeError) as err:
+        fault = str(err.args[0]) if err.args else repr(err)
+        raise CorruptEpisodeError(path, fault) from err
 
 
 def read_stage_names(file: h5py.File) -> list[str]:
@@ -340,47 +313,42 @@ def take(parent: h5py.Group, key: str, kind: type[N]) -> N:
 
 def _read_stage(group: h5py.Group) -> StageRecord:
     label = str(group.name).lstrip("/")
-    needed = [key for key, array in _ARRAYS.items() if not array.optional or key in group]
-    nodes = {key: take(group, key, h5py.Dataset) for key in needed}
-    unknown = sorted({str(key) for key in group} - set(_ARRAYS))
+    unknown = sorted({str(key) for key in group} - {item.name for item in fields(StageRecord)})
     if unknown:
         raise ValueError(f"{label} holds unknown keys: {unknown}")
+    found = _read_fields(group, StageRecord)
     try:
-        _check_shapes(nodes)
-        return StageRecord(
-            **_read_attributes(group, ("name", *_STAGE_STEPS, "approach_frames"), ("points",)),
-            **{key: node[()] for key, node in nodes.items()},
-        )
+        return StageRecord(**found)
     except ValueError as err:
         raise ValueError(f"{label}: {err}") from err
 
 
-def _read_attributes(
-    node: h5py.Group, plain: Sequence[str], as_json: Sequence[str]
-) -> dict[str, Any]:
-    """Read the attributes that are there, as values of Python."""
-    names = [name for name in (*plain, *as_json) if name in node.attrs]
-    found: dict[str, Any] = {name: node.attrs[name] for name in names}
-    found = {k: v.item() if isinstance(v, np.generic) else v for k, v in found.items()}
-    return found | {name: decode_json(found[name]) for name in as_json if name in found}
+def _read_fields(group: h5py.Group, kind: type[StageRecord | Episode]) -> dict[str, Any]:
+    """Read the fields that are there: arrays from data sets, everything else from attributes."""
+    found: dict[str, Any] = {}
+    for item in fields(kind):
+        name = item.name
+        if "layout" in item.metadata:
+            if name in group or item.default is MISSING:
+                found[name] = take(group, name, h5py.Dataset)[()]
+        elif name in group.attrs:
+            value: Any = group.attrs[name]
+            value = value.item() if isinstance(value, np.generic) else value
+            found[name] = decode_json(value) if name in _JSON else value
+    return found
 
 
-def _write_stage(group: h5py.Group, stage: StageRecord) -> None:
-    group.attrs["name"] = stage.name
-    group.attrs["points"] = _to_json("points", stage.points)
-    for key in _STAGE_STEPS:
-        if getattr(stage, key) is not None:
-            group.attrs[key] = getattr(stage, key)
-    if stage.approach_frames:
-        group.attrs["approach_frames"] = stage.approach_frames
-    for key, declared in _ARRAYS.items():
-        array = getattr(stage, key)
-        if array is None:
+def _write_fields(group: h5py.Group, record: StageRecord | Episode) -> None:
+    """Write arrays as data sets, everything else as attributes; stages and extras are left out."""
+    for item in fields(record):
+        name, value, layout = item.name, getattr(record, item.name), item.metadata.get("layout")
+        if value is None or name in ("stages", "extra"):
             continue
-        chunks = array.shape
-        if declared.per_frame:
-            chunks = (min(declared.frames_a_chunk, len(array)), *array.shape[1:])
-        _write_array(group, key, array, chunks=chunks)
+        if layout is None:
+            group.attrs[name] = _to_json(name, value) if name in _JSON else value
+        else:
+            frames = min(layout.chunk, len(value)) if layout.shape[0] == "T" else len(value)
+            _write_array(group, name, value, chunks=(frames, *value.shape[1:]))
 
 
 def _write_array(
@@ -430,20 +398,24 @@ def _check_sizes(file: h5py.File) -> None:
     visit(file)
 
 
-def _check_shapes(arrays: Mapping[str, np.ndarray | h5py.Dataset]) -> None:
-    """Check shapes and types of a stage's arrays; before they are read, or afterwards."""
-    shape = arrays["joint_state"].shape
-    frame_count, joints = (shape[0], shape[1] or 1) if len(shape) == 2 else (len(shape), 1)
-    if not frame_count:
-        raise ValueError("joint_state must hold at least one frame; got 0")
-    for key, array in arrays.items():
-        declared = _ARRAYS[key]
-        one = tuple(size or joints for size in declared.shape)
-        shape = (frame_count, *one) if declared.per_frame else one
+def _check_arrays(record: StageRecord | Episode, **sizes: int) -> None:
+    """Check the arrays of a record against their layouts; named sizes may be known before."""
+    for item in fields(record):
+        name, array, layout = item.name, getattr(record, item.name), item.metadata.get("layout")
+        if layout is None or array is None:
+            continue
+        for wanted, size in zip(layout.shape, array.shape, strict=False):
+            if isinstance(wanted, str):
+                sizes.setdefault(wanted, size)
+        shape = tuple(sizes.get(str(size), size) for size in layout.shape)
         if array.shape != shape:
-            raise ValueError(f"{key} must have shape {shape}; got {array.shape}")
-        if array.dtype != np.dtype(declared.dtype):
-            raise ValueError(f"{key} must be {declared.dtype}; got {array.dtype}")
+            told = ", ".join(map(str, shape))
+            raise ValueError(f"{name} must have shape ({told}); got {array.shape}")
+        if 0 in shape:
+            raise ValueError(f"{name} must have at least one frame and joint; got shape {shape}")
+        if array.dtype != np.dtype(layout.dtype):
+            raise ValueError(f"{name} must be {layout.dtype}; got {array.dtype}")
+        _check_finite(name, array)
 
 
 def _to_json(name: str, value: object) -> str:
