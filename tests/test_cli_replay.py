@@ -4,7 +4,6 @@ import importlib
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dexgarmentlab.cli import replay as verb
@@ -32,7 +31,6 @@ def use(monkeypatch, joints=0.0, success=True, draws=None):
         changed_draws=draws or {},
         recorded=(True, 0.91),
         replayed=(success, 0.91 if success else 0.4),
-        picture=np.zeros((2, 2, 3), np.uint8),
     )
     monkeypatch.setattr("dgl_collect.replay.replay_episode", lambda *_, **__: replay)
 

@@ -151,7 +151,7 @@ def test_a_tolerance_applies_to_numbers_and_never_to_the_verdict():
                 Difference(name="joint_state", count=60, largest=joints, unit="rad"),
                 Difference(name="image", count=60, largest=image, unit="levels"),
             ),
-            recorded=(True, 0.9), replayed=(success, value), picture=np.zeros((2, 2, 3), np.uint8),
+            recorded=(True, 0.9), replayed=(success, value),
         )  # fmt: skip
 
     assert make().reproduces()

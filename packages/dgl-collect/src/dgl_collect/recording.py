@@ -31,8 +31,7 @@ class StageRecorder:
     """
 
     def __init__(self, start: StageBegins, *, points: Points | None = None) -> None:
-        self._start = start
-        self._points = points or {}
+        self._start, self._points = start, points or {}
         self._step_count = 0
         self._approach_frames = 0
         self._first_step: int | None = None
@@ -65,17 +64,10 @@ class StageRecorder:
             target: Commanded joint targets of this step [rad], shape (D,).
             observe: Renders an observation; called at every fifth step only.
         """
-        shape = self._actions[0].shape if self._actions else target.shape
-        if target.ndim != 1 or target.shape != shape:
-            wanted = f"({shape[0]},)" if self._actions else "(D,)"
-            raise ValueError(f"target must have shape {wanted}; got {target.shape}")
-        action = np.array(target, dtype=np.float32)  # a copy: controllers reuse their buffers
         if self._step_count % STEPS_PER_ACTION == 0:
-            observation = observe()
-            self._observations.append(observation)
-            self._actions.append(action)
-        else:
-            self._actions[-1] = action
+            self._observations.append(observe())
+            self._actions.append(target)
+        self._actions[-1] = np.array(target, dtype=np.float32)  # controllers reuse their buffers
         self._step_count += 1
 
     def finish(self) -> StageRecord:
@@ -86,13 +78,10 @@ class StageRecorder:
         """
         if not self._observations:
             raise ValueError(f"stage {self._start.name!r} must have at least one frame; got 0")
+        frames = [observation.as_arrays() for observation in self._observations]
         return StageRecord(
             name=self._start.name,
-            joint_state=self._stack("joint_state"),
             action=np.stack(self._actions),
-            ee_pose=self._stack("ee_pose"),
-            image=self._stack("image"),
-            env_point_cloud=self._stack("env_point_cloud"),
             garment_point_cloud=self._start.garment_point_cloud,
             points_affordance_feature=self._start.points_affordance_feature,
             object_point_cloud=self._start.object_point_cloud,
@@ -100,10 +89,8 @@ class StageRecorder:
             cloud_step=self._start.seen_at,
             first_step=self._first_step,
             approach_frames=self._approach_frames,
+            **{key: np.stack([frame[key] for frame in frames]) for key in frames[0]},
         )
-
-    def _stack(self, key: str) -> np.ndarray:
-        return np.stack([getattr(observation, key) for observation in self._observations])
 
 
 class EpisodeRecorder:
@@ -156,9 +143,6 @@ class EpisodeRecorder:
     def _describe(self, mark: StageBegins) -> Points:
         camera = self._env.task.cameras[ENVIRONMENT_CAMERA]
         return {
-            name: {
-                "xyz": [float(v) for v in xyz],
-                "uv": camera.project(xyz[None])[0, :2].tolist(),
-            }
+            name: {"xyz": xyz.tolist(), "uv": camera.project(xyz[None])[0, :2].tolist()}
             for name, xyz in mark.points.items()
         }

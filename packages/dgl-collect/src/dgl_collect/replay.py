@@ -67,8 +67,6 @@ class Replay:
     """Success and value of the rule, as recorded."""
     replayed: tuple[bool, float]
     """Success and value of the rule, of the replay."""
-    picture: np.ndarray
-    """Final picture, shape (H, W, 3), uint8."""
 
     def reproduces(self, tolerance: float = 0.0) -> bool:
         """Tell if the replay equals the record.
@@ -152,16 +150,20 @@ def replay_in(
             on_step(number)
     comparison.compare_end(env.get_particles())
     verdict = env.judge()
+    recorded, draws = episode.randomisation, env.draws
     return Replay(
         task=episode.task,
         seed=episode.seed,
         garment_id=episode.garment_id,
         steps=len(commands),
-        differences=comparison.differences,
-        changed_draws=_compare_draws(episode.randomisation, env.draws),
+        differences=tuple(comparison.differences.values()),
+        changed_draws={
+            name: (recorded.get(name), draws.get(name))
+            for name in {**recorded, **draws}
+            if recorded.get(name) != draws.get(name)
+        },
         recorded=(episode.success, episode.success_value),
         replayed=(verdict.success, verdict.value),
-        picture=env.take_picture(env.task.picture_camera).rgb,
     )
 
 
@@ -170,8 +172,7 @@ class _Comparison:
 
     def __init__(self, episode: Episode) -> None:
         self._episode = episode
-        self._largest: dict[str, float] = {}
-        self._count: dict[str, int] = {}
+        self.differences: dict[str, Difference] = {}
         self._frames: dict[int, tuple[StageRecord, int]] = {}
         self._clouds: dict[int, StageRecord] = {}
         for stage in episode.stages:
@@ -180,18 +181,6 @@ class _Comparison:
             self._clouds[stage.cloud_step] = stage
             for k in range(stage.frame_count):
                 self._frames[stage.first_step + k * STEPS_PER_ACTION] = (stage, k)
-
-    @property
-    def differences(self) -> tuple[Difference, ...]:
-        return tuple(
-            Difference(
-                name=name,
-                count=self._count[name],
-                largest=largest,
-                unit=_UNITS.get(name, "levels"),
-            )
-            for name, largest in self._largest.items()
-        )
 
     def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
         del command
@@ -227,11 +216,16 @@ class _Comparison:
         self._compare(FINAL_PARTICLES, recorded, particles.astype(np.float32))
 
     def _compare(self, name: str, recorded: np.ndarray, replayed: np.ndarray) -> None:
-        difference = math.inf
+        largest = math.inf
         if recorded.shape == replayed.shape:
-            difference = float(np.abs(recorded.astype(float) - replayed.astype(float)).max())
-        self._largest[name] = max(difference, self._largest.get(name, 0.0))
-        self._count[name] = self._count.get(name, 0) + recorded.size
+            largest = float(np.abs(recorded.astype(float) - replayed.astype(float)).max())
+        before = self.differences.get(name)
+        self.differences[name] = Difference(
+            name=name,
+            count=recorded.size + (before.count if before else 0),
+            largest=max(largest, before.largest if before else 0.0),
+            unit=_UNITS.get(name, "levels"),
+        )
 
 
 def _check_replayable(episode: Episode) -> np.ndarray:
@@ -252,14 +246,3 @@ def _check_replayable(episode: Episode) -> np.ndarray:
                 f"commands must reach step {last} of stage {stage.name!r}; got {len(commands)}"
             )
     return commands
-
-
-def _compare_draws(
-    recorded: Mapping[str, object], replayed: Mapping[str, object]
-) -> dict[str, tuple[object, object]]:
-    names = [*recorded, *(name for name in replayed if name not in recorded)]
-    return {
-        name: (recorded.get(name), replayed.get(name))
-        for name in names
-        if recorded.get(name) != replayed.get(name)
-    }
