@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from dgl_assets.robots import HAND_POSES, SIDES, Side
 from dgl_collect.formula import FUNCTIONS
-from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
+from dgl_files.fields import STRICT, check_fields, from_plain, show
 from dgl_tasks.grasps import Orientation, find_sides
 from dgl_tasks.handling import APPROACH_FROM, WayOut
 
@@ -189,22 +189,6 @@ class Retreat(Step, WayOut):
 
     recorded: bool = False
     pose: PoseName = "flat"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, hint in _WAY_OUT.items():
-            check_value(name, getattr(self, name), hint)
-
-
-_Short: TypeAlias = Annotated[float, Ge(0.0), Le(1.0)]
-_WAY_OUT: Mapping[str, Any] = {
-    "roll": Annotated[float, Ge(-np.pi), Le(np.pi)],
-    "rise": _Short,
-    "wait": Annotated[int, Ge(0), Le(3600)],
-    "back": Annotated[tuple[_Short, ...], Len(1)],
-    "up": _Short,
-    "spacing": Spacing,
-}
 
 
 STEPS: Mapping[str, type[Step]] = {

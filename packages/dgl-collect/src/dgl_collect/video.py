@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 
 import av
 import imageio.v3 as iio
@@ -36,17 +34,24 @@ class VideoWriter:
             raise ValueError(f"path must end in .mp4; got {self.path}")
         self.frame_count = 0
         self._frame_rate = frame_rate
-        self._shape: tuple[int, ...] | None = None
-        self._stack = ExitStack()
+        self._content = io.BytesIO()  # FFmpeg says nothing where a disk is full
         self._file: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
-        self._content = io.BytesIO()
 
     def __enter__(self) -> VideoWriter:
-        self._content = io.BytesIO()  # FFmpeg says nothing where a disk is full
-        self._file = self._stack.enter_context(av.open(self._content, "w", format="mp4"))
-        self._stack.push(self._finish)  # before the file is closed
+        self._file = av.open(self._content, "w", format="mp4")
         return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        assert self._file is not None
+        with self._file as file:
+            if kind is None and self._stream is None:
+                raise ValueError(f"{self.path} must hold at least one frame; got 0")
+            if kind is None and self._stream is not None:
+                file.mux(self._stream.encode(None))  # the frames that the encoder still holds
+        self._file = self._stream = None
+        if kind is None:
+            write_bytes(self.path, self._content.getvalue())
 
     def add(self, image: np.ndarray) -> None:
         """Append a frame.
@@ -64,40 +69,15 @@ class VideoWriter:
         if image.shape[0] % 2 or image.shape[1] % 2:
             raise ValueError(f"image must have even height and width; got {image.shape}")
         if self._stream is None:
-            self._shape = image.shape
             self._stream = self._file.add_stream("libx264", self._frame_rate, options=_ENCODER)
             self._stream.height, self._stream.width = image.shape[:2]
             self._stream.pix_fmt = "yuv420p"
-        if image.shape != self._shape:
-            raise ValueError(f"image must have shape {self._shape}; got {image.shape}")
-        self._encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image)))
-        self.frame_count += 1
-
-    def _encode(self, frame: av.VideoFrame | None) -> None:
-        """Hand a frame to the encoder; None makes it write the frames that it still holds."""
-        assert self._file is not None
-        assert self._stream is not None
+        shape = (self._stream.height, self._stream.width, 3)
+        if image.shape != shape:
+            raise ValueError(f"image must have shape {shape}; got {image.shape}")
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image))
         self._file.mux(self._stream.encode(frame))
-
-    def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is not None:
-            return
-        if self.frame_count == 0:
-            raise ValueError(f"{self.path} must hold at least one frame; got 0")
-        self._encode(None)
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            self._stack.__exit__(kind, error, trace)
-        finally:
-            self._file = self._stream = None
-        if kind is None:
-            write_bytes(self.path, self._content.getvalue())
+        self.frame_count += 1
 
 
 def save_png(path: Path | str, image: np.ndarray) -> Path:

@@ -3,9 +3,10 @@
 import logging
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
+from annotated_types import Ge, Le, Len
 
 from dgl_assets.robots import SIDES, Side
 from dgl_tasks.control import get_joint_limits, interpolate_action
@@ -49,23 +50,26 @@ STILL_SHARE = 0.01
 """Share of the garment's pixels, from above and in front, that may differ between the pictures."""
 
 
+_Short: TypeAlias = Annotated[float, Ge(0.0), Le(1.0)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class WayOut:
     """Way of an opened hand out of the cloth; of a palm that looks down, the thumb is under it."""
 
     pose: str = "flat"
     """Hand pose: laid flat, the thumb is beside the palm and takes no cloth along."""
-    roll: float = float(np.radians(30))
+    roll: Annotated[float, Ge(-np.pi), Le(np.pi)] = float(np.radians(30))
     """Turn of the thumb downwards [rad]."""
-    rise: float = 0.0
+    rise: _Short = 0.0
     """Rise during the turn [m]."""
-    wait: int = 0
+    wait: Annotated[int, Ge(0), Le(3600)] = 0
     """Control steps for the cloth to slide off the thumb then."""
-    back: tuple[float, ...] = (0.12, 0.08, 0.04, 0.0)
+    back: Annotated[tuple[_Short, ...], Len(1)] = (0.12, 0.08, 0.04, 0.0)
     """Distances to draw back along the fingers, level [m]: the first that is within reach."""
-    up: float = 0.15
+    up: _Short = 0.15
     """Rise at the end [m]."""
-    spacing: float = RETREAT_SPACING
+    spacing: Annotated[float, Ge(1e-4), Le(0.1)] = RETREAT_SPACING
     """Distance between samples of the way [m]."""
     frees: bool = True
     """Cloth that is seen to stick to the hand is put down again."""
