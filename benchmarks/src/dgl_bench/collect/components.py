@@ -28,7 +28,7 @@ COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType(
             "dgl_tasks.perception:get_garment_cloud",
             "dgl_tasks.perception:get_environment_cloud",
         ),
-        "meshes in pictures": ("dgl_tasks.env:GarmentEnv.get_painter",),
+        "meshes in pictures": ("dgl_tasks.appearance:Appearance.get_rasteriser",),
         "PhysX": ("mani_skill.envs.scene:ManiSkillScene.step",),
         STEP: ("dgl_tasks.env:GarmentEnv.advance",),
         "reset": ("dgl_tasks.env:GarmentEnv.reset",),

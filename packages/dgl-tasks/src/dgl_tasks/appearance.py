@@ -10,12 +10,12 @@ import sapien
 from dgl_assets.importing import AnyGarment, ImportedGarment
 from dgl_assets.importing.textures import read_picture
 from dgl_assets.materials import FabricMaterial
-from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
+from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
+from dgl_physics.drawing.rasteriser import Rasteriser
 from dgl_physics.sapien_bridge import GarmentVisual
-from dgl_tasks.drawing.bodies import ShownMeshes
-from dgl_tasks.drawing.painter import Painter
+from dgl_tasks.drawing.bodies import ShownMeshes, read_meshes
 from dgl_tasks.errors import RenderingUnavailableError
-from dgl_tasks.shadows import CORNERS, ShadowCaster
+from dgl_tasks.shadows import CORNERS, HEIGHT, ShadowCaster
 from dgl_tasks.studio import (
     KEY_DIRECTION,
     LIGHT,
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Appearance"]
 
 _COLUMN = 0.15  # width of the robots' columns [m]
+_WORLD = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # pose of the world frame
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +48,7 @@ class _Garment:
 class Appearance:
     """The garment, the floor and the shadows on it, drawn when a picture is taken and no earlier.
 
-    A `Painter` draws the environment's pictures, SAPIEN those of ManiSkill's observations and
+    A `Rasteriser` draws the environment's pictures, SAPIEN those of ManiSkill's observations and
     viewer. Without a renderer, taking a picture is an error and all else does nothing.
     """
 
@@ -75,7 +76,9 @@ class Appearance:
         self._garment: _Garment | None = None
         self._shade: SurfaceLook | None = None
         self._shadow: ShownMeshes | None = None
-        self._painter: Painter | None = None
+        self._rasteriser: Rasteriser | None = None
+        self._bodies: list[sapien.Entity] = []  # that the rasteriser moves
+        self._moving = 0  # number of the garment's mesh in it; the shadow's follows
         self._is_drawn = False
         self.lay_floor(STUDIO)
 
@@ -86,7 +89,7 @@ class Appearance:
             near, far = make_floor(look, mat_centre=self._mat_centre, pedestals=feet)
             self._floor.replace([far, near])
             self._shade = make_shade(near)
-        self._painter = None
+        self._rasteriser = None
         self.mark_moved()
 
     def dress(
@@ -105,7 +108,7 @@ class Appearance:
         """
         if self._garment is not None:
             self._scene.remove_entity(self._garment.visual.entity)
-        self._garment = self._painter = None
+        self._garment = self._rasteriser = None
         self._make_garment = lambda: self._build_garment(garment, fabric, bodies)
         self.mark_moved()
 
@@ -131,39 +134,53 @@ class Appearance:
         garment.visual.update(positions)
         self._is_drawn = True
 
-    def get_painter(self, positions: np.ndarray) -> Painter:
-        """Give the painter of the present scene.
+    def get_rasteriser(self, positions: np.ndarray) -> Rasteriser:
+        """Give the rasteriser of the present scene.
 
         Args:
             positions: Of the garment's vertices [m], shape (V, 3), world frame.
         """
         garment = self._get_garment()
-        if self._painter is None:
-            self._painter = self._build_painter(garment)
-        surface, normals = garment.visual.compute_surface(positions)
-        self._painter.update(surface, normals, garment.caster.cast(positions))
-        return self._painter
+        if self._rasteriser is None:
+            self._rasteriser = self._build_rasteriser(garment)
+        poses = [np.concatenate([pose.p, pose.q]) for pose in (e.pose for e in self._bodies)]
+        self._rasteriser.set_poses(np.array([*poses, _WORLD]))
+        self._rasteriser.set_vertices(self._moving, *garment.visual.compute_surface(positions))
+        flat = garment.caster.cast(positions)
+        shadow = np.column_stack([flat, np.full(len(flat), HEIGHT)])
+        self._rasteriser.set_vertices(self._moving + 1, shadow)
+        return self._rasteriser
 
-    def _build_painter(self, garment: _Garment) -> Painter:
-        visual = garment.visual
+    def _build_rasteriser(self, garment: _Garment) -> Rasteriser:
+        visual, faces = garment.visual, garment.caster.faces
         apart = [self._ground, visual.entity, *([self._shadow.entity] if self._shadow else [])]
         ids = {entity.per_scene_id for entity in apart}
+        meshes, self._bodies = read_meshes(self._ground, None), []
+        for entity in self._scene.entities:
+            if entity.per_scene_id not in ids and (parts := read_meshes(entity, len(self._bodies))):
+                meshes += parts
+                self._bodies.append(entity)
+        self._moving, world = len(meshes), len(self._bodies)
         assert visual.uvs is not None
-        nothing = np.zeros((len(visual.uvs), 3))
-        return Painter(
-            [entity for entity in self._scene.entities if entity.per_scene_id not in ids],
-            self._ground,
-            garment=Mesh(
-                vertices=nothing,
-                normals=nothing,
-                faces=visual.faces,
-                uvs=visual.uvs,
-                surface=garment.surface,
-                segment=visual.entity.per_scene_id,
-            ),
-            shadow_faces=garment.caster.faces,
-            studio=LIGHT,
+        nothing, nowhere = np.zeros((len(visual.uvs), 3)), np.zeros((int(faces.max()) + 1, 3))
+        cloth = Mesh(
+            vertices=nothing,
+            normals=nothing,
+            faces=visual.faces,
+            uvs=visual.uvs,
+            surface=garment.surface,
+            segment=visual.entity.per_scene_id,
+            body=world,
         )
+        shadow = Mesh(
+            vertices=nowhere,
+            normals=nowhere,
+            faces=faces,
+            surface=SurfaceLook(),
+            segment=SHADOW,
+            body=world,
+        )
+        return Rasteriser([*meshes, cloth, shadow], LIGHT)
 
     @property
     def garment_segment(self) -> int:

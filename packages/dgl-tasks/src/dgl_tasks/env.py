@@ -20,13 +20,12 @@ from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_files.fields import check_value, show
 from dgl_physics import SolverConfig
-from dgl_physics.drawing.rasteriser import Picture
+from dgl_physics.drawing.rasteriser import Picture, Rasteriser
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
 from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
-from dgl_tasks.drawing.painter import Painter
 from dgl_tasks.env_state import batch_state, check_state, read_cloth, split_state, write_cloth
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
@@ -44,7 +43,7 @@ from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cl
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import let_robot_pass, make_agent_class
-from dgl_tasks.scene_check import check_scene, get_frame
+from dgl_tasks.scene_check import check_scene
 from dgl_tasks.soft_body import add_soft_body
 from dgl_tasks.studio import (
     build_floor,
@@ -52,7 +51,7 @@ from dgl_tasks.studio import (
     sample_floor_look,
     sample_studio_fabric,
 )
-from dgl_tasks.success import Criterion, Verdict, compute_covered_area
+from dgl_tasks.success import Criterion, Verdict, compute_covered_area, get_frame
 from dgl_tasks.task_garment import find_task_garment, name_garment
 from dgl_tasks.tasks import load_task, task_ids
 from dgl_tasks.views import TrueView
@@ -563,11 +562,6 @@ class GarmentEnv(BaseEnv):
         self._check_open("drawing")
         self._appearance.draw_garment(self.get_particles())
 
-    def get_painter(self) -> Painter:
-        """Give the painter of the present scene."""
-        self._check_open("drawing")
-        return self._appearance.get_painter(self.get_particles())
-
     def take_picture(self, camera: str) -> Picture:
         """Draw a picture of one of the task's cameras.
 
@@ -577,11 +571,15 @@ class GarmentEnv(BaseEnv):
         cameras = self.task.cameras
         if camera not in cameras:
             raise ValueError(f"camera must be one of {sorted(cameras)}; got {camera!r}")
-        return self.get_painter().draw_picture(cameras[camera])
+        return self._get_rasteriser().draw_picture(cameras[camera])
 
     def film(self) -> np.ndarray:
         """Draw a picture of the camera for people, shape (H, W, 3), uint8."""
-        return self.get_painter().draw(self.task.cameras["video_camera"])
+        return self._get_rasteriser().draw(self.task.cameras["video_camera"])
+
+    def _get_rasteriser(self) -> Rasteriser:
+        self._check_open("drawing")
+        return self._appearance.get_rasteriser(self.get_particles())
 
     @property
     def segments(self) -> Segments:

@@ -1,9 +1,10 @@
 """Success rules: pure functions of a scene that give named criteria with measured values."""
 
 import operator
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from annotated_types import Ge, Interval
@@ -120,23 +121,42 @@ class SceneView(Protocol):
         ...
 
 
-@runtime_checkable
-class SuccessRule(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class SuccessRule(ABC):
     """Judges a scene."""
+
+    def __post_init__(self) -> None:
+        adopt_fields(self)
 
     @property
     def landmarks(self) -> tuple[str, ...]:
         """Names in `SceneView.landmarks` that the rule needs."""
-        ...
+        return ()
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Names of the objects' frames that the rule needs, such as "hanger.target"."""
-        ...
+        return ()
 
+    @abstractmethod
     def __call__(self, view: SceneView) -> Verdict:
         """Judge the scene."""
-        ...
+
+
+def get_frame(frames: Mapping[str, Mapping[str, np.ndarray]], name: str) -> np.ndarray:
+    """Look up a frame of an object, such as "stand.top" [m], shape (3,).
+
+    Raises:
+        ValueError: If there is no such object, or it has no such frame.
+    """
+    owner, _, place = name.partition(".")
+    if owner not in frames:
+        raise ValueError(f"{name!r}: there is no object {owner!r}; there are {sorted(frames)}")
+    if place not in frames[owner]:
+        raise ValueError(
+            f"{name!r}: {owner} has no frame {place!r}; it has {sorted(frames[owner])}"
+        )
+    return frames[owner][place]
 
 
 def compute_covered_area(points: np.ndarray, *, cell: float = AREA_CELL) -> float:
@@ -173,15 +193,13 @@ def compute_box_share(points: np.ndarray, box: Box) -> float:
     points = _check_points(points)
     if len(points) == 0:
         return 0.0
-    x0, y0, x1, y1 = box
-    inside = (
-        (points[:, 0] >= x0) & (points[:, 0] <= x1) & (points[:, 1] >= y0) & (points[:, 1] <= y1)
-    )
-    return float(inside.mean())
+    low, high = np.reshape(box, (2, 2))
+    inside = (points[:, :2] >= low) & (points[:, :2] <= high)
+    return float(inside.all(axis=1).mean())
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShareInBox:
+class ShareInBox(SuccessRule):
     """Enough of the visible area lies inside a box of the garment's landmarks at the start."""
 
     left: tuple[str, ...]
@@ -196,10 +214,6 @@ class ShareInBox:
     """Widening of the box at its left, near, right and far side [m]."""
     threshold: Share
     """Least share of the visible area."""
-    frames: tuple[str, ...] = field(default=(), init=False)
-
-    def __post_init__(self) -> None:
-        adopt_fields(self)
 
     @property
     def landmarks(self) -> tuple[str, ...]:
@@ -213,12 +227,8 @@ class ShareInBox:
             for side in (self.left, self.right)
         )
         near, far = (float(view.landmarks[name][1]) for name in (self.near, self.far))
-        box = (
-            left - self.margins[0],
-            near - self.margins[1],
-            right + self.margins[2],
-            far + self.margins[3],
-        )
+        a, b, c, d = self.margins
+        box = (left - a, near - b, right + c, far + d)
         share = Criterion(
             name="share of the garment's visible area inside the box of the key points",
             value=compute_box_share(view.top, box),
@@ -229,16 +239,11 @@ class ShareInBox:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoversFlatArea:
+class CoversFlatArea(SuccessRule):
     """The garment covers nearly the area that it covers when it lies flat (paper)."""
 
     tolerance: Share = 0.2
     """Bound of the deviation of the areas' ratio from 1, exclusive (paper)."""
-    landmarks: tuple[str, ...] = field(default=(), init=False)
-    frames: tuple[str, ...] = field(default=(), init=False)
-
-    def __post_init__(self) -> None:
-        adopt_fields(self)
 
     def __call__(self, view: SceneView) -> Verdict:
         """Compare the covered area with the flat one."""
@@ -253,25 +258,16 @@ class CoversFlatArea:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtFrame:
+class AtFrame(SuccessRule):
     """Base of the rules about a frame of an object."""
 
     frame: str
     """The object's frame, such as "hanger.target"."""
-    landmarks: tuple[str, ...] = field(default=(), init=False)
-
-    def __post_init__(self) -> None:
-        adopt_fields(self)
 
     @property
     def frames(self) -> tuple[str, ...]:
         """The one frame."""
         return (self.frame,)
-
-    def get_target(self, view: SceneView) -> np.ndarray:
-        """Look up the frame's position [m], shape (3,)."""
-        owner, _, name = self.frame.partition(".")
-        return view.frames[owner][name]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,7 +288,7 @@ class HangsOver(AtFrame):
     def __call__(self, view: SceneView) -> Verdict:
         """Measure the share on the ground, and the positions of the garment's middle and top."""
         points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
-        target = self.get_target(view)
+        target = get_frame(view.frames, self.frame)
         middle = points.mean(axis=0)
         top = points[points[:, 2] > points[:, 2].max() - TOP].mean(axis=0)
         limits = [
@@ -322,7 +318,7 @@ class RestsOn(AtFrame):
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure the distance of the garment's middle, and the share that is lower."""
-        target = self.get_target(view)
+        target = get_frame(view.frames, self.frame)
         top = view.top if len(view.top) else np.full((1, 3), 1e3)
         points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
         off = np.linalg.norm((top.mean(axis=0) - target)[:2])
@@ -347,7 +343,7 @@ class SitsOn(AtFrame):
     def __call__(self, view: SceneView) -> Verdict:
         """Measure distance and height of the garment's middle, and its lean."""
         middle = view.surface.mean(axis=0) if len(view.surface) else np.full(3, 1e3)
-        off = middle - self.get_target(view)
+        off = middle - get_frame(view.frames, self.frame)
         return _require_at_most(
             ("distance of the garment's middle from its place", float(np.linalg.norm(off)),
              self.within, " m", "not in its place"),
