@@ -7,6 +7,7 @@ __all__ = [
     "DamagedEpisodeError",
     "EpisodeAccessError",
     "ObservationError",
+    "PrimitiveError",
     "SadpError",
     "TrainingDivergedError",
     "TrainingProcessError",
@@ -24,6 +25,10 @@ class CheckpointError(SadpError):
 
 class ObservationError(SadpError):
     """An observation lacks something, or has another shape or values that are not finite."""
+
+
+class PrimitiveError(SadpError):
+    """Recordings are too few or do not fit, or a primitive lacks an anchor."""
 
 
 class TrainingDivergedError(SadpError):
