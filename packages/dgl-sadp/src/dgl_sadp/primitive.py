@@ -68,9 +68,7 @@ class Recording:
                     raise PrimitiveError(f"{name} of {side} must be finite; got some that are not")
                 lengths.add(len(way))
         if len(lengths) > 1 or min(lengths) < 2:
-            raise PrimitiveError(
-                f"a recording must have 2 frames or more, alike; got {sorted(lengths)}"
-            )
+            raise PrimitiveError(f"recordings must have 2 frames or more, alike; got {lengths}")
         for name, place in self.anchors.items():
             if np.shape(place) != (3,) or not np.isfinite(place).all():
                 raise PrimitiveError(f"anchor {name} must be 3 finite numbers; got {place}")
@@ -230,9 +228,7 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
     tables = [r.tabulate() for r in recordings]
     extents = [max(np.abs(t[:, :3]).max() for t in table.values()) for table in tables]
     if min(extents) < _STILL:
-        raise PrimitiveError(
-            f"in every recording a hand must move; got one of {min(extents):.3f} m"
-        )
+        raise PrimitiveError(f"a hand must move in every recording; got {min(extents):.3f} m")
     sides = sorted(recordings[0].points)
     names = tuple(sorted(set.intersection(*(set(r.anchors) for r in recordings)) - {WORLD}))
     vectors = {

@@ -142,7 +142,7 @@ def find_primitives(task: str) -> Path:
     if not path.is_file():
         raise CheckpointError(
             f"no primitives of {task} come with this package; collect ten episodes with `dgl "
-            f"collect {task} --attempts 10 --out DIR`, and learn from them with `dgl train "
+            f"collect {task} --episodes 10 --out DIR`, and learn from them with `dgl train "
             f"primitive --data DIR/episodes --out PRIMITIVES`"
         )
     return path
