@@ -37,11 +37,12 @@ class Actor(Protocol):
         ...
 
 
+@dataclass(frozen=True, kw_only=True)
 class Expert:
     """Follows the demonstration."""
 
-    is_sent = True
-    follows_steps = True
+    is_sent: bool = True
+    follows_steps: bool = True
 
     def act(self, work: StageWork) -> Part:
         """Carry out the recorded steps."""

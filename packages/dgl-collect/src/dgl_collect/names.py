@@ -6,7 +6,7 @@ import numpy as np
 
 from dgl_collect.formula import Value
 
-__all__ = ["Frames", "describe_cloud", "name_scene"]
+__all__ = ["Frames", "describe_cloud", "list_anchors", "name_scene"]
 
 Frames = Mapping[str, Mapping[str, np.ndarray]]
 """Frames of the objects by object and name [m], shape (3,), world frame."""
@@ -29,3 +29,15 @@ def describe_cloud(cloud: np.ndarray) -> dict[str, Value]:
     """Compute the corners and the centre of a garment's cloud [m], shape (N, 3)."""
     low, high = cloud.min(axis=0).astype(float), cloud.max(axis=0).astype(float)
     return {"min": low, "max": high, "centre": (low + high) / 2}
+
+
+def list_anchors(names: Mapping[str, Value]) -> dict[str, np.ndarray]:
+    """List the positions among the names of a stage [m], shape (3,), such as `garment.min`."""
+    anchors: dict[str, np.ndarray] = {}
+    for name, value in names.items():
+        if isinstance(value, Mapping):
+            inner = list_anchors(value)
+            anchors |= {f"{name}.{part}": place for part, place in inner.items()}
+        elif np.shape(value) == (3,):
+            anchors[name] = np.asarray(value, dtype=float)
+    return anchors

@@ -6,15 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from dgl_assets.robots import SIDES, Side
+from dgl_collect.hold_watch import HoldWatch
 from dgl_collect.stage_work import StageWork
-from dgl_tasks.holding import is_low
 from dgl_tasks.messages import Part
-
-CLOSED = 1.0
-"""Change of the joint targets of a hand that counts as closing, a Euclidean distance [rad]. It is
-3.3 in demonstrations."""
-
 
 class StagePolicy(Protocol):
     """Gives chunks of joint targets, as `PolicyRunner` of `dgl_sadp` does.
@@ -76,7 +70,7 @@ class PolicyActor:
             first["object_point_cloud"] = begins.object_point_cloud
         keys = [work.hands.sensed.seed, *work.draw]
         policy.reset(first, seed=int(np.random.SeedSequence(keys).generate_state(1)[0]))
-        watch = _Watch(work)
+        watch = HoldWatch(work.hands, work.stage.hands)
         seen = (yield from work.hands.observe()).as_arrays()
         for _ in range(learned.chunks):
             targets = policy.act(seen)
@@ -86,49 +80,4 @@ class PolicyActor:
                 seen = (yield from work.hands.observe()).as_arrays()
                 if number < len(targets):
                     policy.observe(seen)
-            work.react(watch.find_empty())
-
-
-class _Watch:
-    """Watches for hands that have lost the garment.
-
-    Only hands that have been down at the garment and are up again are checked. The far side of a
-    hand may hide cloth from the camera, so two checks in a row must agree. A hand that its policy
-    has opened is not checked any more.
-    """
-
-    def __init__(self, work: StageWork) -> None:
-        self._work = work
-        self._were_down: set[Side] = set()
-        self._empty: set[Side] = set()
-        self._start = work.hands.sensed.joint_state.astype(float)
-        self._now: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
-        self._most: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
-        self._note_heights()
-
-    def note(self, target: np.ndarray) -> None:
-        """Note executed joint targets [rad], shape (D,)."""
-        robot = self._work.hands.motion.robot
-        for side in SIDES:
-            part = robot.joint_slice(side, "hand")
-            self._now[side] = float(np.linalg.norm(np.asarray(target)[part] - self._start[part]))
-            self._most[side] = max(self._most[side], self._now[side])
-        self._note_heights()
-
-    def find_empty(self) -> set[Side]:
-        """Find the hands that are empty in this check and in the one before."""
-        before = self._empty
-        self._empty = (self._work.find_empty() & self._were_down) - self._find_opened()
-        return before & self._empty
-
-    def _note_heights(self) -> None:
-        sensed = self._work.hands.sensed
-        self._were_down.update(side for side in self._work.stage.hands if is_low(sensed, side))
-
-    def _find_opened(self) -> set[Side]:
-        """Find the hands that have closed and are more than half open again."""
-        return {
-            side
-            for side in SIDES
-            if self._most[side] > CLOSED and self._now[side] < 0.5 * self._most[side]
-        }
+            work.react(watch.confirm(work.find_empty()))

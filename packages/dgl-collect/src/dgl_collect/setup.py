@@ -19,6 +19,7 @@ from dgl_collect.demonstration import (
 )
 from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
 from dgl_collect.options import RunOptions
+from dgl_collect.skill import Skill
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
 from dgl_tasks import load_task
@@ -51,6 +52,7 @@ class Setup:
         rounds: int | None = None,
         tries: int = TRIES,
         demonstration: Demonstration | None = None,
+        skill: Skill | None = None,
     ) -> StageRunner:
         """Make the stage runner of an actor; given arguments replace those of the setup."""
         return StageRunner(
@@ -59,6 +61,7 @@ class Setup:
             rule=self.env.task.success,
             get_matcher=lambda: self.find_matcher(self.env),
             actor=actor,
+            skill=skill,
             rounds=rounds or self.options.rounds,
             tries=tries,
         )

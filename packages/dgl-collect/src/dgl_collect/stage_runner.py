@@ -11,6 +11,7 @@ from dgl_collect.belief import BelievedView
 from dgl_collect.formula import Value, evaluate_formula, find_names
 from dgl_collect.names import name_scene
 from dgl_collect.point_finder import PointFinder
+from dgl_collect.skill import Skill
 from dgl_collect.stage_work import Hold, HoldLost, Reaction, StageWork
 from dgl_collect.steps import Demonstration, Stage
 from dgl_gam import Matcher, compute_affordance
@@ -44,6 +45,8 @@ class StageRunner:
     get_matcher: Callable[[], Matcher]
     """Gives the matcher for the garment in its present state."""
     actor: Actor
+    skill: Skill | None = None
+    """Ways of the steps that follow recordings."""
     rounds: int | None = None
     """Most rounds; by default the number in the demonstration."""
     tries: int = TRIES
@@ -253,4 +256,5 @@ class _Course:
             ),
             reaction=reaction,
             draw=(self.stages.index(stage) + 1, number, self._round),
+            skill=self.runner.skill,
         )

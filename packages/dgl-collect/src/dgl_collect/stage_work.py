@@ -5,13 +5,17 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dgl_assets.robots import SIDES, Side
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, evaluate_formula
-from dgl_collect.names import describe_cloud
+from dgl_collect.hold_watch import HoldWatch
+from dgl_collect.names import describe_cloud, list_anchors
+from dgl_collect.skill import Skill
 from dgl_collect.steps import (
     Approach,
+    Follow,
     HandPose,
     Look,
     Move,
@@ -25,12 +29,16 @@ from dgl_collect.steps import (
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import Orientation, orient, point_along_fingers
 from dgl_tasks.handling import Handling, plan_approach, plan_leave
+from dgl_tasks.hand_span import HandSpan
 from dgl_tasks.holding import find_empty
 from dgl_tasks.messages import Carrying, Part, StageBegins
+from dgl_tasks.rotations import to_quaternion, to_rotation
 from dgl_tasks.sensing import ENVIRONMENT_CAMERA, GARMENT_CAMERA
 
 LEAST_RISE = 0.004
 """Least rise of the sagging edge in each step of a stretch, else it ends [m]."""
+FOLLOW_FRAMES = 20
+"""Control steps between two checks of the hold while a way is followed; one action ends there."""
 SWING_FRAMES = 20
 """Frames in which a lifted garment swings to rest before a stretch."""
 REACHABLE_WITHIN = 0.1
@@ -66,6 +74,8 @@ class StageWork:
     reaction: Reaction
     draw: tuple[int, int, int]
     """Numbers of stage, try and round from 1; they seed the policy."""
+    skill: Skill | None = None
+    """Ways of the steps that follow recordings."""
     hold: Hold = "all"
     seen: dict[str, Value] = field(default_factory=dict)
     """Values seen during the stage, by name [m]."""
@@ -140,6 +150,9 @@ class StageWork:
                 case Move(targets=targets) if side in targets:
                     name, at = step.orientation or name, self._compute(targets[side])
                     motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
+                case Follow():
+                    orientation = {side: orient(name, side, turn)}
+                    motion.follow(*self._plan_follow(self.grasp | {side: at}, orientation))
                 case Retreat():
                     plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step)
 
@@ -231,6 +244,8 @@ class StageWork:
                 self._turn_further(after=step)
             case Wait(frames=frames):
                 yield from hands.send(motion.hold(frames), recorded=recorded)
+            case Follow():
+                yield from self._follow(recorded)
             case Retreat():
                 yield from hands.retreat(self.stage.hands, step)
 
@@ -307,6 +322,38 @@ class StageWork:
             "half_span": span / 2,
             "hanging": hanging.length,
         }
+
+    def _plan_follow(
+        self, starts: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
+    ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray], dict[Side, np.ndarray]]:
+        """Plan the hands' ways: grasp points (N, 3), orientations (N, 4) and joints (N, H)."""
+        if self.skill is None:
+            raise DemonstrationError(f"stage {self.stage.name!r}: there are no recordings to follow")
+        ways = self.skill.plan(self.stage.name, starts, list_anchors(self.names))
+        span = HandSpan(self.hands.motion.robot)
+        sides = tuple(orientations)
+        turned = {
+            side: to_rotation(orientations[side]) * Rotation.from_rotvec(ways[side].turns)
+            for side in sides
+        }
+        return (
+            {side: ways[side].points for side in sides},
+            {side: to_quaternion(turned[side]) for side in sides},
+            {side: span.to_joints(ways[side].poses) for side in sides},
+        )
+
+    def _follow(self, recorded: Literal["stage"] | None) -> Part:
+        """Follow the recordings, and watch the hold."""
+        hands, motion = self.hands, self.hands.motion
+        ways = self._plan_follow(self.grasp | self._targets, self.orientations)
+        rows = motion.follow(*ways, must_reach=False)
+        watch = HoldWatch(hands, self.stage.hands)
+        self._has_closed = True
+        for part in np.split(rows, range(FOLLOW_FRAMES, len(rows), FOLLOW_FRAMES)):
+            yield from hands.send(part, recorded=recorded)
+            watch.note(part[-1])
+            yield from hands.look(ENVIRONMENT_CAMERA)
+            self.react(watch.confirm(self.find_empty()))
 
 
 def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:

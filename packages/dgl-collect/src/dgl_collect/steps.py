@@ -177,6 +177,11 @@ class Look(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Follow(Step):
+    """Follow the way that a primitive has learnt from recordings, fingers included."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Wait(Step):
     """Keep the hands still."""
 
@@ -199,6 +204,7 @@ STEPS: Mapping[str, type[Step]] = {
     "release": Release,
     "retreat": Retreat,
     "wait": Wait,
+    "follow": Follow,
     "look": Look,
 }
 """Name of a step in files to its class."""

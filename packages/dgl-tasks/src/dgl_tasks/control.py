@@ -195,7 +195,12 @@ class ArmKinematics:
         )
 
     def follow(
-        self, waypoints: np.ndarray, start_q: np.ndarray, *, max_step: float = 0.6
+        self,
+        waypoints: np.ndarray,
+        start_q: np.ndarray,
+        *,
+        max_step: float = 0.6,
+        skips: bool = False,
     ) -> np.ndarray:
         """Turn a line of poses into joint targets, one per control step, within speed limits.
 
@@ -204,6 +209,7 @@ class ArmKinematics:
             start_q: Present joint positions [rad], shape (n,).
             max_step: Largest accepted joint change between waypoints [rad]; a larger one is a
                 jump to another branch.
+            skips: Stay where a waypoint cannot be reached, until the next one that can.
 
         Returns:
             Joint targets [rad], shape (M, n), M >= N.
@@ -213,7 +219,11 @@ class ArmKinematics:
         """
         path, q = [], np.array(start_q, dtype=float)
         for pose in waypoints:
-            q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
+            try:
+                q = self.solve(pose[:3], pose[3:], q, max_step=max_step)
+            except UnreachableError:
+                if not skips:
+                    raise
             path.append(q)
         rows = np.array(path).reshape(-1, len(self._names))
         return limit_joint_speed(rows, start_q, self._speeds)

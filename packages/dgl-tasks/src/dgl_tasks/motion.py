@@ -111,6 +111,47 @@ class BimanualMotion:
                     rows[:, part.start + k] = np.interp(at, np.arange(len(path)), path[:, k])
         return self._finish(_ramp(np.concatenate([self.target[None], rows])))
 
+    def follow(
+        self,
+        points: Mapping[Side, np.ndarray],
+        orientations: Mapping[Side, np.ndarray],
+        hands: Mapping[Side, np.ndarray],
+        *,
+        must_reach: bool = True,
+    ) -> np.ndarray:
+        """Follow ways of one sample a control step, slower where the arms are too slow for them.
+
+        Args:
+            points: Grasp point of each moving hand [m], shape (N, 3), world frame.
+            orientations: Of `ee` of each of these hands, wxyz, shape (N, 4).
+            hands: Joint positions of each of these hands [rad], shape (N, H).
+            must_reach: Refuse samples out of reach; otherwise the arm waits for the next one within
+                reach.
+
+        Returns:
+            Joint targets [rad], shape (M, D), M >= N.
+
+        Raises:
+            UnreachableError: If a hand cannot follow its way.
+        """
+        paths: dict[Side, np.ndarray] = {}
+        for side, way in points.items():
+            present = self.target[self.robot.joint_slice(side, "arm")]
+            poses = [
+                np.concatenate([grasp_to_wrist(point, q, side, robot=self.robot), q])
+                for point, q in zip(way, orientations[side], strict=True)
+            ]
+            paths[side] = self._arms[side].follow(np.stack(poses), present, skips=not must_reach)
+        count = max(len(path) for path in paths.values())
+        rows = self.hold(count)
+        at = np.linspace(0, 1, count)
+        for side, path in paths.items():
+            for part, way in (("arm", path), ("hand", hands[side])):
+                columns = self.robot.joint_slice(side, part)
+                share = np.linspace(0, 1, len(way))
+                rows[:, columns] = np.stack([np.interp(at, share, c) for c in way.T], axis=1)
+        return self._finish(rows)
+
     def reach(
         self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
     ) -> np.ndarray:

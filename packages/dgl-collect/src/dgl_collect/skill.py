@@ -1,0 +1,51 @@
+"""Skills learnt from recordings, as a demonstration follows them."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from dgl_assets.robots import Side
+
+__all__ = ["HandWay", "Skill"]
+
+
+class HandWay(Protocol):
+    """Way of one hand."""
+
+    @property
+    def points(self) -> np.ndarray:
+        """Grasp point [m], shape (N, 3), world frame."""
+        ...
+
+    @property
+    def turns(self) -> np.ndarray:
+        """Rotation vector from the first orientation, in the hand's frame [rad], shape (N, 3)."""
+        ...
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Coordinates of the hand, shape (N, P); see `dgl_tasks.hand_span`."""
+        ...
+
+
+class Skill(Protocol):
+    """Gives the ways of the hands in each stage."""
+
+    def plan(
+        self,
+        stage: str,
+        starts: Mapping[Side, np.ndarray],
+        anchors: Mapping[str, np.ndarray],
+    ) -> Mapping[Side, HandWay]:
+        """Plan a stage, one sample a control step.
+
+        Args:
+            stage: Its name.
+            starts: Grasp point of each working hand [m], shape (3,), world frame.
+            anchors: Positions by name [m], shape (3,); see `dgl_collect.names.list_anchors`.
+
+        Raises:
+            DemonstrationError: If the skill has no such stage, other hands, or lacks an anchor.
+        """
+        ...
