@@ -6,14 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dexgarmentlab.primitives import PrimitiveMethod
 from dgl_collect.attempt import Attempts
 from dgl_collect.demonstration import load_demonstration
-from dgl_collect.evaluation.methods import make_evaluation_attempts
+from dgl_collect.evaluation.methods import LearnedMethod, make_evaluation_attempts
 from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
+from dgl_collect.stage_runner import StageRunner
 from dgl_sadp import PolicyConfig, PolicyRunner, load_policy, read_card
 
 if TYPE_CHECKING:
+    from dgl_collect.setup import Setup
     from dgl_tasks.declaration import Task
 
 __all__ = ["FACTORY", "METHODS", "CheckpointMethod", "count_chunks", "make_evaluation_runner"]
@@ -39,6 +42,10 @@ class CheckpointMethod:
             ValueError: If a policy is missing, of another stage or task, or begins elsewhere.
             CheckpointError: If a file is damaged.
         """
+        if options.checkpoints is None:
+            raise ValueError(
+                f"--policy {options.policy} needs --checkpoints, a folder of trained policies"
+            )
         for number, _, path in _locate(task, options):
             if not path.is_file():
                 raise ValueError(f"--checkpoints must hold a policy for stage {number}; no {path}")
@@ -52,13 +59,14 @@ class CheckpointMethod:
                 wanted, got = ("--gam", "--no-gam") if self.use_gam else ("--no-gam", "--gam")
                 raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")
 
-    def load(self, task: "Task", options: EvaluationOptions) -> PolicyActor:
+    def make(self, setup: "Setup", options: EvaluationOptions) -> StageRunner:
         """Load a policy for each learned stage.
 
         Raises:
             ValueError: If a policy is of another method, stage or task.
             CheckpointError: If a policy is missing or damaged.
         """
+        task = setup.env.task
         self.check(task, options)
         policies = {}
         for _, name, path in _locate(task, options):
@@ -70,17 +78,19 @@ class CheckpointMethod:
                 )
             chunks = options.chunks or count_chunks(policy.config, read_card(path))
             policies[name] = Learned(policy=PolicyRunner(policy), chunks=chunks)
-        return PolicyActor(policies=policies, is_sent=self.use_gam)
+        return setup.make_runner(PolicyActor(policies=policies, is_sent=self.use_gam))
 
 
-METHODS: Mapping[str, CheckpointMethod] = {
+METHODS: Mapping[str, LearnedMethod] = {
     "halo": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=True),
     "sadp": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=False),
     "gam-dp3": CheckpointMethod(policies=("dp3",), use_gam=True),
     "dp3": CheckpointMethod(policies=("dp3",), use_gam=False),
     "dp": CheckpointMethod(policies=("dp",), use_gam=False),
+    "primitive": PrimitiveMethod(),
+    "blind": PrimitiveMethod(is_blind=True),
 }
-"""HALO; without GAM; without SADP; and the baselines."""
+"""HALO; without GAM; without SADP; the baselines; primitives, and their mean ways."""
 
 
 def make_evaluation_runner(task: str, options: EvaluationOptions) -> Attempts:

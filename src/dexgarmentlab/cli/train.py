@@ -13,6 +13,7 @@ from dexgarmentlab.cli.train_policy import (
     TrainSadpOptions,
     train_policy,
 )
+from dexgarmentlab.cli.train_primitive import TrainPrimitiveOptions, train_primitive
 
 __all__ = ["TrainOptions", "run"]
 
@@ -21,12 +22,17 @@ TrainOptions = Annotated[
     | Annotated[TrainSadpOptions, tyro.conf.subcommand("sadp")]
     | Annotated[TrainSadpGOptions, tyro.conf.subcommand("sadp-g")]
     | Annotated[TrainDp3Options, tyro.conf.subcommand("dp3")]
-    | Annotated[TrainDpOptions, tyro.conf.subcommand("dp")],
+    | Annotated[TrainDpOptions, tyro.conf.subcommand("dp")]
+    | Annotated[TrainPrimitiveOptions, tyro.conf.subcommand("primitive")],
     tyro.conf.arg(name=""),
 ]
 """Options of each subject."""
 
 
-def run(options: TrainGamOptions | TrainPolicyOptions) -> int:
+def run(options: TrainGamOptions | TrainPolicyOptions | TrainPrimitiveOptions) -> int:
     """Train the subject."""
-    return train_gam(options) if isinstance(options, TrainGamOptions) else train_policy(options)
+    if isinstance(options, TrainGamOptions):
+        return train_gam(options)
+    if isinstance(options, TrainPrimitiveOptions):
+        return train_primitive(options)
+    return train_policy(options)

@@ -10,6 +10,7 @@ from dgl_collect.hold_watch import HoldWatch
 from dgl_collect.stage_work import StageWork
 from dgl_tasks.messages import Part
 
+
 class StagePolicy(Protocol):
     """Gives chunks of joint targets, as `PolicyRunner` of `dgl_sadp` does.
 

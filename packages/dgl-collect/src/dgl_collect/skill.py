@@ -1,13 +1,15 @@
 """Skills learnt from recordings, as a demonstration follows them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from dgl_assets.robots import Side
+from dgl_collect.steps import Demonstration, Follow, Stage
 
-__all__ = ["HandWay", "Skill"]
+__all__ = ["HandWay", "Skill", "follow_recordings"]
 
 
 class HandWay(Protocol):
@@ -49,3 +51,16 @@ class Skill(Protocol):
             DemonstrationError: If the skill has no such stage, other hands, or lacks an anchor.
         """
         ...
+
+
+def follow_recordings(demonstration: Demonstration) -> Demonstration:
+    """Replace the recorded steps of each stage by one that follows recordings."""
+    return replace(demonstration, stages=tuple(map(_follow_stage, demonstration.stages)))
+
+
+def _follow_stage(stage: Stage) -> Stage:
+    if not stage.is_learned:
+        return stage
+    first = next(k for k, step in enumerate(stage.steps) if step.recorded)
+    scripted = [step for step in stage.steps if not step.recorded]
+    return replace(stage, steps=(*scripted[:first], Follow(), *scripted[first:]))

@@ -28,8 +28,8 @@ from dgl_collect.steps import (
 )
 from dgl_tasks.errors import PerceptionError, UnreachableError
 from dgl_tasks.grasps import Orientation, orient, point_along_fingers
-from dgl_tasks.handling import Handling, plan_approach, plan_leave
 from dgl_tasks.hand_span import HandSpan
+from dgl_tasks.handling import Handling, plan_approach, plan_leave
 from dgl_tasks.holding import find_empty
 from dgl_tasks.messages import Carrying, Part, StageBegins
 from dgl_tasks.rotations import to_quaternion, to_rotation
@@ -328,7 +328,7 @@ class StageWork:
     ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray], dict[Side, np.ndarray]]:
         """Plan the hands' ways: grasp points (N, 3), orientations (N, 4) and joints (N, H)."""
         if self.skill is None:
-            raise DemonstrationError(f"stage {self.stage.name!r}: there are no recordings to follow")
+            raise DemonstrationError(f"stage {self.stage.name!r}: no recordings to follow")
         ways = self.skill.plan(self.stage.name, starts, list_anchors(self.names))
         span = HandSpan(self.hands.motion.robot)
         sides = tuple(orientations)

@@ -95,7 +95,7 @@ class HandWay:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Way:
-    """Ways of all working hands, 12 frames a second, the start left out."""
+    """Ways of all working hands, the start left out."""
 
     hands: Mapping[str, HandWay]
     spread: float
@@ -159,6 +159,7 @@ class Primitive:
         starts: Mapping[str, np.ndarray],
         anchors: Mapping[str, np.ndarray],
         *,
+        frames_per_second: float = FRAMES_PER_SECOND,
         is_blind: bool = False,
     ) -> Way:
         """Plan the way from the hands' grasp points.
@@ -166,6 +167,7 @@ class Primitive:
         Args:
             starts: Grasp point of each working hand [m], shape (3,), world frame.
             anchors: Positions by name [m], shape (3,); more than needed may be there.
+            frames_per_second: Rate of the way.
             is_blind: Take the mean displacements of the recordings whatever the anchors are.
 
         Raises:
@@ -181,7 +183,7 @@ class Primitive:
             vectors = _find_vectors(self.anchors, anchors, np.asarray(starts[side], float))
             ways[side] = model.compute_way(vectors)
             spreads.append(model.compute_spread(vectors))
-        at = self._time(ways)
+        at = self._time(ways) * (frames_per_second / FRAMES_PER_SECOND)
         count = max(1, int(np.ceil(at[-1] - 1e-9)))
         frames = at[-1] * np.arange(1, count + 1) / count
         hands = {

@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Mapping
 from typing import Protocol
 
-from dgl_collect.actors import Actor, Expert, LiftAndDrop
+from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import Attempts
 from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.setup import Setup, make_setup
@@ -21,18 +21,18 @@ SCRIPTED = ("nothing", "lift-drop", "expert")
 
 
 class LearnedMethod(Protocol):
-    """A method whose actor is loaded from checkpoints."""
+    """A method that is loaded from files."""
 
     def check(self, task: Task, options: EvaluationOptions) -> None:
-        """Check, without loading weights, that the checkpoints fit the task.
+        """Check, without loading weights, that its files fit the task.
 
         Raises:
             ValueError: If one is missing, or of another stage or task.
         """
         ...
 
-    def load(self, task: Task, options: EvaluationOptions) -> Actor:
-        """Load the actor; raises as `check` does."""
+    def make(self, setup: Setup, options: EvaluationOptions) -> Method:
+        """Make the method; raises as `check` does."""
         ...
 
 
@@ -66,8 +66,6 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
     if name in SCRIPTED:
         return
     if name in learned:
-        if options.checkpoints is None:
-            raise ValueError(f"--policy {name} needs --checkpoints, a folder of trained policies")
         learned[name].check(task, options)
         return
     module, _, attribute = name.partition(":")
@@ -105,7 +103,7 @@ def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethod
         first = dataclasses.replace(setup.demonstration, stages=setup.demonstration.stages[:1])
         return setup.make_runner(LiftAndDrop(), rounds=1, tries=1, demonstration=first)
     if name in learned:
-        return setup.make_runner(learned[name].load(task, options))
+        return learned[name].make(setup, options)
     module, _, attribute = name.partition(":")
     factory = getattr(importlib.import_module(module), attribute, None)
     if not callable(factory):
