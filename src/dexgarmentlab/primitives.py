@@ -29,7 +29,6 @@ from dgl_tasks.hand_span import HandSpan
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.objects import compute_frames
 from dgl_tasks.observation import CONTROL_FREQUENCY
-from dgl_tasks.rotations import to_rotation
 
 if TYPE_CHECKING:
     from dgl_assets.robots import Side
@@ -65,7 +64,10 @@ class PrimitiveSkill:
             )
         try:
             way = primitive.plan(
-                dict(starts), anchors, frames_per_second=CONTROL_FREQUENCY, is_blind=self.is_blind
+                {str(side): start for side, start in starts.items()},
+                anchors,
+                frames_per_second=CONTROL_FREQUENCY,
+                is_blind=self.is_blind,
             )
         except PrimitiveError as err:
             raise DemonstrationError(f"stage {stage!r}: {err}") from err
@@ -203,7 +205,7 @@ def _make_recording(
     points, turns, hands = {}, {}, {}
     for side, way in poses.items():
         points[side] = np.stack([wrist_to_grasp(p[:3], p[3:], side, robot=robot) for p in way])
-        rotations: Rotation = to_rotation(np.stack(way)[:, 3:])
+        rotations = Rotation.from_quat(np.stack(way)[:, 3:], scalar_first=True)
         turns[side] = (rotations[0].inv() * rotations).as_rotvec()
         hands[side] = span.to_coordinates(joints[:, robot.joint_slice(side, "hand")])
     return Recording(anchors=anchors, points=points, turns=turns, hands=hands)
