@@ -140,7 +140,7 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, name, method, use_gam)
     assert list(actor.policies) == [stage.name for stage in load_demonstration(TASK.id).stages]
     assert all(isinstance(learned, Learned) for learned in actor.policies.values())
     assert [learned.chunks for learned in actor.policies.values()] == [2, 2, 2]
-    others = {policy for other in METHODS.values() for policy in other.policies}
+    others = {p for each in METHODS.values() for p in getattr(each, "policies", ())}
     for wrong in sorted(others - set(METHODS[name].policies) - {"dp", "sadp"}):
         folder = save(tmp_path / wrong, method=wrong, training=training)
         with pytest.raises(ValueError, match=f"{name} takes a policy of .*; got {wrong}"):

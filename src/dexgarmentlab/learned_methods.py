@@ -60,13 +60,16 @@ class CheckpointMethod:
                 raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")
 
     def make(self, setup: "Setup", options: EvaluationOptions) -> StageRunner:
+        """Make the method; raises as `load` does."""
+        return setup.make_runner(self.load(setup.env.task, options))
+
+    def load(self, task: "Task", options: EvaluationOptions) -> PolicyActor:
         """Load a policy for each learned stage.
 
         Raises:
             ValueError: If a policy is of another method, stage or task.
             CheckpointError: If a policy is missing or damaged.
         """
-        task = setup.env.task
         self.check(task, options)
         policies = {}
         for _, name, path in _locate(task, options):
@@ -78,7 +81,7 @@ class CheckpointMethod:
                 )
             chunks = options.chunks or count_chunks(policy.config, read_card(path))
             policies[name] = Learned(policy=PolicyRunner(policy), chunks=chunks)
-        return setup.make_runner(PolicyActor(policies=policies, is_sent=self.use_gam))
+        return PolicyActor(policies=policies, is_sent=self.use_gam)
 
 
 METHODS: Mapping[str, LearnedMethod] = {

@@ -12,11 +12,11 @@ from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Expert
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import opened_episode, read_stage_names, take
-from dgl_collect.errors import DemonstrationError
+from dgl_collect.errors import CollectionError, DemonstrationError
 from dgl_collect.names import list_anchors, name_scene
 from dgl_collect.skill import follow_recordings
 from dgl_files.fields import decode_json
-from dgl_sadp.errors import PrimitiveError
+from dgl_sadp.errors import PrimitiveError, SadpError
 from dgl_sadp.primitive import HandWay, Primitive, Recording, fit_primitive
 from dgl_sadp.primitive_file import (
     PRIMITIVES_FILE,
@@ -33,12 +33,13 @@ from dgl_tasks.observation import CONTROL_FREQUENCY
 if TYPE_CHECKING:
     from dgl_assets.robots import Side
     from dgl_collect.evaluation.options import EvaluationOptions
+    from dgl_collect.options import RunOptions
     from dgl_collect.setup import Setup
     from dgl_collect.steps import Demonstration, Stage
     from dgl_tasks.declaration import Task
     from dgl_tasks.policy import Method
 
-__all__ = ["PrimitiveMethod", "PrimitiveSkill", "learn_primitives", "read_recordings"]
+__all__ = ["PrimitiveMethod", "PrimitiveSkill", "learn_primitives", "load_skill", "read_recordings"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,20 +101,43 @@ class PrimitiveMethod:
         )
 
     def _load(self, task: "Task", options: "EvaluationOptions") -> TaskPrimitives:
-        path = options.checkpoints
-        if path is None:
-            path = find_primitives(task.id)
-        elif path.is_dir():
-            path = path / PRIMITIVES_FILE
-        primitives = load_primitives(path)
-        if primitives.task != task.id:
-            raise ValueError(f"{path}: it must be of task {task.id}; got {primitives.task}")
-        stages = load_demonstration(task, options.demonstration).learned_stages
-        wanted = {stage.name: sorted(stage.hands) for stage in stages}
-        found = {name: sorted(each.hands) for name, each in primitives.stages.items()}
-        if wanted != found:
-            raise ValueError(f"{path}: it must have the stages {wanted}; got {found}")
-        return primitives
+        demonstration = load_demonstration(task, options.demonstration)
+        path = options.checkpoints or find_primitives(task.id)
+        return _load_fitting(path, task, demonstration)
+
+
+def load_skill(
+    task: "Task", demonstration: "Demonstration", options: "RunOptions"
+) -> PrimitiveSkill:
+    """Load a file of primitives, or learn a folder of episodes; see `dgl_collect.skill.load_skill`.
+
+    Raises:
+        DemonstrationError: If there is no such file or folder, or it does not fit.
+    """
+    assert demonstration.recordings is not None
+    path = Path(demonstration.recordings)
+    try:
+        if path.is_dir() and not (path / PRIMITIVES_FILE).is_file():
+            paths = sorted(path.glob("*.h5"))
+            primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
+        else:
+            primitives = _load_fitting(path, task, demonstration)
+    except (SadpError, CollectionError, ValueError) as err:
+        raise DemonstrationError(f"recordings: {err}") from err
+    return PrimitiveSkill(primitives=primitives)
+
+
+def _load_fitting(path: Path, task: "Task", demonstration: "Demonstration") -> TaskPrimitives:
+    """Load primitives that have a demonstration's stages."""
+    path = path / PRIMITIVES_FILE if path.is_dir() else path
+    primitives = load_primitives(path)
+    if primitives.task != task.id:
+        raise ValueError(f"{path}: it must be of task {task.id}; got {primitives.task}")
+    wanted = {stage.name: sorted(stage.hands) for stage in demonstration.learned_stages}
+    found = {name: sorted(each.hands) for name, each in primitives.stages.items()}
+    if wanted != found:
+        raise ValueError(f"{path}: it must have the stages {wanted}; got {found}")
+    return primitives
 
 
 def learn_primitives(

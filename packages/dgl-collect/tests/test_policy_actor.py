@@ -10,9 +10,10 @@ from dgl_assets import load_garment
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_collect.actors import Expert
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.hold_watch import HoldWatch
 from dgl_collect.matching import ExactMatcher
 from dgl_collect.point_finder import APART, HANDS_APART, PointFinder
-from dgl_collect.policy_actor import Learned, PolicyActor, _Watch
+from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_gam import compute_affordance
@@ -401,7 +402,7 @@ def test_a_policy_that_has_lost_the_garment_begins_again(make_world, lost, tries
 
 @pytest.mark.parametrize("empty", [("left",), ("left", "right")])
 def test_what_one_hand_of_a_policy_has_lost_the_other_lays_down(make_world, monkeypatch, empty):
-    monkeypatch.setattr(_Watch, "find_empty", lambda watch: set(empty))
+    monkeypatch.setattr(HoldWatch, "confirm", lambda watch, seen: set(empty))
     world = make_world(cloud=CLOUD)
     policy = Listener(world)
     fling = make_stage(grasp=("left", "right"), on_loss="lay down")
@@ -413,56 +414,55 @@ def test_what_one_hand_of_a_policy_has_lost_the_other_lays_down(make_world, monk
 
 
 class Looks:
-    """As much of a stage at work as a watch looks at."""
+    """As much of the hands as a watch looks at."""
 
-    def __init__(self, *hands):
-        self.low, self.empty = set(hands), set()
-        self.stage = SimpleNamespace(hands=hands)
+    def __init__(self, *working):
+        self.low, self.empty, self.working = set(working), set(), working
         sensed = SimpleNamespace(
             joint_state=np.zeros(60, np.float32),
             get_grasp_point=lambda side: np.array([0, 0.7, 0.0 if side in self.low else 0.5]),
         )
         self.hands = SimpleNamespace(sensed=sensed, motion=SimpleNamespace(robot=DEFAULT_ROBOT))
+        self.begin()
 
-    def find_empty(self):
-        return self.empty - self.low
+    def begin(self):
+        self.watch = HoldWatch(self.hands, self.working)
 
-
-def look(watch, times=1):
-    return [watch.find_empty() for _ in range(times)]
+    def look(self, times=1):
+        return [self.watch.confirm(self.empty - self.low) for _ in range(times)]
 
 
 def test_a_hand_that_came_up_empty_has_lost_the_garment():
     work = Looks("left", "right")
     work.low, work.empty = set(), {"left"}
-    watch = _Watch(work)
-    assert look(watch, 3) == [set()] * 3  # has not been down yet
+    work.begin()
+    assert work.look(3) == [set()] * 3  # has not been down yet
     work.low = {"left", "right"}
-    watch.note(np.zeros(60))
+    work.watch.note(np.zeros(60))
     work.low = set()
-    assert look(watch) == [set()]  # a single look may be past cloth that the hand hides
-    assert look(watch, 2) == [{"left"}] * 2
+    assert work.look() == [set()]  # a single look may be past cloth that the hand hides
+    assert work.look(2) == [{"left"}] * 2
     work.empty = {"right"}
-    assert look(watch, 2) == [set(), {"right"}]  # the other one
+    assert work.look(2) == [set(), {"right"}]  # the other one
     work.empty = {"left", "right"}
-    assert look(watch, 2) == [{"right"}, {"left", "right"}]
+    assert work.look(2) == [{"right"}, {"left", "right"}]
     work.empty = set()
-    assert look(watch) == [set()]
+    assert work.look() == [set()]
     work.empty = {"left"}
-    assert look(watch, 2) == [set(), {"left"}]  # two in turn
-    assert look(_Watch(work), 3) == [set()] * 3  # a stage that begins with hands that are up
+    assert work.look(2) == [set(), {"left"}]  # two in turn
+    work.begin()
+    assert work.look(3) == [set()] * 3  # a stage that begins with hands that are up
 
 
 def come_up_empty():
     """A watch over a hand that has been down and holds nothing."""
     work = Looks("left")
-    watch = _Watch(work)
     work.low, work.empty = set(), {"left"}
-    return watch
+    return work
 
 
 def test_the_only_hand_that_works_has_lost_all():
-    assert look(come_up_empty(), 2) == [set(), {"left"}]
+    assert come_up_empty().look(2) == [set(), {"left"}]
 
 
 @pytest.mark.parametrize(
@@ -476,9 +476,9 @@ def test_the_only_hand_that_works_has_lost_all():
     ],
 )
 def test_a_hand_that_was_told_to_let_go_has_lost_nothing(fingers, is_lost):
-    watch = come_up_empty()
+    work = come_up_empty()
     for angle in fingers:
         target = np.zeros(60)
         target[joint_slice("left", "hand")] = angle  # of 24 joints: 0.7 is 3.4 in all
-        watch.note(target)
-    assert look(watch, 2) == [set(), {"left"} if is_lost else set()]
+        work.watch.note(target)
+    assert work.look(2) == [set(), {"left"} if is_lost else set()]

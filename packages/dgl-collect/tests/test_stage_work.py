@@ -1,12 +1,15 @@
 """One stage at work: grasp points, stretches and looks."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.errors import DemonstrationError
+from dgl_collect.skill import follow_recordings
 from dgl_collect.stage_work import (
     REACHABLE_SPACING,
     REACHABLE_WITHIN,
@@ -16,6 +19,7 @@ from dgl_collect.stage_work import (
 )
 from dgl_collect.steps import (
     Approach,
+    Follow,
     Grasp,
     HandPose,
     Look,
@@ -30,6 +34,7 @@ from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, point_along_fingers
 from dgl_tasks.hanging import Hanging
 from dgl_tasks.messages import Carrying, StageBegins
+from dgl_tasks.rotations import to_rotation
 
 joint_slice = DEFAULT_ROBOT.joint_slice
 
@@ -467,3 +472,81 @@ def test_hands_are_turned_where_what_is_seen_leads_out_of_reach(make_world, slip
     assert np.degrees(work._turns["left"]) == pytest.approx(turn)
     expected = (0.5 + slips, 0.7, 0.3)
     np.testing.assert_allclose(world.get_grasp_point("left"), expected, atol=2e-3)
+
+
+# Following recordings ---------------------------------------------------------------------------
+
+
+class Arc:
+    """A skill that lifts both hands, opens them with a turn, and notes what it was asked."""
+
+    def __init__(self, *, height=0.15, count=50):
+        self.height, self.count, self.asked = height, count, []
+
+    def plan(self, stage, starts, anchors):
+        self.asked.append((stage, dict(starts), dict(anchors)))
+        share = np.linspace(0, 1, self.count + 1)[1:, None]
+        closed = np.array([1.0, 0, 0, 0, 0]) * (share < 0.8)
+        return {
+            side: SimpleNamespace(
+                points=start + share * [0, 0.05, self.height],
+                turns=share * [0.2, 0, 0],
+                poses=closed,
+            )
+            for side, start in starts.items()
+        }
+
+
+def test_recordings_are_followed_from_the_grasp_points(make_world):
+    world, skill = make_world(), Arc()
+    names = {"garment": {"min": np.zeros(3)}, "left_cuff": POINT, "round": 1}
+    work = make_work(world, make_stage(Follow(), grasp=BOTH), names=names, skill=skill)
+    carry_out(world, work)
+    stage, starts, anchors = skill.asked[-1]
+    assert (stage, set(anchors)) == ("stage", {"garment.min", "left_cuff"})
+    poses = world.motion.compute_poses()
+    for side in SIDES:
+        np.testing.assert_allclose(starts[side], work.grasp[side])
+        np.testing.assert_allclose(
+            world.get_grasp_point(side), work.grasp[side] + [0, 0.05, 0.15], atol=2e-3
+        )
+        before = to_rotation(work.orientations[side])
+        turn = (before.inv() * to_rotation(poses[side][3:])).as_rotvec()
+        np.testing.assert_allclose(turn, [0.2, 0, 0], atol=2e-3)
+        np.testing.assert_allclose(
+            world.motion.target[joint_slice(side, "hand")], HAND_POSES["open"], atol=1e-6
+        )
+
+
+def test_a_way_that_leads_out_of_reach_needs_a_method_that_may_stop_short(make_world):
+    world, stage = make_world(), make_stage(Follow(), grasp=BOTH)
+    work = make_work(world, stage, skill=Arc(height=2.0))
+    world.play(world.hands.park())
+    with pytest.raises(UnreachableError):
+        work.choose_turns(must_do_all=True)
+    work.choose_turns(must_do_all=False)
+    for step in stage.steps:
+        world.play(work.perform(step))
+    assert 0.3 < world.get_grasp_point("left")[2] < 2.0
+
+
+def test_without_recordings_nothing_is_followed(make_world):
+    with pytest.raises(DemonstrationError, match="stage 'stage': no recordings to follow"):
+        carry_out(make_world(), make_work(make_world(), make_stage(Follow())))
+
+
+def test_one_step_takes_the_place_of_all_recorded_ones():
+    for task in ("FoldTops-v1", "StoreTops-v1", "HangCoat-v1"):
+        before = load_demonstration(task)
+        after = follow_recordings(before)
+        for old, new in zip(before.stages, after.stages, strict=True):
+            assert new.is_learned is old.is_learned
+            assert [s for s in new.steps if not s.recorded] == [
+                s for s in old.steps if not s.recorded
+            ]
+            follows = [k for k, step in enumerate(new.steps) if isinstance(step, Follow)]
+            if old.is_learned:
+                first = next(k for k, step in enumerate(old.steps) if step.recorded)
+                assert follows == [first]
+            else:
+                assert new is old

@@ -98,6 +98,49 @@ def test_both_hands_are_equally_far_at_every_row(motion, arms):
         assert done[0] == pytest.approx(done[1], abs=0.05)
 
 
+def make_ways(motion, arms, shift, *, count=40):
+    """Both hands go straight by a shift [m] while their fingers close."""
+    start_above_garment(motion)
+    begin = {side: grasp_point(arms, motion.target, side) for side in SIDES}
+    share = np.linspace(0, 1, count + 1)[1:, None]
+    points = {side: place + share * np.array(shift) for side, place in begin.items()}
+    turned = {side: np.tile(STANDARD[side], (count, 1)) for side in SIDES}
+    fingers = HAND_POSES["open"] + share * (HAND_POSES["close"] - HAND_POSES["open"])
+    return points, turned, dict.fromkeys(SIDES, fingers)
+
+
+def test_ways_are_followed_a_sample_a_row_with_their_fingers(motion, arms):
+    points, turned, fingers = make_ways(motion, arms, (0.05, 0.1, 0.05))
+    rows = motion.follow(points, turned, fingers)
+    assert rows.shape == (40, 60)
+    for side in SIDES:
+        found = np.stack([grasp_point(arms, row, side) for row in rows])
+        np.testing.assert_allclose(found, points[side], atol=1e-3)
+        np.testing.assert_allclose(rows[:, HAND[side]], fingers[side], atol=1e-12)
+    np.testing.assert_array_equal(motion.target, rows[-1])
+
+
+def test_ways_too_fast_for_the_arms_take_longer(motion, arms):
+    points, turned, fingers = make_ways(motion, arms, (0.05, 0.1, 0.05), count=2)
+    start = motion.target.copy()
+    rows = motion.follow(points, turned, fingers)
+    steps = np.diff(np.concatenate([start[None], rows]), axis=0)[:, ARM["left"]]
+    assert len(rows) > 2
+    assert (np.abs(steps) <= SPEEDS / CONTROL_FREQUENCY * 1.01).all()
+
+
+def test_samples_out_of_reach_are_refused_or_skipped(motion, arms):
+    points, turned, fingers = make_ways(motion, arms, (0.0, 1.2, 0.0))
+    with pytest.raises(UnreachableError):
+        motion.follow(points, turned, fingers)
+    rows = motion.follow(points, turned, fingers, must_reach=False)
+    ends = [grasp_point(arms, rows[-1], side) for side in SIDES]
+    for side, end in zip(SIDES, ends, strict=True):
+        missed = np.linalg.norm(points[side] - end, axis=1)
+        assert missed.min() < 1e-3  # it waits at the last sample within reach
+        assert missed[-1] > 0.1
+
+
 def test_the_longer_line_sets_the_number_of_rows(motion):
     start_above_garment(motion)
     point = goals(0.25)

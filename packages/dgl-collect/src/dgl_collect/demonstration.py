@@ -6,6 +6,7 @@ follow from the garment at hand, as in the paper. The files lie in `demonstratio
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -22,6 +23,7 @@ from dgl_collect.steps import (
     GARMENT_NAMES,
     SEEN_NAMES,
     Demonstration,
+    Follow,
     Look,
     Move,
     Stage,
@@ -59,6 +61,9 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
     except (ValueError, OSError) as err:
         raise DemonstrationError(f"{file.name}: {err}") from err
     demonstration = parse_demonstration(content, source=file.name)
+    if demonstration.recordings is not None:
+        recordings = str(file.absolute().parent / demonstration.recordings)
+        demonstration = replace(demonstration, recordings=recordings)
     if file.parent == FOLDER:  # tests check the points of these
         _check_names(demonstration, declared, source=file.name)
     else:
@@ -147,6 +152,9 @@ def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> No
         for name in task.success.landmarks:
             if name not in points:
                 raise ValueError(f"the points must have {name!r}, which the rule judges by")
+        steps = [step for stage in demonstration.stages for step in stage.steps]
+        if any(isinstance(s, Follow) for s in steps) and demonstration.recordings is None:
+            raise ValueError("steps that follow recordings need the field 'recordings'")
         for stage in demonstration.stages:
             try:
                 _check_stage(stage, names, points)

@@ -19,7 +19,7 @@ from dgl_collect.demonstration import (
 )
 from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
 from dgl_collect.options import RunOptions
-from dgl_collect.skill import Skill
+from dgl_collect.skill import Skill, load_skill
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
 from dgl_tasks import load_task
@@ -44,6 +44,8 @@ class Setup:
     demo_cloud: np.ndarray
     """Visible points of the demonstration's garment lying flat [m], shape (N, 3)."""
     motion: BimanualMotion
+    skill: Skill | None = None
+    """Ways of the demonstration's steps that follow recordings."""
 
     def make_runner(
         self,
@@ -61,7 +63,7 @@ class Setup:
             rule=self.env.task.success,
             get_matcher=lambda: self.find_matcher(self.env),
             actor=actor,
-            skill=skill,
+            skill=skill or self.skill,
             rounds=rounds or self.options.rounds,
             tries=tries,
         )
@@ -122,6 +124,7 @@ def make_setup(
         find_matcher=find_matcher,
         demo_cloud=surface.astype(np.float32),
         motion=BimanualMotion(declared, robot=robot),
+        skill=load_skill(declared, demonstration, options),
     )
 
 
@@ -144,7 +147,7 @@ def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
     from dgl_collect.own_garment import prepare_garment
 
     load_robot(options.robot, options.robots)
-    load_demonstration(task, options.demonstration)
+    load_skill(task, load_demonstration(task, options.demonstration), options)
     values = {item.name: getattr(options, item.name) for item in dataclasses.fields(options)}
     # a resumed run may start in another folder
     changes: dict[str, object] = {

@@ -2,14 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.metadata import entry_points
 from typing import Protocol
 
 import numpy as np
 
 from dgl_assets.robots import Side
+from dgl_collect.errors import DemonstrationError
+from dgl_collect.options import RunOptions
 from dgl_collect.steps import Demonstration, Follow, Stage
+from dgl_tasks.declaration import Task
 
-__all__ = ["HandWay", "Skill", "follow_recordings"]
+__all__ = ["GROUP", "HandWay", "Skill", "follow_recordings", "load_skill"]
+
+GROUP = "dgl_collect.skills"
+"""Entry points whose first one learns a demonstration's recordings; see `load_skill`."""
 
 
 class HandWay(Protocol):
@@ -64,3 +71,20 @@ def _follow_stage(stage: Stage) -> Stage:
     first = next(k for k, step in enumerate(stage.steps) if step.recorded)
     scripted = [step for step in stage.steps if not step.recorded]
     return replace(stage, steps=(*scripted[:first], Follow(), *scripted[first:]))
+
+
+def load_skill(task: Task, demonstration: Demonstration, options: RunOptions) -> Skill | None:
+    """Load the skill of a demonstration's recordings; None of a demonstration without.
+
+    The entry point of the group `dgl_collect.skills` does it, a function with the same arguments.
+    This package has none, the package `dexgarmentlab` has one.
+
+    Raises:
+        DemonstrationError: If nothing installed can do it, or the recordings do not fit.
+    """
+    if demonstration.recordings is None:
+        return None
+    found = list(entry_points(group=GROUP))
+    if not found:
+        raise DemonstrationError("a demonstration with recordings needs the package dexgarmentlab")
+    return found[0].load()(task, demonstration, options)

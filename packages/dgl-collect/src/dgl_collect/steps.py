@@ -351,6 +351,9 @@ class Demonstration:
     stages: tuple[Stage, ...]
     rounds: Annotated[int, Ge(1), Le(100)] = 1
     """Most rounds; the task ends once it is believed done."""
+    recordings: Annotated[str, Len(1, 4096)] | None = None
+    """Folder of episodes, or file of primitives, whose ways the `follow` steps take; relative to
+    the demonstration's file."""
     turns_over: bool = False
     """The garment may end face down, with left and right exchanged; the hands then exchange their
     points."""

@@ -1,0 +1,27 @@
+"""Coordinates of a hand: weights of its named poses."""
+
+import numpy as np
+import pytest
+
+from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_tasks.hand_span import HandSpan
+
+
+def test_named_poses_have_their_own_coordinate():
+    span = HandSpan(DEFAULT_ROBOT)
+    assert span.to_coordinates(DEFAULT_ROBOT.get_hand_pose("open")) == pytest.approx(np.zeros(5))
+    poses = np.stack([DEFAULT_ROBOT.get_hand_pose(name) for name in span.names])
+    assert span.to_coordinates(poses) == pytest.approx(np.eye(5), abs=1e-9)
+    assert span.to_joints(np.eye(5)) == pytest.approx(poses)
+
+
+def test_mixtures_come_back_and_other_joints_go_to_the_nearest_mixture():
+    span, rng = HandSpan(DEFAULT_ROBOT), np.random.default_rng(0)
+    weights = rng.uniform(0, 1, (7, 5))
+    assert span.to_coordinates(span.to_joints(weights)) == pytest.approx(weights)
+    joints = rng.uniform(-1, 1, 24)
+    nearest = span.to_joints(span.to_coordinates(joints))
+    distance = np.linalg.norm(joints - nearest)
+    for _ in range(20):
+        other = span.to_joints(span.to_coordinates(joints) + rng.normal(0, 0.1, 5))
+        assert np.linalg.norm(joints - other) > distance > 0
