@@ -43,7 +43,7 @@ class TaskPrimitives:
     stages: Mapping[str, Primitive]
     """By name of the stage."""
     card: Mapping[str, Any] = field(default_factory=dict)
-    """How they were made: episodes, garments, errors of recordings left out. Plain values."""
+    """Record of the training: episodes, errors of recordings left out. Plain values."""
 
 
 def save_primitives(path: Path, primitives: TaskPrimitives) -> None:
