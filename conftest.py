@@ -1,9 +1,11 @@
 """Fixtures and hooks shared by the tests of all packages."""
 
+import copy
 import gc
 import os
 import signal
 import statistics
+import sys
 import time
 from collections.abc import Iterator
 
@@ -117,6 +119,33 @@ def _measure_seconds() -> float:
     """Processor time of this process and of its children that have ended [s]."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
+
+
+_garments: dict[tuple[object, ...], object] = {}
+"""Garments of the catalogue that this process has made."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def garments_made_once() -> Iterator[None]:
+    """Give tests copies of a garment of the catalogue, which each process makes once.
+
+    Modules that generate garments override it.
+    """
+    catalogue = sys.modules.get("dgl_assets.garments.catalogue")
+    if catalogue is None:
+        yield
+        return
+    make = catalogue._make
+
+    def make_once(entry: object, number: int, name: str, *, spacing: float | None) -> object:
+        key = (name, spacing)
+        if key not in _garments:
+            _garments[key] = make(entry, number, name, spacing=spacing)
+        return copy.deepcopy(_garments[key])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue, "_make", make_once)
+        yield
 
 
 @pytest.fixture

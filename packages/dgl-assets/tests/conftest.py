@@ -43,6 +43,11 @@ def families(request) -> Families:
     return Families(request.param)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def garments_made_once():
+    """Make each garment anew: these tests are about making them."""
+
+
 @pytest.fixture(scope="session")
 def woman() -> Person:
     """A woman at the size of the garments."""

@@ -1,6 +1,5 @@
 """Imported robots in SAPIEN stand still, take the hand poses, and reach grasp points."""
 
-import dataclasses
 import importlib.util
 from pathlib import Path
 
@@ -26,10 +25,8 @@ _SPEC = importlib.util.spec_from_file_location("dgl_robot_samples", _PATH)
 samples = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(samples)
 
-ROBOTS = [
-    pytest.param(name, marks=pytest.mark.slow)
-    for name in ("seven+lefty", "six+shadow", "ur10e+sixteen", "both")
-]
+pytestmark = pytest.mark.slow
+ROBOTS = ("seven+lefty", "six+shadow", "ur10e+sixteen", "both")
 REST_SPEED = 1e-3
 """Speed of every joint below which a robot counts as at rest [rad/s or m/s]."""
 
@@ -198,7 +195,6 @@ def test_masses_of_the_simulator_are_those_of_the_file(bench):
                 )
 
 
-@pytest.mark.slow
 def test_an_environment_takes_a_robot_by_name(library, coarse_garments):
     env = gym.make(
         "FoldTops-v1",
@@ -220,9 +216,3 @@ def test_an_environment_takes_a_robot_by_name(library, coarse_garments):
     env.close()
     with pytest.raises(AssetNotFoundError, match="no robot 'nobody'"):
         gym.make("FoldTops-v1", robot="nobody", robots=library)
-
-
-def test_agent_classes_of_equal_robots_are_one(library):
-    robot = load_robot("six", library)
-    assert make_agent_class(robot=robot) is make_agent_class(robot=robot)
-    assert dataclasses.is_dataclass(robot)

@@ -74,6 +74,19 @@ class KinematicTree:
         """Names of the joints that move, in the order of the tree."""
         return tuple(joint.name for joint in self.joints if joint.axis is not None)
 
+    def take_chain(self, link: str) -> "KinematicTree":
+        """Keep the links and joints from the root to a link."""
+        by_child = {joint.child: joint for joint in self.joints}
+        joints, at = [], link
+        while at in by_child:
+            joints.append(by_child[at])
+            at = by_child[at].parent
+        kept = {at, *(joint.child for joint in joints)}
+        return KinematicTree(
+            links=tuple(item for item in self.links if item.name in kept),
+            joints=tuple(reversed(joints)),
+        )
+
     def compute_link_poses(self, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Compute every link's pose in the world.
 

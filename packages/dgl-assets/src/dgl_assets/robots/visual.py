@@ -59,6 +59,7 @@ class LinkMeshes:
         return LinkMeshes(files=self.files | other.files, by_link=by_link)
 
 
+@lru_cache(maxsize=1)
 def build_ur10e_meshes() -> LinkMeshes:
     """Build the meshes of the arm, link names without a side."""
     links = build_arm_solids()
@@ -73,6 +74,7 @@ def build_shadow_meshes(side: Side) -> LinkMeshes:
     return _select({link: (_hand_file(side, link),) for link in HAND_MASS})
 
 
+@lru_cache(maxsize=8)
 def build_pedestal_mesh(base_link: str, height: float) -> LinkMeshes:
     """Build the pedestal of an arm, shown with its base; nothing for a base on the ground.
 

@@ -8,7 +8,7 @@ import numpy as np
 from dgl_assets.robots._frames import rotation_about, transform
 from dgl_assets.robots.errors import RobotImportError
 from dgl_assets.robots.robot import PARK_ANGLE, UR10E_ARM
-from dgl_assets.robots.tree import EE_LINK, KinematicTree, Side, TreeJoint
+from dgl_assets.robots.tree import EE_LINK, KinematicTree, Side
 
 STARTS = 60
 STEPS = 60
@@ -120,7 +120,7 @@ def find_parked(tree: KinematicTree, home: np.ndarray, side: Side) -> np.ndarray
 
 def compute_reach(tree: KinematicTree) -> float:
     """Length of the chain from base to `ee`, joint by joint [m]."""
-    return float(sum(np.linalg.norm(joint.joint_to_parent[:3, 3]) for joint in _chain(tree)))
+    return float(sum(np.linalg.norm(joint.joint_to_parent[:3, 3]) for joint in tree.take_chain(EE_LINK).joints))
 
 
 class ArmChain:
@@ -131,7 +131,7 @@ class ArmChain:
         self.low, self.high = _limits(tree)
         self._links: list[tuple[np.ndarray, np.ndarray, np.ndarray, bool]] = []
         T = np.eye(4)
-        for joint in _chain(tree):
+        for joint in tree.take_chain(EE_LINK).joints:
             T = T @ joint.joint_to_parent
             if joint.axis is not None:
                 x, y, z = joint.axis
@@ -208,16 +208,6 @@ def _subtract(goal: np.ndarray, pose: np.ndarray) -> np.ndarray:
     if length <= 1e-9 and angle > 1.0:  # half a turn: any axis will do to get away from it
         turn = np.array([angle, 0.0, 0.0])
     return np.concatenate([goal[:3, 3] - pose[:3, 3], turn])
-
-
-def _chain(tree: KinematicTree) -> list[TreeJoint]:
-    """List the joints from the base to `ee`."""
-    by_child = {joint.child: joint for joint in tree.joints}
-    chain, link = [], EE_LINK
-    while link in by_child:
-        chain.append(by_child[link])
-        link = by_child[link].parent
-    return chain[::-1]
 
 
 def _limits(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:

@@ -86,6 +86,7 @@ def _solve(
     goals: list[tuple[float, np.ndarray, np.ndarray]],
 ) -> None:
     """Solve one finger's joints for goals of its tip: weight, origin, and offset from it."""
+    tree = tree.take_chain(finger.tip_link)
     joints = {joint.name: joint for joint in tree.joints}
     low = np.array([joints[name].lower for name in finger.joints])
     high = np.array([joints[name].upper for name in finger.joints])
