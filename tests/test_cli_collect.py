@@ -24,11 +24,13 @@ COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 
 @pytest.fixture
 def fake(monkeypatch):
-    """Make the verbs use made-up attempts with the given options."""
+    """Make the verbs use made-up attempts with the given options, made in this process."""
     monkeypatch.syspath_prepend(str(COLLECT_TESTS))
     fakes = importlib.import_module("dgl_collect_fakes")
 
-    def use(**options):
+    def use(*, has_processes=False, **options):
+        if not has_processes:
+            fakes.work_here(monkeypatch)
         config, made_up = dgl_collect.CollectConfig, {"attempt_factory": fakes.FACTORY}
         monkeypatch.setattr(
             "dgl_collect.CollectConfig",
@@ -87,7 +89,7 @@ def test_collect_refuses_in_one_line(fake, tmp_path):
 
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_collect_tells_the_command_that_goes_on(fake, tmp_path, capsys):
-    fake(seconds=0.5)
+    fake(has_processes=True, seconds=0.5)
     timer = threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     assert collect_verb.run(options(tmp_path / "my out", episodes=50)) == 130

@@ -41,18 +41,19 @@ COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 
 @pytest.fixture
 def fake(monkeypatch):
-    """Make the verb use made-up episodes."""
+    """Make the verb use made-up episodes, made in this process."""
     monkeypatch.syspath_prepend(str(COLLECT_TESTS))
     fakes = importlib.import_module("dgl_collect_fakes")
     config = dgl_collect.CollectConfig
 
-    def use(**options):
+    def use(*, has_processes=False, **options):
+        if not has_processes:
+            fakes.work_here(monkeypatch)
         made_up = {"attempt_factory": fakes.FACTORY, "options": options}
         monkeypatch.setattr(
             "dgl_collect.CollectConfig", lambda **content: config(**{**content, **made_up})
         )
 
-    use()
     return use
 
 
@@ -71,6 +72,7 @@ def count_even(seed, episodes, *, of=2):
 
 
 def test_results_hold_every_seed_and_every_episode(fake, tmp_path, capsys):
+    fake()
     assert verb.run(options(tmp_path / "out", episodes=6)) == 0
     out = capsys.readouterr().out
     results = json.loads((tmp_path / "out/results.json").read_text())
@@ -113,7 +115,7 @@ def interrupt_after_an_episode(out):
 @pytest.mark.slow
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
-    fake(seconds=0.3)
+    fake(has_processes=True, seconds=0.3)
     asked = options(tmp_path / "my out", episodes=60, seeds="3,4")
     threading.Thread(target=interrupt_after_an_episode, args=(asked.out,), daemon=True).start()
     assert verb.run(asked) == 130
@@ -133,6 +135,7 @@ def test_an_interrupted_evaluation_goes_on(fake, tmp_path, capsys):
 
 
 def test_refusals_come_before_any_work(fake, tmp_path):
+    fake()
     for changes, kind, message in (
         ({"task": "FoldTop-v1"}, UnknownTaskError, "did you mean 'FoldTops-v1'"),
         ({"policy": "magic"}, ValueError, "must be one of nothing, lift-drop, expert.*'magic'"),
@@ -150,6 +153,7 @@ def test_refusals_come_before_any_work(fake, tmp_path):
 
 
 def test_the_folder_of_a_collection_is_refused(fake, tmp_path):
+    fake()
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(ValueError, match=r"the folder of an evaluation; .* has a collection"):
         verb.run(options(tmp_path, resume=True))
@@ -298,6 +302,7 @@ def test_what_is_lifted_and_dropped_is_so_once():
 
 
 def test_a_module_beside_the_command_is_found(fake, tmp_path, monkeypatch):
+    fake()
     (tmp_path / "beside_me.py").write_text("def make(env):\n    return None\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", [path for path in sys.path if path])
@@ -428,7 +433,7 @@ def test_a_garment_that_cannot_be_simulated_ends_the_episode_with_its_error(
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path):
+def test_an_episode_of_doing_nothing_leaves_film_picture_and_value(tmp_path, coarse_garments):
     options = EvaluationOptions(policy="nothing", garments="test", friction=0.0)
     runner = make_evaluation_runner("FoldTops-v1", options)
     try:

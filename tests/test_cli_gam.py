@@ -60,6 +60,12 @@ def runs(data, tmp_path_factory):
     return out
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Draw no matches, which takes half a second."""
+    monkeypatch.setattr("dexgarmentlab.gam.picture.draw_matches", lambda *_, **__: None)
+
+
 def test_a_run_is_trained_and_found_again(data, runs, capsys):
     assert (runs / CATEGORY / "network.safetensors").is_file()
     command = ["train", "gam", "--data", str(data), "--out", str(runs), "--steps", "1"]
@@ -139,7 +145,7 @@ def test_two_garments_of_the_catalogue_are_matched_and_drawn(runs, tmp_path, cap
     assert "--heat must be in [0, 8)" in capsys.readouterr().err
 
 
-def test_files_of_every_kind_are_clouds(data, runs, tmp_path, capsys):
+def test_files_of_every_kind_are_clouds(data, runs, tmp_path, capsys, undrawn):
     import trimesh
 
     points = np.random.default_rng(0).uniform(size=(60, 3)).astype(np.float32)
@@ -166,7 +172,7 @@ def find_crotch(words, capsys):
     return np.array(result["matches"][0]["target"]), " ".join(result["assumptions"]["B"])
 
 
-def test_points_say_which_axis_is_taken_to_be_up(tmp_path, capsys):
+def test_points_say_which_axis_is_taken_to_be_up(tmp_path, capsys, undrawn):
     """A cloud in centimetres with y up is matched after --up y."""
     shown, seen = "Trousers/008000", load_cloud("Trousers/008001")
     file = tmp_path / "y_up.npy"
@@ -219,7 +225,7 @@ def test_meshes_of_others_are_brought_into_the_garment_frame(tmp_path, capsys):
     assert "b.obj" in capsys.readouterr().err
 
 
-def test_garments_of_two_categories_do_not_correspond(tmp_path, capsys):
+def test_garments_of_two_categories_do_not_correspond(tmp_path, capsys, undrawn):
     words = ["gam", "match", "Trousers/000001", "Scarf/000001", "--out", str(tmp_path / "m.png")]
     assert main(words) == 1
     assert "A is of Trousers and B of Scarf" in capsys.readouterr().err

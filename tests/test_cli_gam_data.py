@@ -1,9 +1,12 @@
 """`dgl gam data`: its summary, its picture, and what it says of failures and wrong options."""
 
+import importlib
 import json
+from pathlib import Path
 
 from dexgarmentlab.cli import main
 
+COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 GLOVE = "Glove/000000"
 
 
@@ -12,7 +15,9 @@ def words(out):
     return ["gam", "data", "--out", str(out), "--category", "Glove", *counts]
 
 
-def test_data_is_made_drawn_and_continued(tmp_path, capsys):
+def test_data_is_made_drawn_and_continued(tmp_path, capsys, monkeypatch):
+    monkeypatch.syspath_prepend(str(COLLECT_TESTS))
+    importlib.import_module("dgl_collect_fakes").work_here(monkeypatch)
     out, preview = tmp_path / "data", tmp_path / "sheet.png"
     assert main([*words(out), "--preview", str(preview)]) == 0
     assert preview.read_bytes().startswith(b"\x89PNG")

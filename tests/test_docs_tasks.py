@@ -122,7 +122,7 @@ def test_an_example_is_a_new_task_whose_demonstration_fits(name):
             assert np.linalg.norm(marked - position) < 0.05, landmark
 
 
-def test_the_hang_begins_with_its_bar_where_it_was_drawn():
+def test_the_hang_begins_with_its_bar_where_it_was_drawn(coarse_garments):
     task = dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2))
     made = gymnasium.make("FoldTops-v1", task=task, obs_mode="none", render_backend="none")
     try:
@@ -208,5 +208,6 @@ def test_dgl_collects_an_example_from_a_folder_of_its_own(name, tmp_path, monkey
     summary = json.loads((tmp_path / "out/summary.json").read_text(encoding="utf-8"))
     assert summary["task"] == read_example(name)[0].id
     assert summary["succeeded"] == 1
-    (episode,) = (tmp_path / "out/episodes").glob("*.h5")
-    assert main(["replay", str(episode), "--task", f"{name}.py"]) == 0
+    if name == EXAMPLES[0]:
+        (episode,) = (tmp_path / "out/episodes").glob("*.h5")
+        assert main(["replay", str(episode), "--task", f"{name}.py"]) == 0

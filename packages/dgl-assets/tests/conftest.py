@@ -35,17 +35,18 @@ class Families(Mapping[str, list[Garment]]):
         return self._made[category]
 
 
+@pytest.fixture(scope="session")
+def pairs() -> Families:
+    """Two garments of each category."""
+    return Families(1)
+
+
 @pytest.fixture(
-    scope="session", params=[1, pytest.param(3, marks=pytest.mark.slow)], ids=["two", "six"]
+    scope="session", params=[False, pytest.param(True, marks=pytest.mark.slow)], ids=["two", "six"]
 )
-def families(request) -> Families:
+def families(request, pairs) -> Families:
     """Two garments of each category; six in slow tests."""
-    return Families(request.param)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def garments_made_once():
-    """Make each garment anew: these tests are about making them."""
+    return Families(3) if request.param else pairs
 
 
 @pytest.fixture(scope="session")

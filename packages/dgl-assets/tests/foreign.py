@@ -1,5 +1,6 @@
 """Garments as other programs would export them: other units, axes, formats, shapes and habits."""
 
+import functools
 import io
 import json
 import zipfile
@@ -11,7 +12,7 @@ import trimesh
 from PIL import Image
 from scipy.spatial import KDTree
 
-from dgl_assets import make_top, sample_top
+from dgl_assets import Garment, make_top, sample_top
 
 Y_UP = np.eye(3)  # a body that stands: its height, the garment's y, is the file's y
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -33,8 +34,13 @@ class Shape:
         return float(trimesh.triangles.area(self.vertices[self.faces]).sum())
 
 
+@functools.cache
+def _make_top(seed: int) -> Garment:
+    return make_top(sample_top(seed), spacing=0.02)
+
+
 def make_lying_top(seed: int) -> Shape:
-    top = make_top(sample_top(seed), spacing=0.02)
+    top = _make_top(seed)
     return Shape(
         vertices=top.vertices.astype(np.float64),
         faces=top.faces.astype(np.int64),
@@ -55,7 +61,7 @@ def blow_up(garment, *, depth: float = 0.2) -> np.ndarray:
 
 def make_worn_top(seed: int, *, depth: float = 0.2) -> Shape:
     """A top that is blown up as if a body were in it."""
-    top = make_top(sample_top(seed), spacing=0.02)
+    top = _make_top(seed)
     flat = blow_up(top, depth=depth)
     uvs = top.rest_vertices.astype(np.float64) / 1.3 + 0.5
     return Shape(vertices=flat, faces=top.faces.astype(np.int64), landmarks=top.landmarks, uvs=uvs)

@@ -20,6 +20,11 @@ from dgl_assets.garments.registry import get_category
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def garments_made_once():
+    """Make each garment anew: equal ids must give equal arrays."""
+
+
 def test_the_same_id_gives_the_same_arrays():
     first, again = (load_garment("Tops_LongSleeve/000123", spacing=0.02) for _ in range(2))
     assert first.name == "Tops_LongSleeve/000123"

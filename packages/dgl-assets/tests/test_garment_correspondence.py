@@ -36,8 +36,8 @@ def test_a_point_on_a_leaf_is_told_from_the_front_below_it():
     assert np.median(mapped[:, 2]) < 0.01
 
 
-def test_wrong_points_are_refused(families):
-    source, target = families["Tops_LongSleeve"][:2]
+def test_wrong_points_are_refused(pairs):
+    source, target = pairs["Tops_LongSleeve"][:2]
     with pytest.raises(ValueError, match=r"shape \(N,\) or float points .* got shape \(4, 2\)"):
         correspond(source, np.zeros((4, 2)), target)
     with pytest.raises(ValueError, match=r"vertex ids must be in \[0, .* got -1 to 3"):
@@ -49,14 +49,14 @@ def test_wrong_points_are_refused(families):
         correspond(source, np.array([0]), other)
 
 
-def test_nothing_corresponds_to_nothing(families):
-    first, second = families["Scarf"][:2]
+def test_nothing_corresponds_to_nothing(pairs):
+    first, second = pairs["Scarf"][:2]
     assert correspond(first, np.zeros(0, dtype=int), second).shape == (0,)
     assert correspond(first, np.zeros((0, 3)), second).shape == (0, 3)
 
 
-def test_a_shell_has_a_wall_and_a_resting_shape_in_space(families):
-    sheet = families["Scarf"][0]
+def test_a_shell_has_a_wall_and_a_resting_shape_in_space(pairs):
+    sheet = pairs["Scarf"][0]
     rest = np.column_stack([sheet.rest_vertices, np.zeros(len(sheet.vertices))])
     shell = dataclasses.replace(sheet, rest_vertices=rest.astype(np.float32), wall_thickness=0.003)
     assert shell.area == pytest.approx(sheet.area, rel=1e-5)

@@ -17,8 +17,8 @@ def _is_background(picture: np.ndarray) -> np.ndarray:
     )  # resampling rings a little
 
 
-def test_a_picture_shows_the_garment_where_it_lies(families):
-    garment = families["Trousers"][0]
+def test_a_picture_shows_the_garment_where_it_lies(pairs):
+    garment = pairs["Trousers"][0]
     picture = draw_garment(garment, fabric=FABRIC, size=160)
     assert picture.shape == (160, 160, 3)
     assert picture.dtype == np.uint8
@@ -32,8 +32,8 @@ def test_a_picture_shows_the_garment_where_it_lies(families):
     assert np.count_nonzero(np.diff(low.astype(int)) == 1) == 2
 
 
-def test_landmarks_are_marked_only_when_asked(families):
-    garment = families["Scarf"][0]
+def test_landmarks_are_marked_only_when_asked(pairs):
+    garment = pairs["Scarf"][0]
     plain, marked = (
         draw_garment(garment, fabric=FABRIC, size=96, has_landmarks=mark) for mark in (False, True)
     )
@@ -41,9 +41,9 @@ def test_landmarks_are_marked_only_when_asked(families):
 
 
 @pytest.mark.parametrize("category", ["Baseball_Cap", "Bowl_Hat", "Glove"])
-def test_shells_are_seen_obliquely(families, category):
+def test_shells_are_seen_obliquely(pairs, category):
     """From above only the top of a hat would be seen: its picture shows width, height and shade."""
-    garment = families[category][0]
+    garment = pairs[category][0]
     picture = draw_garment(garment, fabric=FABRIC, size=160)
     is_drawn = ~_is_background(picture)
     rows, columns = np.nonzero(is_drawn)
@@ -61,8 +61,8 @@ def test_shells_are_seen_obliquely(families, category):
     assert normals[garment.landmarks[top], 2] > 0.3  # towards the viewer
 
 
-def test_names_are_written_beside_landmarks(families):
-    garment = families["Glove"][0]
+def test_names_are_written_beside_landmarks(pairs):
+    garment = pairs["Glove"][0]
     marked, named = (
         draw_garment(garment, fabric=FABRIC, size=300, has_landmarks=True, has_names=names)
         for names in (False, True)
@@ -70,8 +70,8 @@ def test_names_are_written_beside_landmarks(families):
     assert np.count_nonzero((marked != named).any(axis=2)) > 500
 
 
-def test_a_sheet_has_a_cell_for_each_garment_and_is_reproducible(families):
-    garments = [*families["Scarf"][:2], families["Glove"][0]]
+def test_a_sheet_has_a_cell_for_each_garment_and_is_reproducible(pairs):
+    garments = [*pairs["Scarf"][:2], pairs["Glove"][0]]
     sheet = draw_contact_sheet(garments, columns=2, size=64, seed=5)
     assert sheet.shape == (128, 128, 3)
     cells = [sheet[r : r + 64, c : c + 64] for r in (0, 64) for c in (0, 64)]
@@ -80,8 +80,8 @@ def test_a_sheet_has_a_cell_for_each_garment_and_is_reproducible(families):
     assert not np.array_equal(sheet, draw_contact_sheet(garments, columns=2, size=64, seed=6))
 
 
-def test_sheets_of_nothing_are_refused(families):
-    for garments, columns, size in (([], 2, 64), (families["Scarf"], 0, 64)):
+def test_sheets_of_nothing_are_refused(pairs):
+    for garments, columns, size in (([], 2, 64), (pairs["Scarf"], 0, 64)):
         with pytest.raises(ValueError, match="expected at least one garment"):
             draw_contact_sheet(garments, columns=columns, size=size)
 

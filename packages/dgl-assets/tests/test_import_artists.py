@@ -38,7 +38,7 @@ SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
 
 
 def bring(path, tmp_path, lay_flat=None, **options):
-    options = GarmentImportOptions(spacing=0.02, **options)
+    options = GarmentImportOptions(spacing=0.025, **options)
     return import_garment(path, out=tmp_path / "out", options=options, lay_flat=lay_flat)
 
 
@@ -72,7 +72,7 @@ def worn():
 
 
 def body():
-    ball = trimesh.creation.icosphere(4, radius=0.09)
+    ball = trimesh.creation.icosphere(3, radius=0.09)
     return np.asarray(ball.vertices), np.asarray(ball.faces)
 
 
@@ -160,7 +160,7 @@ def test_an_object_is_chosen_by_its_name(tmp_path, worn):
         bring(path, tmp_path, object="Coat")
     with pytest.raises(UnclearGarmentError, match="2 connected parts"):
         bring(path, tmp_path, object="part3")
-    for name in ("Shirt", "part1", "Shirt/part1"):
+    for name in ("Shirt", "Shirt/part1"):
         report = bring(path, tmp_path, object=name, overwrite=True)
         assert report.area == pytest.approx(worn.area, rel=0.02)
         assert any(name.partition("/")[0] in note for note in report.assumptions)

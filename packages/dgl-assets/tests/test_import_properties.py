@@ -217,7 +217,7 @@ def test_a_damaged_mesh_is_read_or_refused(suffix, data):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=3000, **COMMON)
+@settings(max_examples=800, **COMMON)
 @given(data=st.data())
 def test_a_damaged_mesh_is_read_or_refused_many_times(suffix, data):
     check_damaged(suffix, data)
@@ -284,7 +284,7 @@ def test_a_gltf_with_other_claims_is_read_or_refused(data):
 
 
 @pytest.mark.slow
-@settings(max_examples=10_000, **COMMON)
+@settings(max_examples=2500, **COMMON)
 @given(data=st.data())
 def test_a_gltf_with_other_claims_is_read_or_refused_many_times(data):
     check_claims(data)
@@ -459,7 +459,7 @@ def test_a_changed_urdf_is_read_or_refused(data):
 
 
 @pytest.mark.slow
-@settings(max_examples=3000, **COMMON)
+@settings(max_examples=800, **COMMON)
 @given(data=st.data())
 def test_a_changed_urdf_is_read_or_refused_many_times(data):
     check_urdf(data, 6)

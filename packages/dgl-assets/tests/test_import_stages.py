@@ -48,7 +48,7 @@ def scarf(tmp_path):
 
 
 def bring(path, tmp_path, lay_flat=None, **options):
-    options = GarmentImportOptions(spacing=0.02, **options)
+    options = GarmentImportOptions(spacing=0.025, **options)
     return import_garment(path, out=tmp_path / "out", options=options, lay_flat=lay_flat)
 
 

@@ -34,9 +34,9 @@ _SPEC.loader.exec_module(samples)
 
 @pytest.fixture(scope="module", autouse=True)
 def few_starts():
-    """Search an arm's home from fewer starts, and rate fewer solutions: a fifth of the time."""
+    """Search an arm's home from fewer starts, and rate fewer solutions: a third of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(home, "STARTS", 12)
+        patch.setattr(home, "STARTS", 24)
         patch.setattr(home, "CANDIDATES", 2)
         yield
 

@@ -1,5 +1,6 @@
 """Made-up episodes and attempts, in a module that worker processes can import."""
 
+import contextlib
 import errno
 import gc
 import os
@@ -11,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from dgl_collect import AttemptResult, Criterion, Episode, StageRecord, save_png, write_episode
+from dgl_collect.workers.engine import Lost, Worker
+from dgl_collect.workers.inside import Workbench
 from dgl_tasks.errors import PolicyError
 
 FACTORY = "dgl_collect_fakes:make_runner"
@@ -149,6 +152,75 @@ def make_runner(task, options):
     if options.get("fail_when_built"):
         raise RuntimeError("no Vulkan device")
     return FakeRunner(options)
+
+
+class Silence(BaseException):
+    """An attempt that never ends."""
+
+
+def be_silent():
+    raise Silence
+
+
+class InProcessWorker(Worker):
+    """A worker without a process: `SystemExit` is its end, `Silence` its hanging."""
+
+    def __init__(self, number, work, log_path):
+        super().__init__(number)
+        self.since, self._log_path = time.monotonic(), log_path
+        self._bench, self._task = Workbench(work), None
+        self.is_busy = True  # building
+
+    def _send(self, job, out_dir):
+        self._task, self.is_busy = (job, out_dir), True
+
+    def receive(self):
+        self.is_busy = False
+        with self._writing_to_log():
+            try:
+                return self._bench.do(*self._task) if self._task else self._bench.build()
+            except SystemExit as end:
+                return Lost(how=f"exit status {end.code}")
+            except Silence:
+                return None
+
+    def release(self):
+        with self._writing_to_log():
+            self._bench.close()
+
+    @contextlib.contextmanager
+    def _writing_to_log(self):
+        with self._log_path.open("a") as log, contextlib.redirect_stdout(log):
+            yield
+
+    def kill(self):
+        self.is_busy = False
+
+
+class InProcessEngine:
+    """Does the jobs of workers one after the other, when it is heard."""
+
+    def start(self, number, work, log_path):
+        return InProcessWorker(number, work, log_path)
+
+    def hear(self, workers, seconds):
+        busy = [worker for worker in workers if worker.is_busy]
+        heard = [(worker, worker.receive()) for worker in busy[:1]]
+        return [(worker, message) for worker, message in heard if message is not None]
+
+    def close(self):
+        pass
+
+
+def work_here(patch):
+    """Let the workers of a collection be in this process, and not cost a second each.
+
+    Args:
+        patch: pytest's monkeypatch.
+    """
+    patch.setattr("dgl_collect.workers.dispatch._start_engine", lambda workers: InProcessEngine())
+    patch.setattr(sys.modules[__name__], "end_worker", sys.exit)
+    patch.setattr(sys.modules[__name__], "hang", be_silent)
 
 
 if __name__ == "__main__":  # a run for the tests that interrupt one

@@ -26,7 +26,7 @@ quick = settings(
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
-thorough = settings(quick, max_examples=500)
+thorough = settings(quick, max_examples=200)
 
 STRANGE = st.one_of(
     st.none(),

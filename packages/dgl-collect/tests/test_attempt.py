@@ -24,7 +24,7 @@ TASK_ID = "FoldTops-v1"
 
 
 @pytest.fixture(scope="module")
-def runner():
+def runner(coarse_garments):
     made = make_attempt_runner(TASK_ID, RecordOptions())
     yield made
     made.close()
@@ -77,7 +77,8 @@ def test_options_are_recorded_and_read_again():
 def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
     runner, tmp_path, monkeypatch
 ):
-    reach_high(monkeypatch, runner)
+    garment = "Tops_LongSleeve/001294"
+    reach_high(monkeypatch, runner, options=RecordOptions(garment=garment))
     result = run(runner, tmp_path / "far")
     assert not result.success
     assert result.value is None
@@ -86,7 +87,7 @@ def test_what_is_out_of_reach_fails_with_its_reason_and_leaves_film_and_picture(
     assert set(result.files) == {"video", "picture"}
     for name in result.files.values():
         assert (tmp_path / "far" / name).stat().st_size > 1000
-    assert result.garment_id == result.randomisation["garment"]
+    assert result.garment_id == result.randomisation["garment"] == garment
     assert result.frames == 0
 
 
@@ -138,7 +139,7 @@ def test_what_an_environment_is_the_environment_of_cannot_be_changed(runner):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_equal_seeds_give_equal_files(runner, tmp_path):
+def test_equal_seeds_give_equal_files(runner, tmp_path, fine_garments):
     first, second = (run(runner, tmp_path / name) for name in ("first", "second"))
     assert first.success, (first.reason, first.detail)
     assert first.value == second.value >= 0.85
@@ -172,7 +173,9 @@ def check_episode(episode, result):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path, monkeypatch):
+def test_without_friction_and_adhesion_nothing_is_carried(
+    runner, tmp_path, monkeypatch, fine_garments
+):
     task = get_task(TASK_ID)
     material = dataclasses.replace(task.material, friction=0.0, adhesion=0.0)
     # the environment reads it at each reset
@@ -186,17 +189,3 @@ def test_without_friction_and_adhesion_nothing_is_carried(runner, tmp_path, monk
     # time
     assert result.measurements["further_tries"] >= TRIES - 1
     assert "episode" not in result.files
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-@pytest.mark.render
-def test_the_garment_can_be_chosen(tmp_path):
-    garment = "Tops_LongSleeve/001294"
-    made = make_attempt_runner(TASK_ID, RecordOptions(garment=garment))
-    try:
-        result = run(made, tmp_path / "chosen", seed=3)
-    finally:
-        made.close()
-    assert result.garment_id == garment
-    assert result.randomisation["garment"] == garment

@@ -21,7 +21,16 @@ from dgl_gam.data import read_garment
 from dgl_physics import PhysicsError
 
 SCARF, GLOVE = "Scarf/000000", "Glove/000000"
+SPACING = garment_module.SPACING
 UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse():
+    """Simulate garments of a third of the particles."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(garment_module, "SPACING", 0.025)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -269,7 +278,8 @@ def test_a_garment_that_cannot_be_meshed_as_usual_has_other_edges(tmp_path, monk
 
 
 @pytest.mark.slow
-def test_a_run_keeps_files_and_failures_and_resumes(tmp_path):
+def test_a_run_keeps_files_and_failures_and_resumes(tmp_path, monkeypatch):
+    monkeypatch.setattr(garment_module, "SPACING", SPACING)  # other processes make them, too
     out = tmp_path / "data"
     config = DataConfig(categories=("Glove",), train=0, test=0, flat=1)
     make(GLOVE, tmp_path / "here", is_flat=True)

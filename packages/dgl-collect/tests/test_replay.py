@@ -73,7 +73,7 @@ def perform(attempts, fakes, *, seed):
 
 
 @pytest.fixture(scope="module")
-def attempts():
+def attempts(coarse_garments):
     made = make_attempt_runner("HangTrousers-v1", RecordOptions())
     yield made
     made.close()
@@ -167,13 +167,9 @@ def test_a_tolerance_applies_to_numbers_and_never_to_the_verdict():
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_a_whole_attempt_reproduces(attempts, tmp_path):
+def test_a_whole_attempt_reproduces(attempts, tmp_path, fine_garments):
     result = attempts.run(AttemptRequest(index=0, seed=0, episode_id="e"), tmp_path)
     episode = read_episode(tmp_path / result.files["episode"])
     replay = replay_episode(episode)  # in an environment of its own
     assert replay.reproduces(), replay
     assert replay.recorded[0]
-    commands = episode.commands.copy()
-    commands[episode.stages[0].first_step + 20] += 0.02
-    changed = dataclasses.replace(episode, commands=commands)
-    assert not replay_in(attempts.env, changed).reproduces()

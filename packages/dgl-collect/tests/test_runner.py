@@ -1,4 +1,3 @@
-import contextlib
 import errno
 import importlib
 import json
@@ -27,73 +26,16 @@ from dgl_collect import (
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import opened_run, read_run
-from dgl_collect.workers import dispatch
-from dgl_collect.workers.engine import Lost, Worker
-from dgl_collect.workers.inside import Workbench
 from dgl_files.whole import append_line
 from dgl_tasks.errors import UnknownTaskError
 
 SUCCESSES = [index for index in range(8) if make_attempt_seed(0, index) % 2 == 0]
 
 
-class Silence(BaseException):
-    """An attempt that never ends."""
-
-
-def be_silent():
-    raise Silence
-
-
-class InProcessWorker(Worker):
-    """A worker without a process: `SystemExit` is its end, `Silence` its hanging."""
-
-    def __init__(self, number, work, log_path):
-        super().__init__(number)
-        self.since, self._log_path = time.monotonic(), log_path
-        self._bench, self._task = Workbench(work), None
-        self.is_busy = True  # building
-
-    def _send(self, job, out_dir):
-        self._task, self.is_busy = (job, out_dir), True
-
-    def receive(self):
-        self.is_busy = False
-        with self._log_path.open("a") as log, contextlib.redirect_stdout(log):
-            try:
-                return self._bench.do(*self._task) if self._task else self._bench.build()
-            except SystemExit as end:
-                return Lost(how=f"exit status {end.code}")
-            except Silence:
-                return None
-
-    def release(self):
-        self._bench.close()
-
-    def kill(self):
-        self.is_busy = False
-
-
-class InProcessEngine:
-    """Does the jobs of workers one after the other, when it is heard."""
-
-    def start(self, number, work, log_path):
-        return InProcessWorker(number, work, log_path)
-
-    def hear(self, workers, seconds):
-        busy = [worker for worker in workers if worker.is_busy]
-        heard = [(worker, worker.receive()) for worker in busy[:1]]
-        return [(worker, message) for worker, message in heard if message is not None]
-
-    def close(self):
-        pass
-
-
 @pytest.fixture
 def run(run_processes, fakes, monkeypatch):
     """Collects with workers in this process."""
-    monkeypatch.setattr(dispatch, "_start_engine", lambda workers: InProcessEngine())
-    monkeypatch.setattr(fakes, "end_worker", sys.exit)
-    monkeypatch.setattr(fakes, "hang", be_silent)
+    fakes.work_here(monkeypatch)
     return run_processes
 
 
@@ -179,14 +121,21 @@ def test_the_garbage_collector_passes_over_what_a_worker_has_imported(finished):
     assert "collects True, passes over many True" in log
 
 
-def test_results_do_not_depend_on_the_number_of_workers(run_processes, finished, tmp_path):
-    one, three = finished[0], tmp_path / "out"
-    run_processes(episodes=4, workers=Workers(count=3))
-    for a, b in zip(results_of(one), results_of(three), strict=True):
+def test_results_depend_neither_on_the_number_of_workers_nor_on_lost_ones(
+    run_processes, finished, tmp_path
+):
+    """Two workers, the second of which is lost in its first attempt."""
+    one, two = finished[0], tmp_path / "out"
+    options = {"die_once_at": [1], "marks": str(tmp_path)}
+    run_processes(episodes=4, workers=Workers(count=2), options=options)
+    for a, b in zip(results_of(one), results_of(two), strict=True):
         assert facts(a) == facts(b)
         if a.success:
             path = a.files["episode"]
-            assert (one / path).read_bytes() == (three / path).read_bytes()
+            assert (one / path).read_bytes() == (two / path).read_bytes()
+    logs = [(two / f"logs/worker-{number}.log").read_text() for number in range(2)]
+    spoken = [sum(log.count(f"attempt {k} speaks") for log in logs) for k in range(4)]
+    assert spoken == [1, 2, 1, 1]
 
 
 def test_resume_makes_only_what_is_missing(run, finished, tmp_path):
@@ -273,15 +222,6 @@ def test_an_attempt_that_crashes_each_time_is_a_result_with_its_reason(run, tmp_
     assert result.detail == "exit status 3, 5 times (see logs/worker-0.log)"
     assert (summary.attempted, summary.status) == (4, "complete")
     assert not (tmp_path / "out/.staging").exists()
-
-
-def test_an_attempt_whose_worker_was_lost_is_made_again(run_processes, finished, tmp_path):
-    run_processes(episodes=2, options={"die_once_at": [1], "marks": str(tmp_path)})
-    assert [facts(a) for a in results_of(tmp_path / "out")] == [
-        facts(b) for b in results_of(finished[0])[:2]
-    ]
-    log = (tmp_path / "out/logs/worker-0.log").read_text()
-    assert [log.count(f"attempt {index} speaks") for index in range(2)] == [1, 2]
 
 
 def test_memory_that_is_used_up_is_no_result_of_the_attempt(run, finished, tmp_path):
@@ -391,6 +331,7 @@ def test_a_policy_of_the_wrong_form_ends_the_run_and_keeps_the_results(run, tmp_
     assert [result.index for result in results_of(tmp_path / "out")] == [0, 1]
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_what_it_needs(tmp_path, fakes):
     script = tmp_path / "mine.py"
     script.write_text(

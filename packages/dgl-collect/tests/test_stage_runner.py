@@ -779,7 +779,7 @@ def test_an_episode_is_played_the_same_twice(make_world, step):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.render
-def test_looking_at_more_changes_nothing():
+def test_looking_at_more_changes_nothing(coarse_garments):
     """As a recording does: equal commands, equal end."""
     setup = make_setup("FoldTops-v1")
     try:

@@ -37,6 +37,7 @@ def whole(tmp_path_factory, request):
         patch.syspath_prepend(str(Path(__file__).parent))
         import dgl_collect_fakes as fakes
 
+        fakes.work_here(patch)
         config = CollectConfig(
             task="FoldTops-v1", episodes=COUNT, attempt_factory=fakes.FACTORY, out=out
         )

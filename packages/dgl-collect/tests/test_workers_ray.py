@@ -1,5 +1,6 @@
 """Workers on a Ray cluster: the same files as on one machine, whatever is lost on the way."""
 
+import importlib.util
 import json
 import re
 import shutil
@@ -14,16 +15,25 @@ from dgl_collect import CollectConfig, EngineError, Limits, WorkerError, Workers
 from dgl_collect.results import read_results
 from dgl_collect.workers import dispatch
 
-pytest.importorskip("ray")
-from ray.cluster_utils import Cluster
+HAS_RAY = importlib.util.find_spec("ray") is not None  # importing it takes a second
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(not HAS_RAY, reason="Ray is not installed"),
+]
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+def start_cluster(**options):
+    """Start a cluster of a head on this machine."""
+    from ray.cluster_utils import Cluster
+
+    return Cluster(initialize_head=True, head_node_args=options)
 
 
 @pytest.fixture(scope="module")
 def cluster():
     """A cluster of a head without processors and two nodes of one each, all on this machine."""
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
+    cluster = start_cluster(num_cpus=0)
     for _ in range(2):
         cluster.add_node(num_cpus=1)
     yield cluster
@@ -46,10 +56,12 @@ def run(tmp_path, fakes, cluster):
 
 
 @pytest.fixture
-def local(run, tmp_path):
-    """The files of the same run by one process of this machine, by their paths."""
+def local(run, tmp_path, fakes):
+    """The files of the same run without Ray, by their paths."""
     out = tmp_path / "local"
-    run(out=out, workers=Workers())
+    with pytest.MonkeyPatch.context() as patch:
+        fakes.work_here(patch)
+        run(out=out, workers=Workers())
     return files_of(out)
 
 
@@ -157,7 +169,7 @@ def test_a_run_that_is_told_to_end_does_so(run, tmp_path, fakes, cluster):
 
 
 def test_a_lost_head_is_told(tmp_path, fakes):
-    own = Cluster(initialize_head=True, head_node_args={"num_cpus": 2})
+    own = start_cluster(num_cpus=2)
     try:
         with start_run(fakes, tmp_path / "out", own.address, episodes=1000) as process:
             own.head_node.kill_gcs_server()

@@ -26,7 +26,7 @@ FEW = settings(
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-MANY = settings(FEW, max_examples=400)
+MANY = settings(FEW, max_examples=150)
 
 CONFIG = NetworkConfig(
     levels=(

@@ -106,8 +106,8 @@ def press_on_an_edge(run, *, depth, at):
     body = builder.add_body("ball")
     builder.add_shape(Shape(kind="sphere", size=(THIN, 0.0, 0.0)), body=body)
     r = run(builder, gravity=(0.0, 0.0, 0.0))
-    heights = np.linspace(0.01, THIN - depth, 60)
-    for k, height in enumerate([*heights, *[heights[-1]] * 30]):
+    heights = np.linspace(0.005, THIN - depth, 40)
+    for k, height in enumerate([*heights, *[heights[-1]] * 20]):
         r.move([[*at, height, 1, 0, 0, 0]], is_jump=k == 0)
         r.step()
     return r, float(heights[-1])

@@ -1,5 +1,7 @@
 """Cloth on hulls and meshes behaves as on primitives; near shapes are found, and only those."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -21,8 +23,9 @@ def solid(mesh, **settings):
     return CollisionMesh(vertices=mesh[0], faces=mesh[1], **settings)
 
 
+@functools.cache
 def make_slab(meshes, kind, half=(0.3, 0.3, 0.02)):
-    """A slab below z = 0 of any kind."""
+    """A slab below z = 0 of any kind; made once, as the grid of a mesh takes half a second."""
     pose = np.array([0, 0, -half[2], 1, 0, 0, 0])
     if kind == "box":
         return Shape(kind="box", size=half, pose=pose)

@@ -196,7 +196,7 @@ def test_each_twin_equals_its_kernel(sheet, meshes, scene):
     _, state = play(
         SCENES[scene](sheet, meshes),
         "vector",
-        frames=10,
+        frames=6,
         check=lambda solver: compared.append(Compared(solver)),
     )
     assert np.isfinite(state.get_positions()).all()
@@ -229,7 +229,7 @@ def test_lists_that_are_too_short_grow_and_change_nothing(sheet, meshes):
         ("vector", {"near_capacity": 1}),
         ("warp", {"neighbour_capacity": 2, "near_capacity": 1}),
     ):
-        mine, state = play(make_shapes(sheet, meshes), cpu_code, **change)
+        mine, state = play(make_shapes(sheet, meshes), cpu_code, frames=10, **change)
         courses.append((mine, state.get_memory(), state.impulse.numpy()))
     for other in courses[1:]:
         for mine, its in zip(courses[0], other, strict=True):

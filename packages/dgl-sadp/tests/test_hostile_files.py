@@ -35,7 +35,7 @@ FEW = settings(
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-MANY = settings(FEW, max_examples=600)
+MANY = settings(FEW, max_examples=200)
 
 
 def check_told(error: Exception, path: Path | None = None) -> None:

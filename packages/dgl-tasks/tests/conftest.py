@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_assets import load_garment
-from dgl_assets.importing import find_garment
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks.cameras import Workspace
@@ -169,20 +167,6 @@ class FakeEnv:
 @functools.cache
 def _make_planner():
     return BimanualMotion(dgl_tasks.get_task("FoldTops-v1"))
-
-
-@pytest.fixture(scope="module")
-def coarse_garments():
-    """Give garments a fifth of the particles, so that they settle five times as fast."""
-
-    def find(source):
-        return (
-            load_garment(source, spacing=0.025) if isinstance(source, str) else find_garment(source)
-        )
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dgl_tasks.task_garment.find_garment", find)
-        yield
 
 
 def refuse(table):

@@ -276,6 +276,7 @@ def made(coarse_garments):
         reward_mode="none",
         sim_backend="physx_cpu",
         render_backend="none",
+        reconfiguration_freq=0,
     )
     yield made
     made.close()
@@ -294,7 +295,7 @@ class Replay:
         return self.chunks.pop(0)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 def test_actions_of_a_policy_do_the_same_as_steps_and_in_an_episode(
     made, motion, observe_without_cameras, dtype
 ):

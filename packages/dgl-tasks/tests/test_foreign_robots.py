@@ -26,7 +26,7 @@ samples = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(samples)
 
 pytestmark = pytest.mark.slow
-ROBOTS = ("seven+lefty", "six+shadow", "ur10e+sixteen", "both")
+ROBOTS = ("seven+lefty", "ur10e+sixteen", "both")
 REST_SPEED = 1e-3
 """Speed of every joint below which a robot counts as at rest [rad/s or m/s]."""
 

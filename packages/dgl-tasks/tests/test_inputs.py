@@ -19,13 +19,13 @@ few = settings(max_examples=60, deadline=None, derandomize=True, database=None)
 
 
 def make(**changes):
-    given_ = {"task": HARDLY_SETTLED, "obs_mode": "state", "render_backend": "none"} | changes
-    return gymnasium.make("FoldTops-v1", **given_)
+    given_ = {"task": HARDLY_SETTLED, "obs_mode": "state", "render_backend": "none"}
+    return gymnasium.make("FoldTops-v1", **(given_ | {"reconfiguration_freq": 0} | changes))
 
 
 @pytest.fixture(scope="module")
 def env(coarse_garments):
-    made = make(reconfiguration_freq=0)
+    made = make()
     made.reset(seed=0)
     yield made
     made.close()

@@ -15,13 +15,14 @@ from mani_skill.vector.wrappers.gymnasium import ManiSkillVectorEnv
 
 import dgl_tasks
 
+pytestmark = pytest.mark.usefixtures("coarse_garments")
 TASK = dgl_tasks.get_task("FoldTops-v1")
 HARDLY_SETTLED = dataclasses.replace(TASK, start=dataclasses.replace(TASK.start, settle_frames=2))
 
 
 def make(**changes):
-    given = {"task": HARDLY_SETTLED, "obs_mode": "state", "render_backend": "none"} | changes
-    return gymnasium.make("FoldTops-v1", **given)
+    given = {"task": HARDLY_SETTLED, "obs_mode": "state", "render_backend": "none"}
+    return gymnasium.make("FoldTops-v1", **(given | {"reconfiguration_freq": 0} | changes))
 
 
 def hold(env):
@@ -32,7 +33,7 @@ def hold(env):
 @pytest.mark.parametrize("auto_reset", [False, True])
 def test_maniskills_vector_environment_ends_episodes_in_time(auto_reset):
     env = ManiSkillVectorEnv(
-        make(max_episode_steps=2, reconfiguration_freq=0),
+        make(max_episode_steps=2),
         auto_reset=auto_reset,
         ignore_terminations=True,
         record_metrics=True,
@@ -69,13 +70,8 @@ def test_an_environment_is_made_again_from_its_specification():
         made.close()
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    """A recording of two steps, by ManiSkill's wrapper."""
-    folder = tmp_path_factory.mktemp("recording")
-    env = gymnasium.make(
-        "FoldTops-v1", obs_mode="state", render_backend="none", max_episode_steps=2
-    )
+def record(env, folder):
+    """Record two steps by ManiSkill's wrapper; return the file."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # ManiSkill calls `Logger.warn`
         recorder = RecordEpisode(env, str(folder), trajectory_name="short", save_video=False)
@@ -88,7 +84,11 @@ def recording(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_maniskill_replays_its_recording_in_a_process_of_its_own(recording):
+def test_maniskill_replays_its_recording_in_a_process_of_its_own(tmp_path, fine_garments):
+    env = gymnasium.make(
+        "FoldTops-v1", obs_mode="state", render_backend="none", max_episode_steps=2
+    )
+    recording = record(env, tmp_path)
     command = [sys.executable, "-m", "mani_skill.trajectory.replay_trajectory"]
     options = ["--traj-path", str(recording), "--allow-failure", "--save-traj"]
     done = subprocess.run([*command, *options], capture_output=True, text=True, check=False)
@@ -102,11 +102,12 @@ def test_maniskill_replays_its_recording_in_a_process_of_its_own(recording):
             np.testing.assert_array_equal(first[f"traj_0/{name}"], second[f"traj_0/{name}"])
 
 
-def test_recorded_states_are_restored(recording):
+def test_recorded_states_are_restored(tmp_path):
     """ManiSkill hands them back as vectors of NumPy."""
     from mani_skill.trajectory.utils import dict_to_list_of_dicts
 
-    env = gymnasium.make("FoldTops-v1", obs_mode="state", render_backend="none").unwrapped
+    recording = record(make(task="FoldTops-v1", max_episode_steps=2), tmp_path)
+    env = make(task="FoldTops-v1").unwrapped
     env.reset(seed=0)
     with h5py.File(recording) as file:
         *_, last = dict_to_list_of_dicts(file["traj_0/env_states"])

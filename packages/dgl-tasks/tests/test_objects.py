@@ -44,10 +44,11 @@ WITH_TABLE = dataclasses.replace(
 
 
 @pytest.fixture(scope="module")
-def env():
+def env(coarse_garments):
     made = gymnasium.make(
         "FoldTops-v1",
         task=WITH_TABLE,
+        reconfiguration_freq=0,
         obs_mode="none",
         sim_backend="physx_cpu",
         render_backend="none",
@@ -72,7 +73,7 @@ def test_cloth_lies_on_an_object_and_hangs_over_its_edges(env):
     particles = env.get_particles()
     x, y = particles[:, 0] - env.draws["block_x"], particles[:, 1] - 0.8
     inside = (np.abs(x) < 0.2) & (np.abs(y) < 0.2)
-    assert inside.sum() > 200
+    assert inside.sum() > 50
     assert particles[inside, 2].min() > HEIGHT - 0.002
     outside = (np.abs(x) > 0.3) | (np.abs(y) > 0.3)
     assert np.quantile(particles[outside, 2], 0.2) < HEIGHT - 0.03
@@ -113,17 +114,19 @@ def test_states_hold_where_objects_are(env):
     np.testing.assert_allclose(env.objects["bar"].pose, before, atol=1e-6)
 
 
-def test_placing_an_object_moves_no_draw_of_the_garment(env):
+def test_placing_an_object_moves_no_draw_of_the_garment(env, monkeypatch):
     """The garment and its place are those of the task without objects."""
     start = dataclasses.replace(WITH_TABLE.start, settle_frames=2)
+    monkeypatch.setattr(env, "_task", dataclasses.replace(WITH_TABLE, start=start))
     plain = gymnasium.make(
         "FoldTops-v1",
         task=dataclasses.replace(WITH_TABLE, objects=(), start=start),
         obs_mode="none",
         render_backend="none",
+        reconfiguration_freq=0,
     ).unwrapped
-    plain.reset(seed=9)
-    env.reset(seed=9)
+    for made in (plain, env):
+        made.reset(seed=9)
     assert {key: env.draws[key] for key in plain.draws} == plain.draws
     assert set(env.draws) - set(plain.draws) == {
         f"{name}_{axis}" for name in env.objects for axis in "xy"

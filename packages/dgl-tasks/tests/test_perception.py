@@ -6,6 +6,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+from mani_skill.envs.sapien_env import BaseEnv
 from scipy.spatial import cKDTree
 
 import dgl_tasks
@@ -35,6 +36,7 @@ def env():
         sim_backend="physx_cpu",
         render_backend="cpu",
         render_mode="rgb_array",
+        reconfiguration_freq=0,
     ).unwrapped
     made.reset(seed=0)
     yield made
@@ -250,6 +252,21 @@ def test_what_is_sensed_depends_on_seed_and_step_alone(env):
         assert not np.array_equal(sensed.see_garment(), cloud)
 
 
+def test_observations_of_points_have_clouds_beside_what_maniskill_gives(env, monkeypatch):
+    def give_nothing(self, info, apply_texture_transforms):
+        return {}
+
+    monkeypatch.setattr(BaseEnv, "_get_obs_with_sensor_data", give_nothing)
+    monkeypatch.setattr(env, "_obs_mode", "pointcloud")
+    seen, again = (env._get_obs_with_sensor_data({}, True) for _ in range(2))
+    assert seen["garment_cloud"].shape == (1, CLOUD_SIZE, 3)
+    assert seen["workspace_cloud"].shape == (1, CLOUD_SIZE, 6)
+    assert cKDTree(env.get_particles()).query(seen["garment_cloud"][0])[0].max() < 0.015
+    for name, cloud in again.items():
+        np.testing.assert_array_equal(cloud, seen[name])
+
+
+@pytest.mark.slow
 def test_observations_have_pictures_and_clouds():
     """Of ManiSkill's modes, with the clouds of `dgl_tasks.perception`."""
     task = dgl_tasks.get_task("FoldTops-v1")

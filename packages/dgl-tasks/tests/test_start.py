@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import dgl_tasks
-from dgl_assets.importing import find_garment
 from dgl_assets.props import PlatformParameters
 from dgl_tasks.declaration import SceneObject, Start
 from dgl_tasks.success import Criterion, Verdict
@@ -20,7 +19,11 @@ SEED = 1003
 @pytest.fixture(scope="module")
 def env(coarse_garments):
     made = gymnasium.make(
-        "FlingTops-v1", obs_mode="none", sim_backend="physx_cpu", render_backend="none"
+        "FlingTops-v1",
+        obs_mode="none",
+        sim_backend="physx_cpu",
+        render_backend="none",
+        reconfiguration_freq=0,
     )
     yield made.unwrapped
     made.close()
@@ -59,8 +62,7 @@ def test_a_garment_is_dropped_onto_a_frame_of_an_object(coarse_garments):
 
 
 @pytest.mark.slow
-def test_what_falls_flat_is_dropped_again_steeper(env, monkeypatch):
-    monkeypatch.setattr("dgl_tasks.task_garment.find_garment", find_garment)  # not a coarse one
+def test_what_falls_flat_is_dropped_again_steeper(env, monkeypatch, fine_garments):
     limit = env.task.start.value_below
     any_start = dataclasses.replace(env.task.start, value_below=None)
     with monkeypatch.context() as patch:

@@ -120,7 +120,8 @@ def find_parked(tree: KinematicTree, home: np.ndarray, side: Side) -> np.ndarray
 
 def compute_reach(tree: KinematicTree) -> float:
     """Length of the chain from base to `ee`, joint by joint [m]."""
-    return float(sum(np.linalg.norm(joint.joint_to_parent[:3, 3]) for joint in tree.take_chain(EE_LINK).joints))
+    joints = tree.take_chain(EE_LINK).joints
+    return float(sum(np.linalg.norm(joint.joint_to_parent[:3, 3]) for joint in joints))
 
 
 class ArmChain:
