@@ -15,7 +15,7 @@ from dexgarmentlab.cli import main
 from dgl_assets import build_garments, list_categories, load_garment
 from dgl_assets.importing import load_asset
 
-SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
+SCARF = "v 0 0 0\nv 100 0 0\nv 100 20 0\nv 0 20 0\nf 1 2 3 4\n"
 
 
 @pytest.fixture
@@ -33,9 +33,9 @@ def test_an_import_says_what_it_made_and_assumed(scarf, tmp_path, capsys):
     assert bring(scarf, "--out", tmp_path / "out", "--licence", "CC0") == 0
     text = capsys.readouterr().out
     assert f"imported {tmp_path / 'out' / 'Scarf' / 'scarf'}" in text
-    assert "Scarf, 1.20 x 0.25 x 0.00 m" in text
+    assert "Scarf, 1.00 x 0.20 x 0.00 m" in text
     assert "licence: CC0" in text
-    assert "unit cm, assumed because 1.20 m is the size of a Scarf" in text
+    assert "unit cm, assumed because 1.00 m is the size of a Scarf" in text
 
 
 def test_the_result_as_json(scarf, tmp_path, capsys):
@@ -44,7 +44,7 @@ def test_the_result_as_json(scarf, tmp_path, capsys):
     (report,) = result["imported"]
     assert result["refused"] == []
     assert report["category"] == "Scarf"
-    assert load_asset(report["folder"]).area == pytest.approx(0.3, rel=1e-3)
+    assert load_asset(report["folder"]).area == pytest.approx(0.2, rel=1e-3)
 
 
 def test_a_refusal_is_one_line_and_a_failure(tmp_path, capsys):
@@ -65,7 +65,7 @@ def test_wrong_options_are_refused(scarf, tmp_path, capsys):
 
 def test_a_folder_of_many_is_imported_model_by_model(tmp_path, capsys):
     many = tmp_path / "many"
-    for name, text in (("a", SCARF), ("b", SCARF.replace("120", "150")), ("c", "v 0 0 0\n")):
+    for name, text in (("a", SCARF), ("b", SCARF.replace("100", "150")), ("c", "v 0 0 0\n")):
         (many / name).mkdir(parents=True)
         (many / name / f"{name}.obj").write_text(text)
     assert bring(many, "--out", tmp_path / "out", "--json") == 1

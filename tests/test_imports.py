@@ -46,30 +46,64 @@ ALLOWED: dict[str, frozenset[str]] = {
     "dgl_collect": frozenset({"gymnasium", "h5py", "imageio", "scipy", "warp"}),
 }
 
+SHARED = (frozenset(), frozenset({"torch"}), frozenset({"warp"}), ALLOWED["dgl_tasks"])
+"""Libraries that take long to import, once for all packages that may have them."""
+
 _PROBE = """
-import importlib, json, sys
-module = importlib.import_module(sys.argv[1])
-names = list(getattr(module, "__all__", []))
-print(json.dumps({
-    "missing": [name for name in names if not hasattr(module, name)],
-    "twice": sorted({name for name in names if names.count(name) > 1}),
-    "loaded": sorted({name.partition(".")[0] for name in sys.modules}),
-}))
+import importlib, json, os, sys
+
+def in_fork(do, *arguments):
+    process = os.fork()
+    if not process:
+        do(*arguments)
+        sys.stdout.flush()
+        os._exit(0)
+    assert os.waitpid(process, 0)[1] == 0, arguments
+
+def tell(package):
+    module = importlib.import_module(package)
+    names = list(getattr(module, "__all__", []))
+    print(json.dumps({
+        "package": package,
+        "missing": [name for name in names if not hasattr(module, name)],
+        "twice": sorted({name for name in names if names.count(name) > 1}),
+        "loaded": sorted({name.partition(".")[0] for name in sys.modules}),
+    }))
+
+def tell_all(libraries, packages):
+    for library in libraries:
+        importlib.import_module(library)
+    for package in packages:
+        in_fork(tell, package)
+
+for libraries, packages in json.loads(sys.argv[1]):
+    in_fork(tell_all, libraries, packages)
 """
 
 
-@pytest.fixture(scope="module", params=sorted(ALLOWED))
-def imported(request):
-    """Name of a package, and what a fresh process tells after importing it."""
+@pytest.fixture(scope="module")
+def told():
+    """Facts of each package, of a process that has imported nothing else but what is shared."""
+    groups = [(sorted(libraries), []) for libraries in SHARED]
+    for package, allowed in ALLOWED.items():
+        fitting = [k for k, libraries in enumerate(SHARED) if libraries <= allowed]
+        most = max(fitting, key=lambda k: len(SHARED[k]))
+        groups[most][1].append(package)
     done = subprocess.run(
-        [sys.executable, "-c", _PROBE, request.param],
+        [sys.executable, "-c", _PROBE, json.dumps(groups)],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return request.param, json.loads(done.stdout.splitlines()[-1])
+    return {facts["package"]: facts for facts in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.fixture(params=sorted(ALLOWED))
+def imported(request, told):
+    """Name of a package, and its facts."""
+    return request.param, told[request.param]
 
 
 def test_every_public_name_exists_once(imported):

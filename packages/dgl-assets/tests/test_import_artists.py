@@ -34,7 +34,7 @@ _SPEC = importlib.util.spec_from_file_location("foreign", Path(__file__).parent 
 foreign = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(foreign)
 
-SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
+SCARF = "v 0 0 0\nv 100 0 0\nv 100 20 0\nv 0 20 0\nf 1 2 3 4\n"
 
 
 def bring(path, tmp_path, lay_flat=None, **options):
@@ -122,7 +122,7 @@ def test_the_archive_that_a_download_site_packed_again_is_unpacked(tmp_path):
 
 
 def test_of_several_meshes_one_is_chosen(tmp_path):
-    members = {"a/scarf.obj": SCARF, "b/shawl.obj": SCARF.replace("120", "130")}
+    members = {"a/scarf.obj": SCARF, "b/shawl.obj": SCARF.replace("100", "130")}
     path = pack(tmp_path / "two.zip", members)
     with pytest.raises(UnreadableFileError, match=r"`mesh`: a/scarf.obj, b/shawl.obj"):
         bring(path, tmp_path)

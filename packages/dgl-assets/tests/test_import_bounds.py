@@ -273,7 +273,7 @@ def test_an_asset_whose_files_are_links_to_themselves_is_refused(tmp_path):
 
 
 def test_an_asset_with_impossible_numbers_is_refused(tmp_path):
-    scarf = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
+    scarf = "v 0 0 0\nv 100 0 0\nv 100 20 0\nv 0 20 0\nf 1 2 3 4\n"
     (tmp_path / "scarf.obj").write_text(scarf)
     folder = import_garment(
         tmp_path / "scarf.obj", out=tmp_path / "out", options=GarmentImportOptions(spacing=0.02)
@@ -296,7 +296,7 @@ def test_an_asset_with_impossible_numbers_is_refused(tmp_path):
 def test_a_name_that_is_not_utf8_is_imported_and_can_be_written(tmp_path):
     path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/red\xff.obj"))
     try:
-        path.write_text("v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n")
+        path.write_text("v 0 0 0\nv 100 0 0\nv 100 20 0\nv 0 20 0\nf 1 2 3 4\n")
     except OSError:
         pytest.skip("this file system has no such names")
     report = import_garment(path, out=tmp_path / "out", options=GarmentImportOptions(spacing=0.02))

@@ -9,7 +9,7 @@ pytest.importorskip("dexgarmentlab", reason="the command line is another package
 from dexgarmentlab.cli import main
 from dexgarmentlab.cli.assets_import import name_flags
 
-SCARF = "v 0 0 0\nv 120 0 0\nv 120 25 0\nv 0 25 0\nf 1 2 3 4\n"
+SCARF = "v 0 0 0\nv 100 0 0\nv 100 20 0\nv 0 20 0\nf 1 2 3 4\n"
 APART = "o Red\n" + SCARF + "o Blue\nv 0 0 9\nv 130 0 9\nv 130 27 9\nv 0 27 9\nf 5 6 7 8\n"
 
 
@@ -28,13 +28,13 @@ def test_an_object_is_chosen_as_the_message_says(tmp_path, capsys):
     path, out = tmp_path / "scarves.obj", tmp_path / "out"
     path.write_text(APART)
     assert run(path, "--out", out) == 1
-    assert "choose one with --object: Blue (53.9%), Red (46.1%)" in capsys.readouterr().err
+    assert "choose one with --object: Blue (63.7%), Red (36.3%)" in capsys.readouterr().err
     assert run(path, "--out", out, "--object", "Blue") == 0
     assert "1.30 x 0.27" in capsys.readouterr().out
     assert run(path, "--out", out, "--object", "Red") == 1
     assert "or replace it: --overwrite" in capsys.readouterr().err
     assert run(path, "--out", out, "--object", "Red", "--overwrite", "--weld", "0.0005") == 0
-    assert "1.20 x 0.25" in capsys.readouterr().out
+    assert "1.00 x 0.20" in capsys.readouterr().out
 
 
 def test_a_mesh_of_an_archive_is_chosen_as_the_message_says(tmp_path, capsys):

@@ -80,7 +80,7 @@ def test_worn_top_as_glb_with_picture(tmp_path):
     foreign.to_mesh(shape, vertices, texture=True).export(tmp_path / "in" / "mesh.glb")
     foreign.save_keypoints(tmp_path / "in" / "keypoints.json", shape)
     report = import_garment(
-        tmp_path / "in", out=tmp_path / "out", options=GarmentImportOptions(spacing=COARSE)
+        tmp_path / "in", out=tmp_path / "out", options=GarmentImportOptions(spacing=0.02)
     )
     garment = check(report, shape, category="Tops_LongSleeve", openings=4)
     assert report.unit == 1.0

@@ -17,7 +17,7 @@ RED_AND_BLUE = np.repeat(np.array([[[200, 20, 20]], [[20, 20, 200]]], np.uint8),
 
 @pytest.fixture(scope="module")
 def studio():
-    """A scene and its camera, 1 m above the origin; made once, as its shaders take seconds."""
+    """A scene and its camera, 1 m above the origin; the first picture takes seconds."""
     sapien.render.set_camera_shader_dir("default")
     scene = sapien.Scene()
     scene.set_ambient_light([1, 1, 1])
@@ -42,6 +42,7 @@ def photograph(studio):
         scene.remove_entity(entity)
 
 
+@pytest.mark.slow
 def test_texture_lies_as_its_coordinates_say(photograph):
     scene, take = photograph
     visual = GarmentVisual(scene, UP, uvs=CORNERS, texture=np.repeat(RED_AND_BLUE, 32, axis=0))
@@ -53,26 +54,45 @@ def test_texture_lies_as_its_coordinates_say(photograph):
     assert right[0] > 2 * right[2]
 
 
+SEAM = np.array([[[0.25, 0.25]] * 3, [[0.75, 0.75]] * 3])
+"""Coordinates of triangles that share an edge, and no colour."""
+HALVES = np.repeat(np.repeat(RED_AND_BLUE[:, :1], 2, axis=1), 32, axis=0)
+
+
 def test_a_seam_has_other_coordinates_on_each_side(photograph):
-    scene, take = photograph
-    lower, upper = [0.25, 0.25], [0.75, 0.75]
-    corners = np.array([[lower] * 3, [upper] * 3])  # the triangles share an edge, and no colour
-    texture = np.repeat(np.repeat(RED_AND_BLUE[:, :1], 2, axis=1), 32, axis=0)
-    visual = GarmentVisual(scene, UP, uvs=corners, texture=texture)
-    visual.update(SQUARE)
+    scene, _ = photograph
+    visual = GarmentVisual(scene, UP, uvs=SEAM, texture=HALVES)
     assert len(visual.uvs) == 6
     surface, normals = visual.compute_surface(SQUARE)
     assert surface.shape == normals.shape == (6, 3)
     np.testing.assert_allclose(normals, [[0, 0, 1]] * 6)
+    np.testing.assert_allclose(surface[:, 2], surface[0, 2])
+    whole = GarmentVisual(scene, UP, uvs=CORNERS[UP], texture=HALVES)
+    assert len(whole.uvs) == 4  # nothing is cut where both sides agree
+    with pytest.raises(ValueError, match=r"uvs of corners must have shape \(2, 3, 2\)"):
+        GarmentVisual(scene, UP, uvs=SEAM[:1], texture=HALVES)
+
+
+@pytest.mark.slow
+def test_a_seam_has_other_colours_on_each_side(photograph):
+    scene, take = photograph
+    visual = GarmentVisual(scene, UP, uvs=SEAM, texture=HALVES)
+    visual.update(SQUARE)
     colour = take()[0].astype(float)
     bluer = colour[..., 2] > colour[..., 0]
     assert 0.3 < bluer.mean() < 0.7
-    whole = GarmentVisual(scene, UP, uvs=CORNERS[UP], texture=texture)
-    assert len(whole.uvs) == 4  # nothing is cut where both sides agree
-    with pytest.raises(ValueError, match=r"uvs of corners must have shape \(2, 3, 2\)"):
-        GarmentVisual(scene, UP, uvs=corners[:1], texture=texture)
 
 
+def test_layers_in_one_place_show_their_outsides(photograph):
+    scene, _ = photograph
+    layers = np.concatenate([SQUARE, SQUARE])
+    faces = np.concatenate([UP, UP[:, ::-1] + 4])
+    surface, normals = GarmentVisual(scene, faces, thickness=0.01).compute_surface(layers)
+    np.testing.assert_allclose(normals[:, 2], [1] * 4 + [-1] * 4)
+    np.testing.assert_allclose(surface[:, 2], 0.005 * normals[:, 2], atol=1e-6)
+
+
+@pytest.mark.slow
 def test_of_two_layers_in_one_place_the_outside_is_seen(photograph):
     scene, take = photograph
     layers = np.concatenate([SQUARE, SQUARE])
@@ -84,6 +104,7 @@ def test_of_two_layers_in_one_place_the_outside_is_seen(photograph):
     np.testing.assert_allclose(height, thickness / 2, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_inside_is_seen_and_darker(photograph):
     scene, take = photograph
     visual = GarmentVisual(scene, UP, colour=(0.5, 0.5, 0.5))
