@@ -1,5 +1,6 @@
 """Garments of one's own in a task: imported, completed by the affordance model, judged."""
 
+import functools
 import json
 import shutil
 from pathlib import Path
@@ -11,13 +12,15 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from dgl_assets import AssetError, load_garment
-from dgl_assets.importing import find_garment, load_asset
+from dgl_assets.importing import GarmentImportOptions, find_garment, load_asset
 from dgl_collect.matching import ExactMatcher
 from dgl_collect.own_garment import _digest, prepare_garment
 from dgl_tasks import get_task
 from dgl_tasks.env import GarmentEnv
 
 TOP = "Tops_LongSleeve/004321"
+COARSE = 0.022
+"""Edge length that half as many particles have [m]."""
 
 
 COLOURS = np.array([[[220, 30, 30], [30, 160, 30]], [[30, 30, 220], [230, 220, 30]]], np.uint8)
@@ -46,14 +49,17 @@ def write_picture(path, fields):
 def shirt(tmp_path_factory):
     """A shirt of a file in millimetres, and the folder that its import goes to."""
     folder = tmp_path_factory.mktemp("shirt")
-    top = load_garment(TOP)
+    top = load_garment(TOP, spacing=COARSE)
     write_shirt(folder / "shirt.obj", top)
     return folder / "shirt.obj", folder / "kept"
 
 
 @pytest.fixture(scope="module")
 def prepared(shirt):
-    return prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
+    coarse = functools.partial(GarmentImportOptions, spacing=COARSE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dgl_collect.own_garment.GarmentImportOptions", coarse)
+        return prepare_garment(shirt[0], get_task("FoldTops-v1"), folder=shirt[1])
 
 
 def test_a_file_becomes_a_garment_with_the_places_that_the_rule_needs(prepared):
