@@ -410,7 +410,7 @@ def test_a_failure_has_the_first_thing_that_went_wrong(monkeypatch, fake_setup, 
 
 def test_what_cannot_be_reached_is_a_failure(monkeypatch, fake_setup, tmp_path):
     def fail():
-        raise UnreachableError("the left arm cannot reach that", distance=0.1)
+        raise UnreachableError("the left arm cannot reach that")
 
     picture = np.full((4, 4, 3), 7, np.uint8)
     monkeypatch.setattr("dgl_tasks.env.GarmentEnv.film", lambda env: picture)

@@ -253,7 +253,7 @@ def begin_in_vain(record_episode, cause):
 NOTHING_THERE = PerceptionError("nothing lies where it lay")
 
 
-@pytest.mark.parametrize("cause", [NOTHING_THERE, UnreachableError("too far", distance=0.1)])
+@pytest.mark.parametrize("cause", [NOTHING_THERE, UnreachableError("too far")])
 def test_where_a_further_try_could_not_begin_the_one_before_is_kept(record_episode, cause):
     recorder, world, _ = begin_in_vain(record_episode, cause)
     assert count_frames(recorder) == {"one": 1, "two": 4, "three": 2}

@@ -108,7 +108,7 @@ class Scripted:
         yield from work.hands.send(work.hands.motion.hold(1), recorded="stage")
         turn = self.turns.get((name, self._times[name]))
         if turn == "out of reach":
-            raise UnreachableError(f"{name} is out of reach", distance=0.1)
+            raise UnreachableError(f"{name} is out of reach")
         if turn == "some":
             work.react({work.stage.hands[0]})
         elif turn == "none":
@@ -426,7 +426,7 @@ def test_a_hand_that_gets_stuck_on_its_way_lets_go_and_parks_before_what_follows
             motion.reach({"left": np.array([-0.3, 0.7, 0.4])}, GRASP_ORIENTATIONS["standard"]),
         ]
         yield from work.hands.send(np.concatenate(rows), recorded="stage")
-        raise UnreachableError("left arm cannot reach it", distance=0.1)
+        raise UnreachableError("left arm cannot reach it")
 
     actor = Scripted({("one", 1): get_stuck})
     world.run(make_runner(make_demonstration(rounds=2), rule=Rule(0.9), actor=actor))

@@ -224,7 +224,7 @@ def test_what_went_wrong_on_the_way_says_more_than_the_result():
 @pytest.mark.parametrize(
     ("error", "reason"),
     [
-        (UnreachableError("left arm cannot reach it", distance=0.1), "unreachable"),
+        (UnreachableError("left arm cannot reach it"), "unreachable"),
         (PerceptionError("the camera sees nothing of the garment"), "perception"),
         (RenderingUnavailableError("no usable Vulkan device"), "rendering unavailable"),
         (PhysicsError("the cloth exploded"), "physics"),

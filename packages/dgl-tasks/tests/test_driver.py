@@ -164,12 +164,13 @@ def test_a_hand_that_holds_nothing_is_a_mishap(make_env):
     driver = drive(make_env(), carry("fold"))
     (mishap,) = driver.mishaps
     assert mishap == (
+        "fold",
         "missed grasp",
         "fold, lift, left hand: nearest raised cloth nothing raised",
     )
     driver = drive(make_env(), carry("fold", SIDES, is_first=False))
-    assert [reason for reason, _ in driver.mishaps] == ["slipped", "slipped"]
-    assert [where.split(":")[0] for _, where in driver.mishaps] == [
+    assert [reason for _, reason, _ in driver.mishaps] == ["slipped", "slipped"]
+    assert [where.split(":")[0] for *_, where in driver.mishaps] == [
         "fold, lift, left hand",
         "fold, lift, right hand",
     ]
@@ -181,7 +182,7 @@ def test_what_is_carried_is_told_from_the_particles(make_env):
     env.particles = np.array([[-0.4, 0.7, 0.3], [0.4, 0.7, 0.2]])
     driver = drive(env, carry("fold", SIDES))
     assert driver.mishaps == [
-        ("missed grasp", "fold, lift, right hand: nearest raised cloth 0.20 m")
+        ("fold", "missed grasp", "fold, lift, right hand: nearest raised cloth 0.20 m")
     ]
     env.particles = np.array([[-0.4, 0.7, 0.3], [0.4, 0.7, 0.3]])
     assert drive(env, carry("fold", SIDES)).mishaps == []
@@ -193,11 +194,11 @@ def test_what_is_done_again_drops_its_mishaps_and_keeps_those_of_other_stages(ma
     marks = (carry("left"), carry("right"), carry("up"), carry("right", is_first=False))
     assert len(drive(make_env(), *marks).mishaps) == 4
     driver = drive(make_env(), *marks, BeginsAgain(what="try", stages=("right",)))
-    assert [where.split(",")[0] for _, where in driver.mishaps] == ["left", "up"]
+    assert [where.split(",")[0] for *_, where in driver.mishaps] == ["left", "up"]
     driver = drive(
         make_env(), *marks, BeginsAgain(what="round", stages=("left", "up")), carry("left")
     )
-    assert [where.split(",")[0] for _, where in driver.mishaps] == ["right", "right", "left"]
+    assert [where.split(",")[0] for *_, where in driver.mishaps] == ["right", "right", "left"]
     # each mishap is still told from the others after some are gone
     driver = drive(
         make_env(),
@@ -206,7 +207,7 @@ def test_what_is_done_again_drops_its_mishaps_and_keeps_those_of_other_stages(ma
         carry("left"),
         BeginsAgain(what="round", stages=("right", "up")),
     )
-    assert [where.split(",")[0] for _, where in driver.mishaps] == ["left"]
+    assert [where.split(",")[0] for *_, where in driver.mishaps] == ["left"]
 
 
 def test_the_first_try_is_judged_once(make_env):

@@ -13,7 +13,7 @@ from pydantic import AllowInfNan
 from scipy.spatial.transform import Rotation
 
 from dgl_files.fields import adopt_fields
-from dgl_physics.drawing.camera import Axes, PinholeCamera
+from dgl_physics.drawing.camera import Axes, PinholeCamera, Vector3
 from dgl_tasks.rotations import to_quaternion
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
 """Field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
 
-Vector3 = tuple[float, float, float]
-"""x, y, z."""
 Bound = Annotated[float, AllowInfNan(True)]
 """Side of a box that may be open."""
 

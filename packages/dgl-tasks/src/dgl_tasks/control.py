@@ -189,9 +189,7 @@ class ArmKinematics:
                 break
         raise UnreachableError(
             f"{self.side} arm cannot reach {np.round(np.asarray(position), 3).tolist()}: "
-            f"{best[0] * 1000:.1f} mm and {np.degrees(best[1]):.1f} degrees away",
-            distance=best[0],
-            angle=best[1],
+            f"{best[0] * 1000:.1f} mm and {np.degrees(best[1]):.1f} degrees away"
         )
 
     def follow(
@@ -246,6 +244,5 @@ class ArmKinematics:
             joint = self._names[largest].partition("_")[2]
             raise UnreachableError(
                 f"{self.side} arm would jump: {joint} by {abs(change[largest]):.2f} rad in one "
-                f"step (at most {max_step})",
-                distance=0.0,
+                f"step (at most {max_step})"
             )

@@ -15,7 +15,8 @@ from dgl_assets.props import PropParameters
 from dgl_assets.robots import DEFAULT_LEFT_BASE, DEFAULT_RIGHT_BASE, BasePlacement
 from dgl_files.fields import adopt_fields
 from dgl_physics import ClothMaterial, SolidMaterial
-from dgl_tasks.cameras import CameraPlacement, Vector3, Workspace
+from dgl_physics.drawing.camera import Vector3
+from dgl_tasks.cameras import CameraPlacement, Workspace
 from dgl_tasks.success import SuccessRule
 
 Range = tuple[float, float]

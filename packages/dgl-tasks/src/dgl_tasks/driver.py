@@ -58,13 +58,12 @@ class Driver:
         """Joint targets of every control step so far [rad], each of shape (D,), float32."""
         self.measurements: dict[str, float] = {}
         """Largest strain and penetration so far, and numbers of retries."""
-        self.mishaps: list[tuple[str, str]] = []
-        """Mishaps in order, reason and place; a stage that is done again drops its own."""
+        self.mishaps: list[tuple[str, str, str]] = []
+        """Mishaps in order: stage, reason and place; a stage that is done again drops its own."""
         self.first_try: Verdict | None = None
         """Verdict before any retry; None without a retry."""
         self.beliefs: dict[str, float] = {}
         """The method's estimates, the last of each name."""
-        self._mishap_stages: list[str] = []
         self._film, self._listener = film, listener
 
     def reset(self, garment: str | None = None) -> Sensed:
@@ -139,8 +138,7 @@ class Driver:
             for side, nearest in empty.items():
                 far = f"{nearest:.2f} m" if np.isfinite(nearest) else "nothing raised"
                 where = f"{mark.stage}, {mark.where}, {side} hand: nearest raised cloth {far}"
-                self._mishap_stages.append(mark.stage)
-                self.mishaps.append((reason, where))
+                self.mishaps.append((mark.stage, reason, where))
         elif isinstance(mark, Believes):
             self.beliefs |= mark.values
         elif isinstance(mark, BeginsAgain):
@@ -148,9 +146,7 @@ class Driver:
                 self.first_try = self.env.judge()
             name = {"try": "further_tries", "round": "further_rounds"}[mark.what]
             self.measurements[name] = self.measurements.get(name, 0.0) + 1.0
-            kept = [k for k, stage in enumerate(self._mishap_stages) if stage not in mark.stages]
-            self.mishaps = [self.mishaps[k] for k in kept]
-            self._mishap_stages = [self._mishap_stages[k] for k in kept]
+            self.mishaps = [mishap for mishap in self.mishaps if mishap[0] not in mark.stages]
 
     def _measure(self) -> None:
         cloth = self.env.cloth

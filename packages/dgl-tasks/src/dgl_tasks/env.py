@@ -26,7 +26,7 @@ from dgl_tasks.appearance import Appearance
 from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
-from dgl_tasks.env_state import batch_state, check_state, read_cloth, split_state, write_cloth
+from dgl_tasks.env_state import read_cloth, read_state, split_state, write_cloth
 from dgl_tasks.errors import EnvironmentClosedError, RenderingUnavailableError
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.inputs import (
@@ -543,8 +543,7 @@ class GarmentEnv(BaseEnv):
             EnvironmentClosedError: After `close`.
         """
         self._check_open("set_state_dict")
-        state = batch_state(state)
-        check_state(state, self.get_state_dict())
+        state = read_state(state, self.get_state_dict())
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
         write_cloth(self.cloth, state["garment"])

@@ -5,7 +5,7 @@ import torch
 from dgl_files.fields import show
 from dgl_physics.sapien_bridge import SapienCloth
 
-__all__ = ["batch_state", "check_state", "read_cloth", "split_state", "write_cloth"]
+__all__ = ["read_cloth", "read_state", "split_state", "write_cloth"]
 
 
 def read_cloth(cloth: SapienCloth) -> dict[str, torch.Tensor]:
@@ -41,34 +41,32 @@ def write_cloth(cloth: SapienCloth, state: dict[str, torch.Tensor]) -> None:
     cloth.sync_bodies(is_jump=True)
 
 
-def batch_state(state: dict) -> dict:
-    """Make tensors of shape (1, D) of a state's arrays or vectors."""
-    batched = {}
-    for name, value in state.items():
-        if isinstance(value, dict):
-            batched[name] = batch_state(value)
-        else:
-            value = torch.as_tensor(value)
-            batched[name] = value[None] if value.ndim == 1 else value
-    return batched
+def read_state(state: dict, template: dict, where: str = "") -> dict:
+    """Read the parts that a present state has, as tensors of shape (1, D).
 
-
-def check_state(state: dict, template: dict, where: str = "") -> None:
-    """Check that a batched state has all parts of a present one, with finite numbers.
+    Args:
+        state: Dictionary of dictionaries, arrays and tensors, of shape (1, D) or (D,).
+        template: The present state.
+        where: Path of both in the whole state.
 
     Raises:
         ValueError: Naming the first part that is missing or not finite.
     """
+    read = {}
     for name, present in template.items():
         path = f"{where}{name}"
         if name not in state:
             raise ValueError(f"the state must have {path!r}; it has {sorted(map(str, state))}")
+        value = state[name]
         if isinstance(present, dict):
-            if not isinstance(state[name], dict):
-                raise ValueError(f"state {path!r} must be a dict; got {show(state[name])}")
-            check_state(state[name], present, f"{path}.")
-        elif isinstance(state[name], dict) or not torch.isfinite(state[name]).all():
-            raise ValueError(f"state {path!r} must be finite numbers")
+            if not isinstance(value, dict):
+                raise ValueError(f"state {path!r} must be a dict; got {show(value)}")
+            read[name] = read_state(value, present, f"{path}.")
+        else:
+            if isinstance(value, dict) or not torch.isfinite(torch.as_tensor(value)).all():
+                raise ValueError(f"state {path!r} must be finite numbers")
+            read[name] = torch.atleast_2d(torch.as_tensor(value))
+    return read
 
 
 def split_state(state: torch.Tensor, template: dict) -> dict:

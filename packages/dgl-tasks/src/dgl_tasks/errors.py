@@ -53,16 +53,4 @@ class PolicyError(ValueError):
 
 
 class UnreachableError(TaskError):
-    """An arm has no joint configuration for a wanted pose, or none on its present branch.
-
-    Attributes:
-        distance: Remaining position error of the best configuration found [m]; 0 when the pose is
-            met but only by a jump of the joints.
-        angle: Remaining orientation error of that configuration [rad].
-    """
-
-    def __init__(self, message: str, *, distance: float, angle: float = 0.0) -> None:
-        """Keep the measures beside the message."""
-        super().__init__(message)
-        self.distance = distance
-        self.angle = angle
+    """An arm has no joint configuration for a wanted pose, or none on its present branch."""

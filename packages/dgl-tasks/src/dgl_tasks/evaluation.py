@@ -116,5 +116,5 @@ def run_episode(
         measurements=dict(driver.measurements),
         beliefs=dict(driver.beliefs),
         draws=dict(env.draws),
-        mishaps=tuple(driver.mishaps),
+        mishaps=tuple((reason, place) for _, reason, place in driver.mishaps),
     )

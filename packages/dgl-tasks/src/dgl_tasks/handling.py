@@ -262,14 +262,15 @@ class Handling:
             yield from self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
         points, orientations = self._get_hands(sides)
         yield from self._pass(self.motion.hold(RELEASE_FRAMES))
+        before = self.motion.target
+        parts = [self.motion.set_hands(dict.fromkeys(sides, out.pose))]
         try:
-            with self.motion.rehearsal():
-                plan_leave(self.motion, points, orientations, out)
+            parts += plan_leave(self.motion, points, orientations, out)
         except (UnreachableError, ValueError) as err:
             logger.info("the hands park at once: %s", err)
+            self.motion.reset(before)
         else:
-            yield from self._pass(self.motion.set_hands(dict.fromkeys(sides, out.pose)))
-            for rows in plan_leave(self.motion, points, orientations, out):
+            for rows in parts:
                 yield from self._pass(rows)
             if out.frees:
                 yield from self._free_hands(sides)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from dgl_assets.robots import BasePlacement
-from dgl_tasks.cameras import CameraPlacement, Vector3, look_at
+from dgl_physics.drawing.camera import Vector3
+from dgl_tasks.cameras import CameraPlacement, look_at
 from dgl_tasks.declaration import Range, SceneObject
 
 STEEP: Range = (float(np.radians(65)), float(np.radians(80)))
@@ -39,14 +40,11 @@ FLING_CAMERAS: dict[str, CameraPlacement] = FOLD_CAMERAS | {
         name="environment_camera", position=(0.0, 5.0, 8.0), euler_deg=(0, 60, -90)
     )
 }
-"""Cameras for flings, which reach higher and farther."""
+"""Cameras for flings, hangs and hats, which reach higher and farther."""
 
 HANG_LEFT_BASE: BasePlacement = (-0.8, 0.0, 0.6, 0.0)
 HANG_RIGHT_BASE: BasePlacement = (0.8, 0.0, 0.6, 0.0)
 """Bases for hanging (original code)."""
-
-HANG_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
-"""Cameras for hanging."""
 
 HANGER = SceneObject(
     name="hanger",
@@ -58,7 +56,7 @@ HANGER = SceneObject(
 )
 """Bar for tops, dresses and trousers (original code, but for the friction)."""
 
-HOOK_CAMERAS: dict[str, CameraPlacement] = HANG_CAMERAS | {
+HOOK_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS | {
     "video_camera": _film_from((2.1, 1.9, 1.9), (-0.1, 0.3, 0.4))
 }
 """Cameras for hanging before a post, which the video camera looks past."""
@@ -66,9 +64,6 @@ HOOK_CAMERAS: dict[str, CameraPlacement] = HANG_CAMERAS | {
 WEAR_LEFT_BASE: BasePlacement = (-0.6, 0.0, 0.5, 0.0)
 WEAR_RIGHT_BASE: BasePlacement = (0.6, 0.0, 0.5, 0.0)
 """Bases for hats (original code)."""
-
-WEAR_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS
-"""Cameras for hats."""
 
 STORE_LEFT_BASE: BasePlacement = (-0.9, 0.0, 0.5, 0.0)
 STORE_RIGHT_BASE: BasePlacement = (0.9, 0.0, 0.5, 0.0)

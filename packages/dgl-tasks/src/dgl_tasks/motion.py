@@ -170,9 +170,9 @@ class BimanualMotion:
                 goals[side] = arm.solve(wrist, q, self._get_joints(side), max_step=2.5)
         return self.move_joints(goals)
 
-    def park(self, sides: tuple[Side, ...] = SIDES) -> np.ndarray:
-        """Move arms out of the cameras' view of the garment, shape (N, D)."""
-        return self.move_joints({side: self.robot.arm.parked[side] for side in sides})
+    def park(self) -> np.ndarray:
+        """Move both arms out of the cameras' view of the garment, shape (N, D)."""
+        return self.move_joints(self.robot.arm.parked)
 
     def choose_turns(self, sides: tuple[Side, ...], *rehearsals: Rehearsal) -> dict[Side, float]:
         """Choose each hand's smallest inward turn about the vertical [rad] that makes it reach.
@@ -211,21 +211,18 @@ class BimanualMotion:
         finally:
             self.target = target
 
-    def move_joints(
-        self, sides: Mapping[Side, np.ndarray], *, speed: float = JOINT_SPEED
-    ) -> np.ndarray:
+    def move_joints(self, sides: Mapping[Side, np.ndarray]) -> np.ndarray:
         """Move arms straight in joint space, shape (N, D).
 
         Args:
             sides: Goal of each moving arm [rad], shape (n,).
-            speed: Largest speed of the joint with the longest way [rad/s].
         """
         goal = self.target.copy()
         for side, q in sides.items():
             goal[self.robot.joint_slice(side, "arm")] = q
         change = goal - self.target
         # a fifth of the time to speed up and a fifth to slow down: the peak is 1.25 times the mean
-        frames = int(np.ceil(1.25 * np.abs(change).max() / speed * 60))
+        frames = int(np.ceil(1.25 * np.abs(change).max() / JOINT_SPEED * 60))
         if frames == 0:
             return np.zeros((0, self.robot.dof))
         s = np.arange(1, frames + 1) / frames

@@ -7,7 +7,7 @@ import numpy as np
 import sapien
 
 from dgl_assets.props import Prop, PropShape, make_prop
-from dgl_tasks.cameras import Vector3
+from dgl_physics.drawing.camera import Vector3
 from dgl_tasks.declaration import SceneObject, Task
 from dgl_tasks.drawing.bodies import ShownMeshes, make_part_mesh
 from dgl_tasks.robot import let_robot_pass, let_robot_through
@@ -123,29 +123,20 @@ def _make_pose(position: Vector3, yaw: float) -> sapien.Pose:
 def _convert_shape(
     shape: PropShape, material: sapien.physx.PhysxMaterial
 ) -> sapien.physx.PhysxCollisionShape:
-    pose = sapien.Pose(list(shape.xyz), list(shape.wxyz))
-    if shape.kind == "mesh":
-        assert shape.points is not None
-        assert shape.faces is not None
-        solid = sapien.physx.PhysxCollisionShapeTriangleMesh(
-            vertices=shape.points.astype(np.float32),
-            triangles=shape.faces.astype(np.uint32),
-            scale=[1.0, 1.0, 1.0],
-            material=material,
-        )
-    elif shape.kind == "box":
-        solid = sapien.physx.PhysxCollisionShapeBox(list(shape.half_size), material)  # pyright: ignore[reportArgumentType]
-    elif shape.kind == "convex":
-        assert shape.points is not None
-        solid = sapien.physx.PhysxCollisionShapeConvexMesh(
-            vertices=shape.points.astype(np.float32), scale=[1.0, 1.0, 1.0], material=material
-        )
-    else:
-        make = {
-            "capsule": sapien.physx.PhysxCollisionShapeCapsule,
-            "cylinder": sapien.physx.PhysxCollisionShapeCylinder,
-        }[shape.kind]
+    physx, pose = sapien.physx, sapien.Pose(list(shape.xyz), list(shape.wxyz))
+    if shape.kind == "box":
+        solid = physx.PhysxCollisionShapeBox(list(shape.half_size), material)  # pyright: ignore[reportArgumentType]
+    elif shape.points is None:
+        is_capsule = shape.kind == "capsule"
+        make = physx.PhysxCollisionShapeCapsule if is_capsule else physx.PhysxCollisionShapeCylinder
         solid = make(shape.radius, shape.half_length, material)
         pose = pose * _X_FROM_Z
+    else:
+        points, scale = shape.points.astype(np.float32), np.ones(3, dtype=np.float32)
+        if shape.faces is None:
+            solid = physx.PhysxCollisionShapeConvexMesh(points, scale, material)
+        else:
+            triangles = shape.faces.astype(np.uint32)
+            solid = physx.PhysxCollisionShapeTriangleMesh(points, triangles, scale, material)
     solid.local_pose = pose
     return solid

@@ -43,27 +43,14 @@ def get_garment_cloud(picture: Picture, segments: Segments, *, seed: int) -> np.
     return points[farthest_point_sample(points, CLOUD_SIZE, seed=seed)].astype(np.float32)
 
 
-def get_object_cloud(
-    picture: Picture, segments: Segments, *, seed: int, names: Sequence[str] | None = None
-) -> np.ndarray:
+def get_object_cloud(picture: Picture, segments: Segments, *, seed: int) -> np.ndarray:
     """Sample the cloud of the scene's objects [m], shape (2048, 3), float32.
 
-    Args:
-        picture: What a camera sees.
-        segments: Ids in it.
-        seed: Seed of the sampling.
-        names: Only these objects; all of the task when None.
-
     Raises:
-        ValueError: If there is no such object.
         PerceptionError: If none of them is in the picture.
     """
-    known = segments.objects
-    wanted = list(known) if names is None else list(names)
-    unknown = sorted(set(wanted) - set(known))
-    if unknown or not wanted:
-        raise ValueError(f"names must be some of {sorted(known)}; got {unknown or wanted}")
-    points = _select(picture, [known[name] for name in wanted], ", ".join(wanted))
+    objects = segments.objects
+    points = _select(picture, list(objects.values()), ", ".join(objects) or "objects")
     return points[farthest_point_sample(points, CLOUD_SIZE, seed=seed)].astype(np.float32)
 
 

@@ -1,7 +1,7 @@
 """Hang Tops: over the bar of a hanger, held where its sleeves begin."""
 
 from dgl_tasks.declaration import HandFriction, Start, Task
-from dgl_tasks.layouts import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
+from dgl_tasks.layouts import FLING_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
 from dgl_tasks.success import HangsOver
 
 TASK = Task(
@@ -17,7 +17,7 @@ TASK = Task(
     objects=(HANGER,),
     left_base=HANG_LEFT_BASE,
     right_base=HANG_RIGHT_BASE,
-    cameras=HANG_CAMERAS,
+    cameras=FLING_CAMERAS,
     picture_camera="video_camera",
     # what hangs from both hands slips out with less
     hand_friction=HandFriction(fingers=25.0),

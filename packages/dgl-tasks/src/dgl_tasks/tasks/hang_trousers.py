@@ -1,7 +1,7 @@
 """Hang Trousers: over the bar of a hanger, by the waistband."""
 
 from dgl_tasks.declaration import HandFriction, Start, Task
-from dgl_tasks.layouts import HANG_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
+from dgl_tasks.layouts import FLING_CAMERAS, HANG_LEFT_BASE, HANG_RIGHT_BASE, HANGER
 from dgl_tasks.success import HangsOver
 
 TASK = Task(
@@ -17,7 +17,7 @@ TASK = Task(
     objects=(HANGER,),
     left_base=HANG_LEFT_BASE,
     right_base=HANG_RIGHT_BASE,
-    cameras=HANG_CAMERAS,
+    cameras=FLING_CAMERAS,
     picture_camera="video_camera",
     # with less, the waistband slips out of the fingers; the thumb is inside as the hand retreats
     hand_friction=HandFriction(fingers=25.0, thumb=3.0),

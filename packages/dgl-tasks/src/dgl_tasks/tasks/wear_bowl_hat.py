@@ -5,7 +5,7 @@ import numpy as np
 from dgl_assets.props import HatStandParameters, PersonParameters
 from dgl_physics import SolidMaterial
 from dgl_tasks.declaration import SceneObject, Start, Task
-from dgl_tasks.layouts import WEAR_CAMERAS, WEAR_LEFT_BASE, WEAR_RIGHT_BASE
+from dgl_tasks.layouts import FLING_CAMERAS, WEAR_LEFT_BASE, WEAR_RIGHT_BASE
 from dgl_tasks.success import SitsOn
 
 TASK = Task(
@@ -40,7 +40,7 @@ TASK = Task(
     ),
     left_base=WEAR_LEFT_BASE,
     right_base=WEAR_RIGHT_BASE,
-    cameras=WEAR_CAMERAS,
+    cameras=FLING_CAMERAS,
     picture_camera="video_camera",
     material=SolidMaterial(youngs_modulus=3e5, rest_offset=0.003),
     success=SitsOn(frame="person.head_top", within=0.10, leaning=float(np.radians(35))),
