@@ -1,10 +1,11 @@
-"""Meshes read from SAPIEN's bodies."""
+"""Meshes read from SAPIEN's bodies, and shown by them."""
 
 import numpy as np
 import pytest
 import sapien
 
-from dgl_tasks.drawing.bodies import read_meshes
+from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
+from dgl_tasks.drawing.bodies import ShownMeshes, read_meshes
 
 pytestmark = pytest.mark.render
 
@@ -94,3 +95,64 @@ def test_each_part_has_its_own_image(show):
 
 def test_what_shows_nothing_has_no_meshes():
     assert read_meshes(sapien.Entity(), None) == []
+
+
+SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+RED_AND_BLUE = np.repeat(np.array([[[200, 20, 20]], [[20, 20, 200]]], np.uint8), 2, axis=1)
+
+
+@pytest.fixture(scope="module")
+def photograph():
+    """Take a picture of meshes from 1 m above the origin; made once, as shaders take seconds."""
+    sapien.render.set_camera_shader_dir("default")
+    scene = sapien.Scene()
+    scene.set_ambient_light([1, 1, 1])
+    camera = scene.add_camera("above", 32, 32, 1.0, 0.1, 10.0)
+    camera.entity.set_pose(sapien.Pose([0, 0, 1], [np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
+    shown = ShownMeshes(sapien.Entity())
+    scene.add_entity(shown.entity)
+
+    def take(*meshes):
+        shown.replace(meshes)
+        scene.update_render()
+        camera.take_picture()
+        return camera.get_picture("Color")[..., :3]
+
+    return take
+
+
+def make_square(look, *, flip=1):
+    return Mesh(
+        vertices=SQUARE * np.float32([1, flip, 1]),
+        normals=np.tile([0.0, 0.0, flip], (4, 1)),
+        faces=np.array([[0, 1, 2], [0, 2, 3]]),
+        uvs=(SQUARE[:, :2] + 1) / 2,
+        surface=look,
+        segment=0,
+    )
+
+
+def test_a_texture_lies_as_its_coordinates_say(photograph):
+    look = SurfaceLook(image=Image(pixels=np.repeat(RED_AND_BLUE, 32, axis=0)))
+    colour = photograph(make_square(look))
+    # the picture's up is +x and its left is +y: the texture's second half lies to the left
+    left, right = colour[:, 4].mean(axis=0), colour[:, -5].mean(axis=0)
+    assert left[2] > 2 * left[0]
+    assert right[0] > 2 * right[2]
+
+
+def test_an_inside_is_shown_darker_or_not_at_all(photograph):
+    cloth = SurfaceLook(colour=(0.5, 0.5, 0.5), inside_shade=0.9)
+    outside = photograph(make_square(cloth)).mean()
+    inside = photograph(make_square(cloth, flip=-1)).mean()
+    assert 0.8 * outside < inside < outside
+    solid = SurfaceLook(colour=(0.5, 0.5, 0.5))
+    assert photograph(make_square(solid)).mean() == pytest.approx(outside)
+    np.testing.assert_array_equal(photograph(make_square(solid, flip=-1)), photograph())
+
+
+def test_meshes_replace_those_before(photograph):
+    look = SurfaceLook(colour=(0.5, 0.5, 0.5))
+    first = photograph(make_square(look))
+    assert np.abs(photograph() - first).min() > 0.1
+    np.testing.assert_array_equal(photograph(make_square(look)), first)

@@ -1,4 +1,4 @@
-"""Cloth in SAPIEN scenes: colliders in, contact forces out, garments in pictures.
+"""Cloth in SAPIEN scenes: colliders in, contact forces out.
 
 The coupling follows the usual recipe of two simulators that exchange poses and impulses every
 frame: SAPIEN moves the rigid bodies, the cloth is advanced over the same time with the bodies on
@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 import sapien
-from sapien import physx, render
+from sapien import physx
 
 from dgl_physics.collision_mesh import CollisionMesh, is_closed
 from dgl_physics.errors import MeshError, PhysicsError
@@ -21,7 +21,6 @@ from dgl_physics.shapes import Shape
 from dgl_physics.solver import SolverXPBD
 from dgl_physics.solver_config import SolverConfig
 from dgl_physics.state import State
-from dgl_physics.topology import compute_vertex_normals
 
 # SAPIEN's capsules, cylinders and planes are along x, ours along z.
 _X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
@@ -256,166 +255,6 @@ class SapienCloth:
                 total[e, b, 3:] -= (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
                 total[e, b] *= min(1.0, self.max_force / max(float(np.linalg.norm(force)), 1e-9))
         return total
-
-
-class GarmentVisual:
-    """A garment's surface in one SAPIEN scene.
-
-    SAPIEN's triangle meshes are fixed, so each `update` replaces the mesh; update before taking
-    a picture, not every frame. Back faces are culled, so the surface is drawn with both windings:
-    its outside, and its inside in a darker shade.
-    """
-
-    INSIDE_SHADE = 0.9
-    """Brightness of the inside, a factor on the (linear) colour."""
-    SPECULAR = 0.008
-    """Share of perpendicular light that is reflected."""
-
-    def __init__(
-        self,
-        scene: sapien.Scene,
-        faces: np.ndarray,
-        *,
-        colour: tuple[float, float, float] = (0.85, 0.5, 0.12),
-        roughness: float = 0.9,
-        uvs: np.ndarray | None = None,
-        texture: np.ndarray | None = None,
-        thickness: float = 0.004,
-        name: str = "garment",
-    ) -> None:
-        """Add an entity with the garment's materials to the scene; it is empty until `update`.
-
-        Args:
-            scene: Scene that shows the garment.
-            faces: Triangles of particles, shape (F, 3), seen from outside counter-clockwise.
-            colour: Base colour, linear, each in [0, 1]; used where there is no texture.
-            roughness: 0 for a mirror, 1 for chalk.
-            uvs: Texture coordinates in tiles of each particle, shape (V, 2), or of each corner,
-                shape (F, 3, 2), where the two sides of a seam differ; needed with a texture.
-            texture: One tile of the outside, shape (H, W, 3), uint8, sRGB.
-            thickness: Thickness of the cloth [m]; the surface is drawn half of it outwards, so that
-                the outer of two layers is seen.
-            name: Name of the entity.
-        """
-        if texture is not None:
-            if uvs is None:
-                raise ValueError(
-                    "a texture must come with uvs of shape (V, 2) or (F, 3, 2); got None"
-                )
-            if texture.ndim != 3 or texture.shape[2] != 3 or texture.dtype != np.uint8:
-                raise ValueError(
-                    "texture must have shape (H, W, 3) and dtype uint8; "
-                    f"got {texture.shape} {texture.dtype}"
-                )
-        self._particle_faces = self.faces = np.asarray(faces, dtype=np.uint32)
-        """Triangles of the drawn vertices, shape (F, 3), uint32."""
-        self.uvs = None if uvs is None else np.ascontiguousarray(uvs, dtype=np.float32)
-        """Texture coordinates of the drawn vertices, shape (W, 2), float32."""
-        self._particles: np.ndarray | None = None
-        if self.uvs is not None and self.uvs.ndim == 3:
-            self.faces, self.uvs, self._particles = _cut_seams(self.faces, self.uvs)
-        self._windings = (self.faces, np.ascontiguousarray(self.faces[:, ::-1]))
-        self._materials = tuple(
-            _make_cloth_material(colour, texture, roughness=roughness, shade=shade)
-            for shade in (1.0, self.INSIDE_SHADE)
-        )
-        self._thickness = thickness
-        self._component: render.RenderBodyComponent | None = None
-        self.entity = sapien.Entity()
-        self.entity.name = name
-        scene.add_entity(self.entity)
-
-    def compute_surface(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the drawn surface, the outside of the cloth.
-
-        Args:
-            positions: Of the particles [m], shape (V, 3), world frame.
-
-        Returns:
-            Vertices [m] and their normals, each of shape (W, 3).
-        """
-        positions = np.asarray(positions, dtype=np.float32)
-        normals = compute_vertex_normals(positions, self._particle_faces)
-        surface = positions + np.float32(self._thickness / 2) * normals
-        if self._particles is None:
-            return surface, normals
-        return surface[self._particles], normals[self._particles]
-
-    def update(self, positions: np.ndarray) -> None:
-        """Draw the surface at these particle positions [m], shape (V, 3), world frame."""
-        if self._particles is None and self.uvs is not None and len(self.uvs) != len(positions):
-            raise ValueError(
-                f"positions must have shape ({len(self.uvs)}, 3); got {positions.shape}"
-            )
-        surface, normals = self.compute_surface(positions)
-        uvs = np.zeros((len(surface), 2), np.float32) if self.uvs is None else self.uvs
-        component = render.RenderBodyComponent()
-        for sign, triangles, material in zip((1, -1), self._windings, self._materials, strict=True):
-            shape = render.RenderShapeTriangleMesh(
-                vertices=surface,
-                triangles=triangles,
-                normals=sign * normals,
-                uvs=uvs,
-                material=material,
-            )
-            component.attach(shape)
-        if self._component is not None:
-            self.entity.remove_component(self._component)
-        self.entity.add_component(component)
-        self._component = component
-
-
-def _cut_seams(
-    faces: np.ndarray, corner_uvs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give every corner with its own texture coordinates a vertex of its own.
-
-    Args:
-        faces: Triangles of particles, shape (F, 3).
-        corner_uvs: Texture coordinates of their corners, shape (F, 3, 2).
-
-    Returns:
-        Triangles, shape (F, 3), uint32; texture coordinates of their vertices, shape (W, 2),
-        float32; and the particle of each vertex, shape (W,).
-    """
-    if corner_uvs.shape != (*faces.shape, 2):
-        raise ValueError(
-            f"uvs of corners must have shape {(*faces.shape, 2)}; got {corner_uvs.shape}"
-        )
-    corners = np.concatenate(
-        [faces.reshape(-1, 1).astype(np.float64), corner_uvs.reshape(-1, 2)], axis=1
-    )
-    found, inverse = np.unique(corners, axis=0, return_inverse=True)
-    return (
-        inverse.reshape(faces.shape).astype(np.uint32),
-        np.ascontiguousarray(found[:, 1:], dtype=np.float32),
-        found[:, 0].astype(np.int64),
-    )
-
-
-def _make_cloth_material(
-    colour: tuple[float, float, float],
-    texture: np.ndarray | None,
-    *,
-    roughness: float,
-    shade: float,
-) -> render.RenderMaterial:
-    """Make a matt material whose linear colour is scaled by `shade`."""
-    material = render.RenderMaterial()
-    material.base_color = [*(shade * c for c in colour), 1.0]
-    material.roughness = roughness
-    material.specular = GarmentVisual.SPECULAR / 0.08  # SAPIEN's unit
-    if texture is not None:
-        # sRGB is close to a power law, so a linear factor is this factor on its values
-        image = (texture * shade ** (1 / 2.2)).astype(np.uint8)
-        opaque = np.full((*image.shape[:2], 1), 255, dtype=np.uint8)
-        material.base_color_texture = render.RenderTexture2D(
-            np.ascontiguousarray(np.concatenate([image, opaque], axis=2)),
-            "R8G8B8A8Unorm",
-            mipmap_levels=max(1, int(np.log2(min(image.shape[:2])))),
-            srgb=True,
-        )
-    return material
 
 
 def _pose(flat: np.ndarray) -> sapien.Pose:

@@ -1,7 +1,7 @@
 """Looks of the garment and of the floor below it, in pictures."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +10,9 @@ import sapien
 from dgl_assets.importing import AnyGarment, ImportedGarment
 from dgl_assets.importing.textures import read_picture
 from dgl_assets.materials import FabricMaterial
+from dgl_physics.drawing.garment import GarmentSurface
 from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
 from dgl_physics.drawing.rasteriser import Rasteriser
-from dgl_physics.sapien_bridge import GarmentVisual
 from dgl_tasks.drawing.bodies import ShownMeshes, read_meshes
 from dgl_tasks.errors import RenderingUnavailableError
 from dgl_tasks.shadows import CORNERS, HEIGHT, ShadowCaster
@@ -21,9 +21,9 @@ from dgl_tasks.studio import (
     LIGHT,
     STUDIO,
     FloorLook,
+    make_flat,
     make_floor,
     make_shade,
-    make_shadow,
 )
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Appearance"]
 
+_SPECULAR = 0.008  # of cloth: share of perpendicular light that is reflected
+_INSIDE_SHADE = 0.9  # brightness of a garment's inside, a factor on the linear colour
 _COLUMN = 0.15  # width of the robots' columns [m]
 _WORLD = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # pose of the world frame
 
@@ -40,9 +42,22 @@ _WORLD = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # pose of the world fram
 class _Garment:
     """A garment to draw, made when the first picture of it is taken."""
 
-    surface: SurfaceLook
+    surface: GarmentSurface
+    look: SurfaceLook
     caster: ShadowCaster
-    visual: GarmentVisual
+    shown: ShownMeshes
+
+    def make_mesh(self, positions: np.ndarray) -> Mesh:
+        """Make the mesh of the garment, world frame, at its vertices' positions [m]."""
+        vertices, normals = self.surface.compute(positions)
+        return Mesh(
+            vertices=vertices,
+            normals=normals,
+            faces=self.surface.faces,
+            uvs=self.surface.uvs,
+            surface=self.look,
+            segment=self.shown.entity.per_scene_id,
+        )
 
 
 class Appearance:
@@ -88,7 +103,7 @@ class Appearance:
             feet = [base[:2] for base in self._pedestals]
             near, far = make_floor(look, mat_centre=self._mat_centre, pedestals=feet)
             self._floor.replace([far, near])
-            self._shade = make_shade(near)
+            self._shade = make_shade(near.surface)
         self._rasteriser = None
         self.mark_moved()
 
@@ -107,7 +122,7 @@ class Appearance:
             bodies: Rigid bodies that throw shadows.
         """
         if self._garment is not None:
-            self._scene.remove_entity(self._garment.visual.entity)
+            self._scene.remove_entity(self._garment.shown.entity)
         self._garment = self._rasteriser = None
         self._make_garment = lambda: self._build_garment(garment, fabric, bodies)
         self.mark_moved()
@@ -126,12 +141,9 @@ class Appearance:
             return
         garment = self._get_garment()
         if self._shadow is None:
-            self._shadow = ShownMeshes(sapien.Entity())
-            self._scene.add_entity(self._shadow.entity)
-        assert self._shade is not None
-        flat, faces = garment.caster.cast(positions), garment.caster.faces
-        self._shadow.replace([make_shadow(flat, faces, self._shade, self._mat_centre)])
-        garment.visual.update(positions)
+            self._shadow = self._add_entity("floor_shadow")
+        self._shadow.replace([self._make_shadow(garment, positions)])
+        garment.shown.replace([garment.make_mesh(positions)])
         self._is_drawn = True
 
     def get_rasteriser(self, positions: np.ndarray) -> Rasteriser:
@@ -142,50 +154,38 @@ class Appearance:
         """
         garment = self._get_garment()
         if self._rasteriser is None:
-            self._rasteriser = self._build_rasteriser(garment)
+            self._rasteriser = self._build_rasteriser(garment, positions)
         poses = [np.concatenate([pose.p, pose.q]) for pose in (e.pose for e in self._bodies)]
         self._rasteriser.set_poses(np.array([*poses, _WORLD]))
-        self._rasteriser.set_vertices(self._moving, *garment.visual.compute_surface(positions))
-        flat = garment.caster.cast(positions)
-        shadow = np.column_stack([flat, np.full(len(flat), HEIGHT)])
-        self._rasteriser.set_vertices(self._moving + 1, shadow)
+        self._rasteriser.set_vertices(self._moving, *garment.surface.compute(positions))
+        shadow = self._make_shadow(garment, positions)
+        self._rasteriser.set_vertices(self._moving + 1, shadow.vertices)
         return self._rasteriser
 
-    def _build_rasteriser(self, garment: _Garment) -> Rasteriser:
-        visual, faces = garment.visual, garment.caster.faces
-        apart = [self._ground, visual.entity, *([self._shadow.entity] if self._shadow else [])]
-        ids = {entity.per_scene_id for entity in apart}
+    def _make_shadow(self, garment: _Garment, positions: np.ndarray) -> Mesh:
+        assert self._shade is not None
+        flat, faces = garment.caster.cast(positions), garment.caster.faces
+        mesh = make_flat(flat, faces, self._shade, self._mat_centre, height=HEIGHT)
+        return replace(mesh, segment=SHADOW)
+
+    def _build_rasteriser(self, garment: _Garment, positions: np.ndarray) -> Rasteriser:
+        shown = [self._floor, garment.shown, *([self._shadow] if self._shadow else [])]
+        ids = {meshes.entity.per_scene_id for meshes in shown}
         meshes, self._bodies = read_meshes(self._ground, None), []
         for entity in self._scene.entities:
             if entity.per_scene_id not in ids and (parts := read_meshes(entity, len(self._bodies))):
                 meshes += parts
                 self._bodies.append(entity)
         self._moving, world = len(meshes), len(self._bodies)
-        assert visual.uvs is not None
-        nothing, nowhere = np.zeros((len(visual.uvs), 3)), np.zeros((int(faces.max()) + 1, 3))
-        cloth = Mesh(
-            vertices=nothing,
-            normals=nothing,
-            faces=visual.faces,
-            uvs=visual.uvs,
-            surface=garment.surface,
-            segment=visual.entity.per_scene_id,
-            body=world,
-        )
-        shadow = Mesh(
-            vertices=nowhere,
-            normals=nowhere,
-            faces=faces,
-            surface=SurfaceLook(),
-            segment=SHADOW,
-            body=world,
-        )
+        cloth = replace(garment.make_mesh(positions), body=world)
+        shadow = self._make_shadow(garment, positions)
+        shadow = replace(shadow, surface=SurfaceLook(), uvs=None, body=world)
         return Rasteriser([*meshes, cloth, shadow], LIGHT)
 
     @property
     def garment_segment(self) -> int:
         """Segmentation id of the garment in pictures."""
-        return self._get_garment().visual.entity.per_scene_id
+        return self._get_garment().shown.entity.per_scene_id
 
     def _get_garment(self) -> _Garment:
         if not self._can_render:
@@ -221,12 +221,19 @@ class Appearance:
             for x, y, z in self._pedestals
         ]
         return _Garment(
-            surface=SurfaceLook(
+            surface=GarmentSurface(faces, uvs),
+            look=SurfaceLook(
                 roughness=roughness,
-                specular=GarmentVisual.SPECULAR,
+                specular=_SPECULAR,
                 image=Image(pixels=texture),
-                inside_shade=GarmentVisual.INSIDE_SHADE,
+                inside_shade=_INSIDE_SHADE,
             ),
             caster=ShadowCaster(bodies, faces=faces, direction=KEY_DIRECTION, fixed=columns),
-            visual=GarmentVisual(self._scene, faces, roughness=roughness, uvs=uvs, texture=texture),
+            shown=self._add_entity("garment"),
         )
+
+    def _add_entity(self, name: str) -> ShownMeshes:
+        entity = sapien.Entity()
+        entity.name = name
+        self._scene.add_entity(entity)
+        return ShownMeshes(entity)

@@ -136,8 +136,7 @@ class GarmentEnv(BaseEnv):
         self._look: LookName = look
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._appearance: Appearance
-        self._landmarks: dict[str, np.ndarray] = {}
-        self._flat_area = 0.0
+        self._start_view: TrueView
         self._start_verdict: Verdict
         self._target: np.ndarray
         self.cloth: SapienCloth
@@ -281,12 +280,16 @@ class GarmentEnv(BaseEnv):
         self._load_garment(garment, x, y, roll)
         for _ in range(self.task.start.settle_frames if self._is_built else 0):
             self.cloth.step()
-        positions = self.get_particles()
-        self._landmarks = {
-            name: positions[self.garment.landmarks[name]] for name in self.task.success.landmarks
-        }
-        self._flat_area = compute_covered_area(
-            sample_visible_surface(self.garment.vertices, self.garment.faces)
+        particles = self.get_particles()
+        places = {name: garment.landmarks[name] for name in self.task.success.landmarks}
+        flat = sample_visible_surface(garment.vertices, garment.faces)
+        self._start_view = TrueView(
+            particles=particles,
+            faces=garment.faces,
+            upright=garment.vertices,
+            landmarks={name: particles[place] for name, place in places.items()},
+            flat_area=compute_covered_area(flat),
+            frames=self.get_frames(),
         )
         self._start_verdict = self.apply_rule()
 
@@ -316,10 +319,8 @@ class GarmentEnv(BaseEnv):
             friction, thumb = self.task.hand_friction, self.agent.model.hand.thumb_links
             is_thumb = any(component.name.endswith(f"_{side}_{n}") for side in SIDES for n in thumb)
             return friction.thumb if is_thumb and friction.thumb is not None else friction.fingers
-        for item in self.objects.values():
-            if component.entity.name == item.entity_name:
-                return item.declared.friction
-        return self.task.ground_friction
+        objects = {item.entity_name: item.declared.friction for item in self.objects.values()}
+        return objects.get(component.entity.name, self.task.ground_friction)
 
     # Stepping ------------------------------------------------------------------------------
 
@@ -357,8 +358,7 @@ class GarmentEnv(BaseEnv):
         if mode not in self._bounds:
             assert isinstance(space, Box)
             self._bounds[mode] = ActionBounds(space.low, space.high)
-        clipped = self._bounds[mode].clip(action.numpy())
-        return torch.from_numpy(clipped)
+        return torch.from_numpy(self._bounds[mode].clip(action.numpy()))
 
     def _read_action(self, action: Any) -> torch.Tensor:
         shape = self.agent.single_action_space.shape
@@ -396,14 +396,7 @@ class GarmentEnv(BaseEnv):
     @property
     def view(self) -> TrueView:
         """Ground-truth view of the scene."""
-        return TrueView(
-            particles=self.get_particles(),
-            faces=self.garment.faces,
-            upright=self.garment.vertices,
-            landmarks=self._landmarks,
-            flat_area=self._flat_area,
-            frames=self.get_frames(),
-        )
+        return replace(self._start_view, particles=self.get_particles(), frames=self.get_frames())
 
     def get_frames(self) -> dict[str, dict[str, np.ndarray]]:
         """Present frames of the objects, by object and name [m], shape (3,), world frame."""
@@ -443,10 +436,8 @@ class GarmentEnv(BaseEnv):
             "is_released": released.is_met,
             "is_still": still.is_met,
         }
-        content: dict = {k: torch.tensor([v], device=self.device) for k, v in told.items()}
-        content["criteria"] = {
-            c.name: torch.tensor([c.value], device=self.device) for c in verdict.criteria
-        }
+        content: dict = {name: torch.tensor([value]) for name, value in told.items()}
+        content["criteria"] = {c.name: torch.tensor([c.value]) for c in verdict.criteria}
         return content
 
     def measure_speed(self) -> float:
@@ -475,13 +466,13 @@ class GarmentEnv(BaseEnv):
 
     def compute_dense_reward(self, obs: Any, action: torch.Tensor, info: dict) -> torch.Tensor:
         """Reward in [0, 4], shape (1,)."""
-        return torch.tensor([self.compute_reward_terms().dense], device=self.device)
+        return torch.tensor([self.compute_reward_terms().dense])
 
     def compute_normalized_dense_reward(
         self, obs: Any, action: torch.Tensor, info: dict
     ) -> torch.Tensor:
         """Reward in [0, 1], shape (1,)."""
-        return torch.tensor([self.compute_reward_terms().normalized], device=self.device)
+        return torch.tensor([self.compute_reward_terms().normalized])
 
     def count_touching(self) -> int:
         """Count the links of the robot that touch the garment."""
@@ -513,12 +504,10 @@ class GarmentEnv(BaseEnv):
             seed = int(np.random.SeedSequence(keys).generate_state(1)[0])
             ids, workspace = self.segments, self.task.workspace
             above, ahead = map(self.take_picture, ("garment_camera", "environment_camera"))
-            clouds = {
-                "garment_cloud": get_garment_cloud(above, ids, seed=seed),
-                "workspace_cloud": get_environment_cloud(ahead, ids, workspace, seed=seed),
-            }
-            for name, cloud in clouds.items():
-                observation[name] = torch.from_numpy(cloud)[None].to(self.device)
+            garment = get_garment_cloud(above, ids, seed=seed)
+            around = get_environment_cloud(ahead, ids, workspace, seed=seed)
+            observation["garment_cloud"] = torch.from_numpy(garment)[None]
+            observation["workspace_cloud"] = torch.from_numpy(around)[None]
         return observation
 
     # State ---------------------------------------------------------------------------------
@@ -547,7 +536,7 @@ class GarmentEnv(BaseEnv):
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
         super().set_state_dict(rigid, env_idx)
         write_cloth(self.cloth, state["garment"])
-        self._target = state["targets"]["joints"].cpu().numpy().reshape(-1).astype(np.float64)
+        self._target = state["targets"]["joints"][0].numpy().astype(np.float64)
         self._appearance.mark_moved()
 
     def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:

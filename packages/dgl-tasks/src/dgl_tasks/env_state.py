@@ -32,12 +32,12 @@ def write_cloth(cloth: SapienCloth, state: dict[str, torch.Tensor]) -> None:
             f"got {state['positions'].shape[1] // 3}"
         )
     cloth.state.set_particles(
-        state["positions"].cpu().numpy().reshape(shape),
-        state["velocities"].cpu().numpy().reshape(shape),
-        state["is_stuck"].cpu().numpy().reshape(shape[:2]) > 0.5,
+        state["positions"].numpy().reshape(shape),
+        state["velocities"].numpy().reshape(shape),
+        state["is_stuck"].numpy().reshape(shape[:2]) > 0.5,
     )
-    cloth.state.set_memory(state["memory"].cpu().numpy().reshape(-1))
-    cloth.set_forces(state["forces"].cpu().numpy().reshape(1, -1, 6))
+    cloth.state.set_memory(state["memory"].numpy().reshape(-1))
+    cloth.set_forces(state["forces"].numpy().reshape(1, -1, 6))
     cloth.sync_bodies(is_jump=True)
 
 

@@ -106,9 +106,7 @@ class BimanualMotion:
             if len(path):
                 # stretched over the longer path, so that both arrive together
                 at = np.linspace(0, len(path) - 1, len(rows))
-                part = self.robot.joint_slice(side, "arm")
-                for k in range(path.shape[1]):
-                    rows[:, part.start + k] = np.interp(at, np.arange(len(path)), path[:, k])
+                rows[:, self.robot.joint_slice(side, "arm")] = _resample(path, at)
         return self._finish(_ramp(np.concatenate([self.target[None], rows])))
 
     def follow(
@@ -256,5 +254,10 @@ def _ramp(path: np.ndarray) -> np.ndarray:
     left = count + ramp - t
     way = np.where(t < ramp, t**2 / (2 * ramp), t - ramp / 2)
     way = np.where(left < ramp, count - left**2 / (2 * ramp), way)
-    at = np.arange(count + 1)
-    return np.stack([np.interp(way, at, column) for column in path.T], axis=1)
+    return _resample(path, way)
+
+
+def _resample(path: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Interpolate the rows of a path, shape (N, D), at real row numbers, shape (M,)."""
+    rows = np.arange(len(path))
+    return np.stack([np.interp(at, rows, column) for column in path.T], axis=1)

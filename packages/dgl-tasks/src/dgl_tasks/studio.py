@@ -26,7 +26,6 @@ from dgl_assets.materials import (
 )
 from dgl_physics.drawing.light import Studio
 from dgl_physics.drawing.mesh import Image, Mesh, SurfaceLook
-from dgl_tasks.shadows import HEIGHT
 
 if TYPE_CHECKING:
     from mani_skill.envs.scene import ManiSkillScene
@@ -135,58 +134,54 @@ def make_floor(
         mat_centre: Centre of the work mat [m].
         pedestals: Feet of the robots' columns [m]; the floor is darker around them.
     """
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2.0
-    i = np.arange(4)
-    j = (i + 1) % 4
-    frame = np.concatenate([np.stack([i, j, 4 + j], 1), np.stack([i, 4 + j, 4 + i], 1)])
-    rings = np.concatenate([corners * _FAR_SIDE, corners * _NEAR_SIDE])
     near, far = (
-        paint_floor(side, pixels, mat_centre=mat_centre, pedestals=tuple(pedestals), look=look)
+        _make_matt(
+            paint_floor(side, pixels, mat_centre=mat_centre, pedestals=tuple(pedestals), look=look)
+        )
         for side, pixels in ((_NEAR_SIDE, 1024), (_FAR_SIDE, 512))
     )
-    square = np.array([[0, 1, 2], [0, 2, 3]])
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2.0
+    inner, outer = (side * square + mat_centre for side in (_NEAR_SIDE, _FAR_SIDE))
+    sides = [(i, (i + 1) % 4) for i in range(4)]
+    frame = [[i, j, j + 4] for i, j in sides] + [[i, j + 4, i + 4] for i, j in sides]
     return (
-        _lay_flat(corners * _NEAR_SIDE + mat_centre, square, _make_matt(near), mat_centre),
-        _lay_flat(rings + mat_centre, frame, _make_matt(far), mat_centre, side=_FAR_SIDE),
+        make_flat(inner, np.array([[0, 1, 2], [0, 2, 3]]), near, mat_centre),
+        make_flat(np.concatenate([outer, inner]), np.array(frame), far, mat_centre, side=_FAR_SIDE),
     )
 
 
-def make_shade(floor: Mesh) -> SurfaceLook:
-    """Make the look in shadow of the floor's detailed middle."""
-    image = floor.surface.image
-    assert image is not None
+def make_shade(look: SurfaceLook) -> SurfaceLook:
+    """Make the look in shadow of a part of the floor."""
+    assert look.image is not None
     # sRGB is close to a power law
-    return _make_matt((image.pixels * SHADE ** (1 / 2.2)).astype(np.uint8))
+    return _make_matt((look.image.pixels * SHADE ** (1 / 2.2)).astype(np.uint8))
 
 
-def make_shadow(flat: np.ndarray, faces: np.ndarray, shade: SurfaceLook, centre: Point2) -> Mesh:
-    """Make the mesh of a shadow on the floor, just above it.
-
-    Args:
-        flat: Vertices [m], shape (W, 2), world frame.
-        faces: Triangles, shape (G, 3).
-        shade: Look of `make_shade`.
-        centre: Centre of the work mat [m].
-    """
-    return _lay_flat(flat, faces, shade, centre, height=HEIGHT)
-
-
-def _lay_flat(
-    flat: np.ndarray,
+def make_flat(
+    vertices: np.ndarray,
     faces: np.ndarray,
-    surface: SurfaceLook,
-    centre: Point2,
+    look: SurfaceLook,
+    mat_centre: Point2,
     *,
     side: float = _NEAR_SIDE,
     height: float = 0.0,
 ) -> Mesh:
-    """Make a level mesh that shows the part of a square picture around `centre` above it."""
+    """Make a level mesh with the floor's picture.
+
+    Args:
+        vertices: [m], shape (V, 2), world frame.
+        faces: Triangles, shape (F, 3).
+        look: Of the detailed middle, unless `side` says otherwise.
+        mat_centre: Centre of the picture [m].
+        side: Length of the picture's sides [m].
+        height: Above the ground [m].
+    """
     return Mesh(
-        vertices=np.column_stack([flat, np.full(len(flat), height)]),
-        normals=np.tile([0.0, 0.0, 1.0], (len(flat), 1)),
+        vertices=np.column_stack([vertices, np.full(len(vertices), height)]),
+        normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
         faces=faces,
-        uvs=(flat - centre) / side + 0.5,
-        surface=surface,
+        uvs=(vertices - mat_centre) / side + 0.5,
+        surface=look,
         segment=0,
     )
 

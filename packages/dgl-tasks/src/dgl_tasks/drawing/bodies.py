@@ -42,42 +42,53 @@ class ShownMeshes:
         """Show nothing yet."""
         self.entity = entity
         self._component: render.RenderBodyComponent | None = None
-        self._materials: dict[SurfaceLook, render.RenderMaterial] = {}
+        self._materials: dict[SurfaceLook, list[render.RenderMaterial]] = {}
 
     def replace(self, meshes: Sequence[Mesh]) -> None:
-        """Show these meshes instead, whose frame is the entity's."""
+        """Show these meshes instead, whose frame is the entity's.
+
+        SAPIEN culls back faces, so that a surface with an inside is shown with both windings.
+        """
         component, before = render.RenderBodyComponent(), self._materials
         self._materials = {
-            mesh.surface: before.get(mesh.surface) or _make_material(mesh.surface)
+            mesh.surface: before.get(mesh.surface) or _make_materials(mesh.surface)
             for mesh in meshes
         }
         for mesh in meshes:
-            shape = render.RenderShapeTriangleMesh(
-                vertices=np.asarray(mesh.vertices, dtype=np.float32),
-                triangles=np.asarray(mesh.faces, dtype=np.uint32),
-                normals=np.asarray(mesh.normals, dtype=np.float32),
-                uvs=np.asarray(mesh.uvs, dtype=np.float32),
-                material=self._materials[mesh.surface],
-            )
-            component.attach(shape)
+            for side, material in zip((1, -1), self._materials[mesh.surface], strict=False):
+                shape = render.RenderShapeTriangleMesh(
+                    vertices=np.asarray(mesh.vertices, dtype=np.float32),
+                    triangles=np.asarray(mesh.faces[:, ::side], dtype=np.uint32),
+                    normals=side * np.asarray(mesh.normals, dtype=np.float32),
+                    uvs=np.asarray(mesh.uvs, dtype=np.float32),
+                    material=material,
+                )
+                component.attach(shape)
         if self._component is not None:
             self.entity.remove_component(self._component)
         self.entity.add_component(component)
         self._component = component
 
 
-def _make_material(surface: SurfaceLook) -> render.RenderMaterial:
+def _make_materials(surface: SurfaceLook) -> list[render.RenderMaterial]:
+    """Make the material of the outside and, if it is seen, that of the inside."""
+    shades = (1.0, surface.inside_shade) if surface.inside_shade else (1.0,)
+    return [_make_material(surface, shade) for shade in shades]
+
+
+def _make_material(surface: SurfaceLook, shade: float) -> render.RenderMaterial:
     material = render.RenderMaterial()
-    material.base_color = [*surface.colour, 1.0]
+    material.base_color = [*(shade * c for c in surface.colour), 1.0]
     material.roughness, material.metallic = surface.roughness, surface.metallic
     material.specular = surface.specular / _STRAIGHT
     if surface.image is not None:
-        pixels = surface.image.pixels
+        # sRGB is close to a power law, so a linear factor is this factor on its values
+        pixels = (surface.image.pixels * shade ** (1 / 2.2)).astype(np.uint8)
         opaque = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
         material.base_color_texture = render.RenderTexture2D(
             np.concatenate([pixels, opaque], axis=2),
             "R8G8B8A8Unorm",
-            mipmap_levels=int(np.log2(len(pixels))),
+            mipmap_levels=max(1, int(np.log2(min(pixels.shape[:2])))),
             address_mode="repeat" if surface.image.is_repeated else "edge",
             srgb=True,
         )
