@@ -26,8 +26,8 @@ from dgl_collect.attempt import choose_split, draw_garment
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import SCRIPTED, check_method, make_method
-from dgl_collect.evaluation.options import EvaluationOptions
 from dgl_collect.evaluation.results import Run, summarize
+from dgl_collect.options import EvaluationOptions
 from dgl_collect.setup import Setup
 from dgl_physics import MeshError
 from dgl_tasks import get_task

@@ -13,7 +13,7 @@ from dexgarmentlab.learned_methods import METHODS, count_chunks, make_evaluation
 from dgl_collect import AttemptRequest
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import check_method, make_method
-from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.setup import Setup
 from dgl_collect.stage_runner import StageRunner

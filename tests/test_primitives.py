@@ -16,7 +16,7 @@ from dgl_collect import write_episode
 from dgl_collect.demonstration import FOLDER, load_demonstration
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.evaluation.methods import check_method
-from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.options import EvaluationOptions
 from dgl_collect.names import list_anchors, name_scene
 from dgl_collect.options import RunOptions
 from dgl_sadp import CheckpointError

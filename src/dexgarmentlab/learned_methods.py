@@ -10,7 +10,7 @@ from dexgarmentlab.primitives import PrimitiveMethod
 from dgl_collect.attempt import Attempts
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import LearnedMethod, make_evaluation_attempts
-from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.stage_runner import StageRunner
 from dgl_sadp import PolicyConfig, PolicyRunner, load_policy, read_card

@@ -16,7 +16,7 @@ from dexgarmentlab.cli.flags import (
     tell_command,
     told_how_to_continue,
 )
-from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.options import EvaluationOptions
 
 if TYPE_CHECKING:
     from dgl_collect import CollectConfig, Progress

@@ -10,7 +10,7 @@ from annotated_types import Ge
 
 from dgl_files.fields import STRICT, check_fields, from_plain
 
-__all__ = ["GarmentChoice", "MatcherName", "RecordOptions", "RunOptions"]
+__all__ = ["EvaluationOptions", "GarmentChoice", "MatcherName", "RecordOptions", "RunOptions"]
 
 MatcherName = Literal["exact", "gam"]
 """`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
@@ -85,3 +85,26 @@ class RecordOptions(RunOptions):
     record: Literal["stages", "approaches"] = "stages"
     """Recorded parts: the stages from the grasp points on, or also the approaches before them,
     which policies without grasp points must learn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationOptions(RunOptions):
+    """Options of an evaluation."""
+
+    policy: str
+    """The method: nothing, lift-drop, expert; learned: primitive, blind, halo, sadp, gam-dp3, dp3,
+    dp; or module:factory of your own."""
+    garments: GarmentChoice = "both"
+    """Garments of the training split, of the testing split, or of both by turns."""
+    friction: Annotated[float, Ge(0)] = 1.0
+    """A factor on the garment's friction and adhesion: at 0 no hand can hold it, and no method must
+    succeed."""
+    checkpoints: Path | None = None
+    """Trained policies of a learned method: a folder with stage_1/policy.safetensors and so on; of
+    primitive and blind, the folder of a training. Default of these: what comes with dgl-sadp."""
+    chunks: Annotated[int, Ge(1)] | None = None
+    """Predictions in each stage. Default: enough for the longest recording."""
+    actions: Annotated[int, Ge(1)] = 600
+    """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Device on which policies compute."""

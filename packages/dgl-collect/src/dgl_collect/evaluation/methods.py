@@ -8,7 +8,7 @@ from typing import Protocol
 
 from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import Attempts
-from dgl_collect.evaluation.options import EvaluationOptions
+from dgl_collect.options import EvaluationOptions
 from dgl_collect.setup import Setup, make_setup
 from dgl_tasks import load_task
 from dgl_tasks.declaration import Task

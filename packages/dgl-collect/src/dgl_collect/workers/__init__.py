@@ -3,6 +3,7 @@
 from dgl_collect.workers.dispatch import Dispatcher as Dispatcher
 from dgl_collect.workers.dispatch import Limits as Limits
 from dgl_collect.workers.dispatch import check_workers as check_workers
+from dgl_collect.workers.dispatch import stop_signals as stop_signals
 from dgl_collect.workers.engine import Machine as Machine
 from dgl_collect.workers.engine import Workers as Workers
 from dgl_collect.workers.jobs import Failure as Failure
@@ -11,4 +12,3 @@ from dgl_collect.workers.jobs import JobOutcome as JobOutcome
 from dgl_collect.workers.jobs import JobRunner as JobRunner
 from dgl_collect.workers.jobs import Work as Work
 from dgl_collect.workers.local import end_unguarded_import as end_unguarded_import
-from dgl_collect.workers.signals import stop_signals as stop_signals

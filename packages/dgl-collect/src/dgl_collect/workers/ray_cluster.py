@@ -92,55 +92,23 @@ class RemoteWorker:
         return Parcel(answer=answer, files=files, printed=printed)
 
 
-class Head:
-    """The head of a cluster, checked every few seconds."""
-
-    def __init__(self, address: str) -> None:
-        """Watch the head at an address, which answers now."""
-        self.is_gone = False
-        self._address = address
-        self._seen = self._knocked = time.monotonic()
-
-    def look(self) -> None:
-        """Check the head, if the last check is old.
-
-        Raises:
-            WorkerError: If it has not answered for a while.
-        """
-        now = time.monotonic()
-        if now - self._knocked < KNOCK_SECONDS:
-            return
-        self._knocked = now
-        try:
-            _knock(self._address)
-            self._seen = now
-        except OSError as err:
-            if now - self._seen > GONE_SECONDS:
-                self.is_gone = True
-                raise WorkerError(
-                    f"the Ray cluster is gone: its head at {self._address}: {_first_line(err)}"
-                ) from err
-
-
 class RayWorker(Worker):
     """An actor, as the run sees it."""
 
-    def __init__(
-        self, number: int, actor: Any, log_path: Path, *, shared_out: bool, head: Head
-    ) -> None:
+    def __init__(self, number: int, engine: RayEngine, actor: Any, log_path: Path) -> None:
         super().__init__(number)
         self.pending: Any = actor.place.remote()
         """Reference of the awaited answer, or None."""
         self.node = ""
         """Ray's id of the actor's node; empty until it runs."""
-        self._actor, self._head = actor, head
-        self._log_path, self._shared_out = log_path, shared_out
+        self._engine, self._actor, self._log_path = engine, actor, log_path
         self._out_dir = Path()
         self._released: Any = None
 
     def _send(self, job: Job, out_dir: Path) -> None:
         self._out_dir = out_dir
-        self.pending = self._actor.do.remote(job, out_dir.resolve() if self._shared_out else None)
+        shared = out_dir.resolve() if self._engine.shared_out else None
+        self.pending = self._actor.do.remote(job, shared)
 
     def take(self, sent: Any) -> Answer | None:
         """Take what the actor has sent: its node, or a parcel, whose files are written."""
@@ -163,7 +131,7 @@ class RayWorker(Worker):
         """End the actor."""
         import ray
 
-        if self._head.is_gone:
+        if self._engine.is_gone:
             return  # Ray would wait for it
         if self._released is not None:
             ray.wait([self._released], timeout=CLOSE_SECONDS)
@@ -185,12 +153,15 @@ class RayEngine:
         # Else Ray starts its workers by `uv run` if this process was. The environment variable of
         # that name would be too late for a program that has imported Ray itself.
         ray_constants.RAY_ENABLE_UV_RUN_RUNTIME_ENV = False
-        self._shared_out = workers.shared_out
+        self.shared_out = workers.shared_out
+        self.is_gone = False
+        """True once the head of the cluster has not answered for a while."""
         self._is_ours = not ray.is_initialized()
         if self._is_ours:
             with _signals_kept():
                 _connect(ray, workers)
-        self._head = Head(ray.get_runtime_context().gcs_address)
+        self._head = ray.get_runtime_context().gcs_address
+        self._seen = self._knocked = time.monotonic()
         self._remote = ray.remote(RemoteWorker).options(
             num_cpus=1,
             max_restarts=0,
@@ -201,14 +172,14 @@ class RayEngine:
     def start(self, number: int, work: Work, log_path: Path) -> RayWorker:
         """Ask for an actor; it runs once the cluster has a processor for it."""
         actor = self._remote.remote(work, list(sys.path))
-        return RayWorker(number, actor, log_path, shared_out=self._shared_out, head=self._head)
+        return RayWorker(number, self, actor, log_path)
 
     def hear(self, workers: Sequence[Worker], seconds: float) -> list[tuple[Worker, Answer]]:
         """Wait for an answer."""
         import ray
         from ray.exceptions import ObjectLostError, RayActorError, RaySystemError, RayTaskError
 
-        self._head.look()
+        self._check_head()
         waiting = {w.pending: w for w in workers if isinstance(w, RayWorker) and w.pending}
         if not waiting:
             time.sleep(seconds)
@@ -233,8 +204,24 @@ class RayEngine:
         """Leave the cluster; end it if it was started here."""
         import ray
 
-        if self._is_ours and not self._head.is_gone:
+        if self._is_ours and not self.is_gone:
             ray.shutdown()
+
+    def _check_head(self) -> None:
+        """Check that the head answers, every few seconds; raise WorkerError if it is gone."""
+        now = time.monotonic()
+        if now - self._knocked < KNOCK_SECONDS:
+            return
+        self._knocked = now
+        try:
+            _knock(self._head)
+            self._seen = now
+        except OSError as err:
+            if now - self._seen > GONE_SECONDS:
+                self.is_gone = True
+                raise WorkerError(
+                    f"the Ray cluster is gone: its head at {self._head}: {_first_line(err)}"
+                ) from err
 
 
 def import_ray() -> Any:
@@ -284,16 +271,15 @@ def _signals_kept() -> Iterator[None]:
 
 def _connect(ray: Any, workers: Workers) -> None:
     """Connect to the cluster of a run, or start one."""
-    common = {"log_to_driver": False, "logging_level": logging.ERROR}
+    check_reachable(workers.address)
+    where = {"num_cpus": workers.count, "include_dashboard": False}
+    if workers.address is not None:
+        where = {"address": workers.address}
     try:
-        if workers.address is None:
-            ray.init(num_cpus=workers.count, include_dashboard=False, **common)
-        else:
-            _knock(workers.address)
-            ray.init(address=workers.address, **common)
+        ray.init(log_to_driver=False, logging_level=logging.ERROR, **where)
     except (OSError, RuntimeError, ValueError) as err:
-        where = "on this machine" if workers.address is None else f"at {workers.address!r}"
-        raise EngineError(f"there is no Ray cluster {where}: {_first_line(err)}") from err
+        place = "on this machine" if workers.address is None else f"at {workers.address!r}"
+        raise EngineError(f"there is no Ray cluster {place}: {_first_line(err)}") from err
 
 
 def _knock(address: str) -> None:
