@@ -1,7 +1,5 @@
 """Episode files: one attempt, one HDF5 file; the format is `docs/episode_format.md`."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Errors of this package that callers may catch."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

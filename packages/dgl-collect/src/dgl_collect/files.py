@@ -1,7 +1,5 @@
 """Folders that one run writes to, and faults of the disk."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

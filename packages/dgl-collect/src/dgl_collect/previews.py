@@ -1,7 +1,5 @@
 """First and last pictures of an episode, and its small arrays, read quickly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

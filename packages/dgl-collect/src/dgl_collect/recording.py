@@ -1,7 +1,5 @@
 """Recording of stages, one frame at every fifth control step."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -96,7 +94,7 @@ class StageRecorder:
 class EpisodeRecorder:
     """Records every stage of an attempt; implements `dgl_tasks.driver.Listener`."""
 
-    def __init__(self, env: GarmentEnv, *, with_approach: bool = False) -> None:
+    def __init__(self, env: "GarmentEnv", *, with_approach: bool = False) -> None:
         """Prepare to record an attempt.
 
         Args:
@@ -113,7 +111,7 @@ class EpisodeRecorder:
         self._has_begun = False
         self._lost: StageRecorder | None = None
 
-    def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
+    def before_step(self, command: Command, look: Callable[..., "Sensed"]) -> None:
         """Record a command that belongs to a stage."""
         if self._now is None or command.recorded is None:
             return
@@ -123,7 +121,7 @@ class EpisodeRecorder:
         if command.recorded == "stage" or self._with_approach:
             self._now.before_step(command.target, lambda: look(ENVIRONMENT_CAMERA).observe())
 
-    def note(self, mark: Mark, sensed: Sensed) -> None:
+    def note(self, mark: Mark, sensed: "Sensed") -> None:
         """Note the beginning and the end of stages."""
         del sensed
         if isinstance(mark, StageBegins):

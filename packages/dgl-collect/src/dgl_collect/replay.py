@@ -1,7 +1,5 @@
 """Replay of an episode: its commands once more, compared with the record."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -131,7 +129,7 @@ def replay_episode(
 
 
 def replay_in(
-    env: GarmentEnv,
+    env: "GarmentEnv",
     episode: Episode,
     *,
     film: Callable[[np.ndarray], None] | None = None,
@@ -182,7 +180,7 @@ class _Comparison:
             for k in range(stage.frame_count):
                 self._frames[stage.first_step + k * STEPS_PER_ACTION] = (stage, k)
 
-    def before_step(self, command: Command, look: Callable[..., Sensed]) -> None:
+    def before_step(self, command: Command, look: Callable[..., "Sensed"]) -> None:
         del command
         step = look().step
         if step not in self._clouds and step not in self._frames:
@@ -199,7 +197,7 @@ class _Comparison:
             for name in ("joint_state", "ee_pose", "image", "env_point_cloud"):
                 self._compare(name, getattr(stage, name)[k], getattr(seen, name))
 
-    def note(self, mark: Mark, sensed: Sensed) -> None:
+    def note(self, mark: Mark, sensed: "Sensed") -> None:
         """Nothing is marked in a replay."""
 
     def compare_end(self, particles: np.ndarray) -> None:

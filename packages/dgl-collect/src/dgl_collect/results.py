@@ -1,7 +1,5 @@
 """Results of attempts: one line each in `attempts.jsonl`, and their summary."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import json
@@ -99,7 +97,7 @@ class AttemptResult:
         return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
 
     @classmethod
-    def from_line(cls, line: str) -> AttemptResult:
+    def from_line(cls, line: str) -> "AttemptResult":
         """Read a result from its line.
 
         Raises:

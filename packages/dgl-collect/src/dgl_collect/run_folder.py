@@ -1,7 +1,5 @@
 """Folder of one run: its files, and the lock against other runs."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -82,53 +80,6 @@ def read_run(folder: Path) -> RunRecord:
         raise OutputFolderError(str(err)) from err
 
 
-@contextmanager
-def opened_run(path: Path, record: RunRecord, *, resume: bool) -> Iterator[RunFolder]:
-    """Open the folder of a run, and lock it against other runs.
-
-    Args:
-        path: The folder; made when missing.
-        record: The run. One that is continued must have equal task, seed, factory and options.
-        resume: Continue the run in the folder. Without it the folder must be empty.
-
-    Raises:
-        OutputFolderError: If the folder is not writable, not empty, busy, or of another run.
-    """
-    with locked_folder(path):
-        with disk_faults_told():
-            folder = _open_run(path, record, resume=resume)
-        yield folder
-
-
-def _open_run(path: Path, record: RunRecord, *, resume: bool) -> RunFolder:
-    is_empty = not any(path.iterdir())
-    if not is_empty and not resume:
-        raise OutputFolderError(
-            f"{path} is not empty; add --resume to continue the run in it, or choose another --out"
-        )
-    if not is_empty and not (path / RUN_FILE).exists():
-        raise OutputFolderError(
-            f"{path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
-        )
-    results: list[AttemptResult] = []
-    if is_empty and resume:
-        logger.warning("%s has no run yet: this one begins there", path)
-    elif not is_empty:
-        found = read_run(path)
-        identity = {
-            name: getattr(record, name) for name in ("task", "seed", "attempt_factory", "options")
-        }
-        check_continued(path, asdict(found), identity)
-        if found.versions != record.versions:
-            logger.warning("%s was begun with other package versions", path)
-        commands = (*found.commands, *record.commands)
-        record = replace(record, commands=commands, machines=found.machines)
-        drop_unfinished_line(path / ATTEMPTS_FILE)
-        results = drop_lost_attempts(path)
-    write_json(path / RUN_FILE, asdict(record))
-    return RunFolder(path, record, results)
-
-
 @dataclass
 class RunFolder:
     """An open run folder; see `opened_run`."""
@@ -191,3 +142,50 @@ class RunFolder:
         )
         write_json(self.path / SUMMARY_FILE, asdict(summary))
         return summary
+
+
+@contextmanager
+def opened_run(path: Path, record: RunRecord, *, resume: bool) -> Iterator[RunFolder]:
+    """Open the folder of a run, and lock it against other runs.
+
+    Args:
+        path: The folder; made when missing.
+        record: The run. One that is continued must have equal task, seed, factory and options.
+        resume: Continue the run in the folder. Without it the folder must be empty.
+
+    Raises:
+        OutputFolderError: If the folder is not writable, not empty, busy, or of another run.
+    """
+    with locked_folder(path):
+        with disk_faults_told():
+            folder = _open_run(path, record, resume=resume)
+        yield folder
+
+
+def _open_run(path: Path, record: RunRecord, *, resume: bool) -> RunFolder:
+    is_empty = not any(path.iterdir())
+    if not is_empty and not resume:
+        raise OutputFolderError(
+            f"{path} is not empty; add --resume to continue the run in it, or choose another --out"
+        )
+    if not is_empty and not (path / RUN_FILE).exists():
+        raise OutputFolderError(
+            f"{path} holds no run to resume ({RUN_FILE} is missing); choose another --out"
+        )
+    results: list[AttemptResult] = []
+    if is_empty and resume:
+        logger.warning("%s has no run yet: this one begins there", path)
+    elif not is_empty:
+        found = read_run(path)
+        identity = {
+            name: getattr(record, name) for name in ("task", "seed", "attempt_factory", "options")
+        }
+        check_continued(path, asdict(found), identity)
+        if found.versions != record.versions:
+            logger.warning("%s was begun with other package versions", path)
+        commands = (*found.commands, *record.commands)
+        record = replace(record, commands=commands, machines=found.machines)
+        drop_unfinished_line(path / ATTEMPTS_FILE)
+        results = drop_lost_attempts(path)
+    write_json(path / RUN_FILE, asdict(record))
+    return RunFolder(path, record, results)

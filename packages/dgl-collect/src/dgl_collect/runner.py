@@ -1,7 +1,5 @@
 """Collection: many attempts at a task, by one or more workers."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Parts of a demonstration: stages, each a sequence of typed steps."""
 
-from __future__ import annotations
-
 import keyword
 import unicodedata
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Checks of a run's folder: every file opens, and files that state the same fact agree."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from collections.abc import Iterator

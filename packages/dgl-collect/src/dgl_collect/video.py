@@ -1,7 +1,5 @@
 """Films and pictures, written whole or not at all."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 
@@ -38,7 +36,7 @@ class VideoWriter:
         self._file: av.container.OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
-    def __enter__(self) -> VideoWriter:
+    def __enter__(self) -> "VideoWriter":
         self._file = av.open(self._content, "w", format="mp4")
         return self
 

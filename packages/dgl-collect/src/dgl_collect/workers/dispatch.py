@@ -1,7 +1,5 @@
 """Distribution of jobs to workers, with repetition and limits."""
 
-from __future__ import annotations
-
 import logging
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Interfaces of workers and of the engines that start them."""
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

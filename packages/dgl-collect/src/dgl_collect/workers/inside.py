@@ -1,7 +1,5 @@
 """The inside of a worker, on either engine."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 import logging

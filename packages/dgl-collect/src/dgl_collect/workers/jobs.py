@@ -1,7 +1,5 @@
 """Jobs of a run, and their outcomes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Workers as actors of a Ray cluster."""
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil
@@ -95,7 +93,7 @@ class RemoteWorker:
 class RayWorker(Worker):
     """An actor, as the run sees it."""
 
-    def __init__(self, number: int, engine: RayEngine, actor: Any, log_path: Path) -> None:
+    def __init__(self, number: int, engine: "RayEngine", actor: Any, log_path: Path) -> None:
         super().__init__(number)
         self.pending: Any = actor.place.remote()
         """Reference of the awaited answer, or None."""
