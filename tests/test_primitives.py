@@ -16,9 +16,8 @@ from dgl_collect import write_episode
 from dgl_collect.demonstration import FOLDER, load_demonstration
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.evaluation.methods import check_method
-from dgl_collect.options import EvaluationOptions
 from dgl_collect.names import list_anchors, name_scene
-from dgl_collect.options import RunOptions
+from dgl_collect.options import EvaluationOptions, RunOptions
 from dgl_sadp import CheckpointError
 from dgl_sadp.primitive_file import PRIMITIVES_FILE, load_primitives
 from dgl_tasks import get_task

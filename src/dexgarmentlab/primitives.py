@@ -32,8 +32,7 @@ from dgl_tasks.observation import CONTROL_FREQUENCY
 
 if TYPE_CHECKING:
     from dgl_assets.robots import Side
-    from dgl_collect.options import EvaluationOptions
-    from dgl_collect.options import RunOptions
+    from dgl_collect.options import EvaluationOptions, RunOptions
     from dgl_collect.setup import Setup
     from dgl_collect.steps import Demonstration, Stage
     from dgl_tasks.declaration import Task
