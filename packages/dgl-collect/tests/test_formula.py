@@ -102,7 +102,7 @@ REFUSED = (
     ("lift or cuff", "arithmetic is for numbers; 'cuff' is none"),
     ("1 / 0", "formula '1 / 0' cannot be evaluated: .*division by zero"),
     ("1 / (lift - 0.3)", "division by zero"),
-    ("sqrt(2)", "unknown function 'sqrt'; known: abs, distance_xy, max, min"),
+    ("sqrt(2)", "unknown function 'sqrt'; known: abs, cos, distance_xy, max, min, sin"),
     ("min(cuff, 1)", "arithmetic is for numbers; 'cuff' is none"),
     ("-" * 10**5 + "1", "must have at most 1000 characters; got 100001"),
     ("-" * 999 + "1", "cannot be evaluated|must be an arithmetic expression"),

@@ -36,6 +36,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "min": min,
     "max": max,
     "abs": abs,
+    "sin": lambda angle: float(np.sin(np.radians(angle))),
+    "cos": lambda angle: float(np.cos(np.radians(angle))),
     "distance_xy": _distance_xy,
 }
 """Functions that formulas may call, by name."""
@@ -45,8 +47,9 @@ def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
     """Evaluate a formula of a demonstration.
 
     A formula consists of numbers, `+ - * /`, names, names of a group (`hanger.target`), coordinates
-    of points (`left_cuff.x`) and the functions `min`, `max`, `abs` and `distance_xy(point, point)`,
-    the horizontal distance. Conditions add comparisons, `and`, `or` and `not`; true is 1.
+    of points (`left_cuff.x`) and the functions `min`, `max`, `abs`, `sin` and `cos` of degrees, and
+    `distance_xy(point, point)`, the horizontal distance. Conditions add comparisons, `and`, `or`
+    and `not`; true is 1.
 
     Args:
         text: The formula, or a number.

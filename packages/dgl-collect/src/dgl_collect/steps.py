@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from dgl_assets.robots import HAND_POSES, SIDES, Side
 from dgl_collect.formula import FUNCTIONS
+from dgl_collect.parameters import Parameter
 from dgl_files.fields import STRICT, check_fields, from_plain, show
 from dgl_tasks.grasps import Orientation, find_sides
 from dgl_tasks.handling import APPROACH_FROM, WayOut
@@ -349,6 +350,8 @@ class Demonstration:
     stages: tuple[Stage, ...]
     rounds: Annotated[int, Ge(1), Le(100)] = 1
     """Most rounds; the task ends once it is believed done."""
+    parameters: Mapping[Name, Parameter] = field(default_factory=dict)
+    """Numbers that formulas use by name; `dgl tune` searches their ranges."""
     recordings: Annotated[str, Len(1, 4096)] | None = None
     """Folder of episodes, or file of primitives, whose ways the `follow` steps take; relative to
     the demonstration's file."""
@@ -361,6 +364,9 @@ class Demonstration:
         if not self.stages:
             raise ValueError("stages must have at least one stage; got none")
         names = [stage.name for stage in self.stages]
+        defined = {name for stage in self.stages for name in stage.definitions}
+        if twice := set(self.parameters) & ({*self.points} | defined):
+            raise ValueError(f"parameters must not have the names of others; got {sorted(twice)}")
         if len(set(names)) < len(names):
             raise ValueError(f"stages must have different names; got {names}")
         first = self.stages[0].grasp

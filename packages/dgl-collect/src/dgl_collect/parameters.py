@@ -1,0 +1,124 @@
+"""Named numbers of a demonstration, which formulas use and `dgl tune` searches."""
+
+import copy
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Len
+
+from dgl_collect.formula import Value, evaluate_formula
+from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
+
+__all__ = ["Parameter", "fill_in"]
+
+NUMBERS = frozenset(
+    ("at_most", "back", "by", "come_from", "frames", "height", "moved_at_most", "pitch", "rise")
+) | frozenset(("roll", "sag", "short_by", "spacing", "up", "wait", "yaw"))
+"""Fields of stages and steps that hold numbers; they may be formulas of parameters."""
+_WHOLE = ("frames", "wait")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number.
+
+    Raises:
+        ValueError: If the value is not within the range.
+    """
+
+    __pydantic_config__: ClassVar = STRICT
+
+    value: float
+    range: tuple[float, float]
+    """Least and largest value that a search may take."""
+    meaning: Annotated[str, Len(1, 200)]
+    """The quantity, and its unit."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        low, high = self.range
+        if not low < high or not low <= self.value <= high:
+            raise ValueError(f"value must be in the range [{low}, {high}]; got {self.value}")
+
+
+def fill_in(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Write the values of its parameters into a demonstration's JSON object.
+
+    Formulas keep their form, with a number in the place of each parameter. Fields of numbers and
+    coordinates of points that are formulas become numbers.
+
+    Raises:
+        ValueError: If a parameter is damaged, or a formula of parameters cannot be evaluated.
+    """
+    whole = copy.deepcopy(dict(content))
+    named = whole.get("parameters", {})
+    check_value("parameters", named, dict[str, dict[str, Any]])
+    values: dict[str, Value] = {}
+    for name, fields in named.items():
+        try:
+            values[name] = from_plain(Parameter, fields).value
+        except ValueError as err:
+            raise ValueError(f"parameters.{show(name)}: {err}") from err
+    if not values:
+        return whole
+    pattern = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, values))})(?!\w)")
+
+    def insert(formula: Any) -> Any:
+        if isinstance(formula, list):
+            return [insert(each) for each in formula]
+        if not isinstance(formula, str):
+            return formula
+        return pattern.sub(lambda match: f"({values[match[1]]!r})", formula)
+
+    points = whole.get("points")
+    if isinstance(points, dict):
+        places: dict[str, Value] = dict(values)
+        for name, place in points.items():
+            if isinstance(place, list):
+                points[name] = [_compute(each, places) for each in place]
+                if all(isinstance(each, int | float) for each in points[name]):
+                    places[name] = dict(zip("xyz", points[name], strict=False))
+    for stage in whole.get("stages") or ():
+        if isinstance(stage, dict):
+            _fill_in_stage(stage, insert, values)
+    return whole
+
+
+def _fill_in_stage(stage: dict[str, Any], insert: Any, values: Mapping[str, Value]) -> None:
+    for key in ("when", "definitions", "grasp", "steps"):
+        part = stage.get(key)
+        if key == "when" and part is not None:
+            stage[key] = insert(part)
+        elif key == "definitions" and isinstance(part, dict):
+            stage[key] = {name: insert(formula) for name, formula in part.items()}
+        elif key == "grasp" and isinstance(part, dict):
+            for grasp in part.values():
+                if isinstance(grasp, dict) and "at" in grasp:
+                    grasp["at"] = insert(grasp["at"])
+        elif key == "steps" and isinstance(part, list):
+            for step in part:
+                if isinstance(step, dict) and step.get("step") == "move":
+                    step |= {side: insert(step[side]) for side in ("left", "right") if side in step}
+    _fill_in_numbers(stage, values)
+
+
+def _fill_in_numbers(tree: Any, values: Mapping[str, Value]) -> None:
+    """Replace formulas in fields of numbers."""
+    if isinstance(tree, list):
+        for each in tree:
+            _fill_in_numbers(each, values)
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            if key in NUMBERS and isinstance(value, list):
+                tree[key] = [_compute(each, values) for each in value]
+            elif key in NUMBERS and isinstance(value, str):
+                number = _compute(value, values)
+                tree[key] = round(number) if key in _WHOLE else number
+            else:
+                _fill_in_numbers(value, values)
+
+
+def _compute(value: Any, names: Mapping[str, Value]) -> Any:
+    return evaluate_formula(value, names) if isinstance(value, str) else value
