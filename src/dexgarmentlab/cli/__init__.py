@@ -75,7 +75,8 @@ VERBS: tuple[Verb, ...] = (
     Verb("relabel", "give episodes the affordance that the affordance model sees in them"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),
     Verb("compare", "compare evaluations episode by episode: is one method better than another?"),
-    Verb("train", "train the affordance model or a policy: sadp, sadp-g, dp3, dp"),
+    Verb("tune", "search for better parameters of a demonstration in simulation"),
+    Verb("train", "train the affordance model or a policy: primitive, sadp, sadp-g, dp3, dp"),
     Verb("gam", "the affordance model: match two garments, measure networks, pack weights"),
     Verb("bench", "measure this machine: the numbers that the documentation quotes"),
 )

@@ -56,7 +56,7 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
         DemonstrationError: If there is none, the file is damaged, or it does not fit the task.
     """
     declared = task if isinstance(task, Task) else get_task(task)
-    file = path or _find_file(declared)
+    file = path or find_file(declared)
     try:
         content = decode_json(file.read_text(encoding="utf-8"))
     except (ValueError, OSError) as err:
@@ -72,7 +72,12 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
     return demonstration
 
 
-def _find_file(task: Task) -> Path:
+def find_file(task: Task) -> Path:
+    """Find the demonstration beside a declaration, or in this package.
+
+    Raises:
+        DemonstrationError: If there is none.
+    """
     own = find_demonstration(task.id)
     file = own or FOLDER / f"{task.id.partition('-')[0]}.json"
     if not file.is_file():

@@ -165,15 +165,12 @@ def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
 def _pair(
     evaluations: Sequence[Evaluation], indices: tuple[int, int], common: Sequence[Key]
 ) -> Pair:
-    from scipy.stats import binomtest
-
     groups: dict[tuple[bool, bool], list[Key]] = {
         (a, b): [] for a in (True, False) for b in (True, False)
     }
     for key in common:
         ours, theirs = (evaluations[index].episodes[key].success for index in indices)
         groups[ours, theirs].append(key)
-    unequal = len(groups[True, False]) + len(groups[False, True])
     return Pair(
         first=indices[0],
         second=indices[1],
@@ -181,5 +178,13 @@ def _pair(
         first_alone=groups[True, False],
         second_alone=groups[False, True],
         neither=groups[False, False],
-        p_value=float(binomtest(len(groups[True, False]), unequal).pvalue) if unequal else 1.0,
+        p_value=compute_mcnemar(len(groups[True, False]), len(groups[False, True])),
     )
+
+
+def compute_mcnemar(first_alone: int, second_alone: int) -> float:
+    """Compute the two-sided p of McNemar's exact test from the numbers of one-sided successes."""
+    from scipy.stats import binomtest
+
+    unequal = first_alone + second_alone
+    return float(binomtest(first_alone, unequal).pvalue) if unequal else 1.0

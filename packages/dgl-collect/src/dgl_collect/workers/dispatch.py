@@ -102,6 +102,10 @@ class Dispatcher:
         """Workers that wait for a processor of the cluster."""
         return sum(worker.since is None for worker in self._running)
 
+    def add(self, jobs: Iterable[Job]) -> None:
+        """Add jobs, before or while others are done."""
+        self._left.extend(jobs)
+
     def run(self) -> Generator[JobOutcome, None, None]:
         """Do the jobs.
 
@@ -120,8 +124,6 @@ class Dispatcher:
         (self._folder / "logs").mkdir(exist_ok=True)
         engine = _start_engine(self._workers)
         try:
-            for number in range(min(self._workers.count, len(self._left))):
-                self._start(engine, number)
             for outcome in self._run(engine):
                 yield outcome
                 shutil.rmtree(outcome.folder, ignore_errors=True)
@@ -139,6 +141,7 @@ class Dispatcher:
     def _run(self, engine: Engine) -> Generator[JobOutcome, None, None]:
         self._on_change()
         while not self._stop.is_set() and (self._left or any(w.job for w in self._running)):
+            self._start_missing(engine)
             for worker in self._running:
                 if worker.is_ready and worker.job is None and self._left:
                     job = self._left.popleft()
@@ -160,6 +163,17 @@ class Dispatcher:
                     f"{len(self._ends)} workers in a row ended early, the last with: "
                     f"{list(self._ends.values())[-1]}"
                 )
+
+    def _start_missing(self, engine: Engine) -> None:
+        """Start workers for the jobs that are left."""
+        idle = sum(worker.job is None for worker in self._running)
+        free = [
+            number
+            for number in range(self._workers.count)
+            if all(worker.number != number for worker in self._running)
+        ]
+        for number in free[: max(0, len(self._left) - idle)]:
+            self._start(engine, number)
 
     def _start(self, engine: Engine, number: int) -> None:
         self._running.append(engine.start(number, self._work, self._folder / _get_log(number)))
@@ -225,8 +239,6 @@ class Dispatcher:
         failure = None if job is None else self._find_failure(job, lost, log)
         if job is not None and failure is None:
             self._left.append(job)
-        if self._left:
-            self._start(engine, worker.number)
         if job is None or failure is None:
             return None
         seconds = time.monotonic() - (worker.since or 0.0)
