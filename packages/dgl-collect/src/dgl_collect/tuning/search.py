@@ -96,7 +96,7 @@ class Generation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tuning:
-    """What a search has found."""
+    """Outcome of a search."""
 
     names: tuple[str, ...]
     """The parameters."""
