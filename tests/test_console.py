@@ -25,7 +25,7 @@ def test_a_line_is_written_every_half_minute_and_says_where_it_is(clock, capsys)
     bar = console._LoggedProgress("training", None, clock=clock)
     for step in range(1, 91):
         clock.now = 100.0 + step
-        bar.advance(2, note=f"loss {step}", total=500)
+        bar.reach(2 * step, note=f"loss {step}", total=500)
     assert capsys.readouterr().err.splitlines() == [
         "training 60/500, 0:00:30, loss 30",
         "training 120/500, 0:01:00, loss 60",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_OK, console
-from dexgarmentlab.cli.flags import tell_command
+from dexgarmentlab.cli.flags import check_picture, tell_command
 
 if TYPE_CHECKING:
     from dgl_assets import BuiltGarment
@@ -136,8 +136,7 @@ def show(options: ShowOptions) -> int:
     )
     from dgl_assets.materials import sample_fabric_material
 
-    if options.out.suffix.lower() != ".png":
-        raise ValueError(f"--out must be a file .png; got {options.out}")
+    check_picture(options.out)
     if "/" in options.what:
         garment = load_garment(options.what)
         picture = draw_garment(

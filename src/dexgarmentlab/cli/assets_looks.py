@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.flags import check_picture
 
 __all__ = ["MaterialsOptions", "PropsOptions", "show_materials", "show_props"]
 
@@ -60,8 +61,7 @@ def show_materials(options: MaterialsOptions) -> int:
     from dgl_assets import save_picture
     from dgl_assets.materials import draw_material_sheet, sample_materials
 
-    if options.out.suffix.lower() != ".png":
-        raise ValueError(f"--out must be a file .png; got {options.out}")
+    check_picture(options.out)
     if not _MAP_SIZES[0] <= options.size <= _MAP_SIZES[1]:
         raise ValueError(f"--size must be in {list(_MAP_SIZES)}; got {options.size}")
     for name in ("seed", "fabrics", "floors"):
@@ -106,8 +106,7 @@ def show_props(options: PropsOptions) -> int:
     from dgl_assets.props import PROP_KINDS, make_prop, save_obj
     from dgl_tasks.drawing.props import draw_prop_sheet
 
-    if options.out.suffix.lower() != ".png":
-        raise ValueError(f"--out must be a file .png; got {options.out}")
+    check_picture(options.out)
     props = [make_prop(kind) for kind in options.kinds or PROP_KINDS]
     with console.progress("drawing props") as bar:
         sheet = draw_prop_sheet(props, has_landmarks=options.landmarks)

@@ -1,9 +1,6 @@
 """Verb `dgl bench`: its subjects are in the modules beside, one subcommand each."""
 
 import importlib.util
-from typing import Annotated
-
-import tyro  # noqa: TID253 - names the subjects; the command line imports it anyway
 
 from dexgarmentlab.cli.bench_assets import BenchAssetsOptions, measure_assets
 from dexgarmentlab.cli.bench_collect import BenchCollectOptions, measure_collect
@@ -11,29 +8,20 @@ from dexgarmentlab.cli.bench_gam import BenchGamOptions, measure_gam
 from dexgarmentlab.cli.bench_physics import BenchPhysicsOptions, measure_physics
 from dexgarmentlab.cli.bench_sadp import BenchSadpOptions, measure_sadp
 from dexgarmentlab.cli.bench_soak import BenchSoakOptions, measure_soak
+from dexgarmentlab.cli.flags import Actions, join_options, run_action
 
 __all__ = ["BenchOptions", "run"]
 
-BenchOptions = Annotated[
-    Annotated[BenchPhysicsOptions, tyro.conf.subcommand("physics")]
-    | Annotated[BenchAssetsOptions, tyro.conf.subcommand("assets")]
-    | Annotated[BenchCollectOptions, tyro.conf.subcommand("collect")]
-    | Annotated[BenchGamOptions, tyro.conf.subcommand("gam")]
-    | Annotated[BenchSadpOptions, tyro.conf.subcommand("sadp")]
-    | Annotated[BenchSoakOptions, tyro.conf.subcommand("soak")],
-    tyro.conf.arg(name=""),
-]
-"""Options of each subject."""
-
-
-_MEASURES = {
-    BenchPhysicsOptions: measure_physics,
-    BenchAssetsOptions: measure_assets,
-    BenchCollectOptions: measure_collect,
-    BenchGamOptions: measure_gam,
-    BenchSadpOptions: measure_sadp,
-    BenchSoakOptions: measure_soak,
+_SUBJECTS: Actions = {
+    "physics": (BenchPhysicsOptions, measure_physics),
+    "assets": (BenchAssetsOptions, measure_assets),
+    "collect": (BenchCollectOptions, measure_collect),
+    "gam": (BenchGamOptions, measure_gam),
+    "sadp": (BenchSadpOptions, measure_sadp),
+    "soak": (BenchSoakOptions, measure_soak),
 }
+BenchOptions = join_options(_SUBJECTS)
+"""Options of each subject."""
 
 
 def run(options: object) -> int:
@@ -43,4 +31,4 @@ def run(options: object) -> int:
             "the benchmarks are not installed: they are no part of the wheels; in a checkout, "
             "`make setup` installs them"
         )
-    return _MEASURES[type(options)](options)
+    return run_action(_SUBJECTS, options)

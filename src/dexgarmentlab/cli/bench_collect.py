@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
+from dexgarmentlab.cli import EXIT_OK, console
 from dexgarmentlab.cli.bench_physics import print_rows
 
 if TYPE_CHECKING:
@@ -41,30 +41,20 @@ def measure_collect(options: BenchCollectOptions) -> int:
     """Make the attempts and write the rows."""
     from dgl_bench.collect import Plan, make_attempts, measure_collection
 
-    try:
-        plan = Plan(
-            tasks=options.task,
-            attempts=options.attempts,
-            seed=options.seed,
-            workers=options.workers,
-        )
-    except ValueError as err:
-        console.error(str(err))
-        return EXIT_USAGE
-    made = 0
+    plan = Plan(
+        tasks=options.task, attempts=options.attempts, seed=options.seed, workers=options.workers
+    )
     with console.progress("making attempts", plan.total) as bar:
 
         def make(task: str, count: int, workers: int) -> "list[AttemptTimes]":
-            nonlocal made
-            before = made
-            note = f"{task}, {workers} worker{'s' * (workers > 1)}"
-
-            def show(done: int) -> None:
-                nonlocal made
-                bar.advance(before + done - made, note=note)
-                made = before + done
-
-            return make_attempts(task, count, workers, seed=options.seed, on_attempt=show)
+            before, note = bar.steps, f"{task}, {workers} worker{'s' * (workers > 1)}"
+            return make_attempts(
+                task,
+                count,
+                workers,
+                seed=options.seed,
+                on_attempt=lambda done: bar.reach(before + done, note=note),
+            )
 
         rows = measure_collection(plan, make)
     print_rows(rows, as_json=options.json)

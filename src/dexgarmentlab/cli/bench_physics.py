@@ -1,12 +1,12 @@
 """`dgl bench physics`: the simulation of cloth and elastic solids."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dexgarmentlab.cli import EXIT_OK, EXIT_USAGE, console
+from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.flags import tell_command
 
 if TYPE_CHECKING:
     from dgl_bench.physics import Reading
@@ -43,22 +43,12 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
     """Measure and write the rows."""
     import dgl_bench.physics
 
-    try:
-        experiments = dgl_bench.physics.select(options.only)
-        bench = dgl_bench.physics.Bench(
-            effort=options.effort, seed=options.seed, newton_python=options.newton_python
-        )
-    except ValueError as err:
-        console.error(str(err))
-        return EXIT_USAGE
+    experiments = dgl_bench.physics.select(options.only)
+    bench = dgl_bench.physics.Bench(
+        effort=options.effort, seed=options.seed, newton_python=options.newton_python
+    )
     if options.report is not None:
-        try:
-            options.report.mkdir(parents=True, exist_ok=True)
-        except OSError as err:
-            console.error(
-                f"--report needs a folder to write to; got {options.report}: {err.strerror}"
-            )
-            return EXIT_USAGE
+        options.report.mkdir(parents=True, exist_ok=True)
     results = []
     console.info(f"measuring {experiments[0].name} ...")
     for number, found in enumerate(dgl_bench.physics.run(experiments, bench), start=1):
@@ -75,7 +65,7 @@ def measure_physics(options: BenchPhysicsOptions) -> int:
     if options.report is not None:
         from dgl_bench.physics.report import write_report
 
-        page = write_report(options.report, results, command=_command(options))
+        page = write_report(options.report, results, command=tell_command("bench physics", options))
         console.info(f"report: {page}")
     print_rows(rows, as_json=options.json)
     return EXIT_OK
@@ -109,16 +99,3 @@ def print_rows(rows: "Sequence[Reading]", *, as_json: bool) -> None:
 
 
 _MARKS = {True: "yes", False: "no", None: ""}
-
-
-def _command(options: BenchPhysicsOptions) -> str:
-    """Return the command that measures the same again."""
-    words = ["dgl", "bench", "physics"]
-    if options.only:
-        words += ["--only", *options.only]
-    words += ["--report", str(options.report)]
-    if options.effort != 1.0:
-        words += ["--effort", f"{options.effort:g}"]
-    if options.seed:
-        words += ["--seed", str(options.seed)]
-    return shlex.join(words)

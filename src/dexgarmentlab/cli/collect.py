@@ -137,17 +137,11 @@ def collect_with_progress(
     from dgl_tasks.scene_check import check_scene
 
     check_scene(find_task(config.task))  # before there is a folder
-    shown = 0
     with console.progress(f"collecting {config.task}", config.episodes) as bar:
-
-        def show(progress: "Progress") -> None:
-            nonlocal shown
-            made = len(progress.results)
-            bar.advance(made - shown, note=_note(progress))
-            shown = made
-
         try:
-            summary = collect(config, on_progress=show)
+            summary = collect(
+                config, on_progress=lambda p: bar.reach(len(p.results), note=_note(p))
+            )
         except WorkerError:
             write_report(config.out, embed_media=embed_media)  # what had finished is worth a look
             raise

@@ -11,11 +11,12 @@ import os
 import select
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
 from datetime import timedelta
-from typing import Any, Protocol, TextIO, TypeVar
+from typing import Any, TextIO, TypeVar
 
 __all__ = [
     "ProgressBar",
@@ -38,12 +39,24 @@ LOG_SECONDS = 30.0
 """Time between two lines of progress in a log [s]."""
 
 
-class ProgressBar(Protocol):
+class ProgressBar(ABC):
     """A running progress bar."""
 
-    def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
-        """Advance by steps; replace the note and the total where given."""
-        ...
+    steps = 0
+    """Steps that are done."""
+
+    def advance(self, steps: int = 1, *, note: str | None = None) -> None:
+        """Advance by steps; replace the note where given."""
+        self.reach(self.steps + steps, note=note)
+
+    def reach(self, steps: int, *, note: str | None = None, total: int | None = None) -> None:
+        """Show that so many steps are done in all; replace the note and the total where given."""
+        self.steps = steps
+        self._show(note, total)
+
+    @abstractmethod
+    def _show(self, note: str | None, total: int | None) -> None:
+        """Show the steps, and what is given anew."""
 
 
 # Where results go while all else that prints is sent elsewhere.
@@ -157,21 +170,15 @@ def progress(description: str, total: int | None = None) -> Iterator[ProgressBar
     with RichProgress(*columns, console=terminal) as bar:
         task = bar.add_task(description, total=total, note="")
 
-        class _Bar:
-            def advance(
-                self, steps: int = 1, *, note: str | None = None, total: int | None = None
-            ) -> None:
-                if total is not None:
-                    bar.update(task, total=total)
-                if note is None:
-                    bar.advance(task, steps)
-                else:
-                    bar.update(task, advance=steps, note=note)
+        class _Bar(ProgressBar):
+            def _show(self, note: str | None, total: int | None) -> None:
+                noted: dict[str, Any] = {} if note is None else {"note": note}
+                bar.update(task, completed=self.steps, total=total, **noted)
 
         yield _Bar()
 
 
-class _LoggedProgress:
+class _LoggedProgress(ProgressBar):
     """Progress as lines: how far it has come, for how long it has run, and the note."""
 
     def __init__(
@@ -182,11 +189,10 @@ class _LoggedProgress:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._description, self._total, self._clock = description, total, clock
-        self._steps, self._note, self._is_written = 0, "", False
+        self._note, self._is_written = "", False
         self._started = self._written = clock()
 
-    def advance(self, steps: int = 1, *, note: str | None = None, total: int | None = None) -> None:
-        self._steps += steps
+    def _show(self, note: str | None, total: int | None) -> None:
         self._note = self._note if note is None else note
         self._total = self._total if total is None else total
         self._is_written = False
@@ -202,7 +208,7 @@ class _LoggedProgress:
         self._written, self._is_written = self._clock(), True
         of = "" if self._total is None else f"/{self._total}"
         elapsed = timedelta(seconds=int(self._written - self._started))
-        parts = (f"{self._description} {self._steps}{of}", str(elapsed), self._note)
+        parts = (f"{self._description} {self.steps}{of}", str(elapsed), self._note)
         info(", ".join(part for part in parts if part))
 
 

@@ -102,14 +102,12 @@ def run(options: EvalOptions) -> int:
     wanted = options.episodes * len(seeds)
     with console.progress(bar_text, wanted) as bar:
         for seed, config in configs.items():
-            shown = 0
+            before = bar.steps
 
-            def show(progress: "Progress") -> None:
-                nonlocal shown
+            def show(progress: "Progress", before: int = before, seed: int = seed) -> None:
                 made = len(progress.results)
                 succeeded = sum(result.success for result in progress.results)
-                bar.advance(made - shown, note=f"seed {seed}: {succeeded} of {made} succeeded")  # noqa: B023 - called within this turn
-                shown = made
+                bar.reach(before + made, note=f"seed {seed}: {succeeded} of {made} succeeded")
 
             with told_how_to_continue(command):
                 summary = collect(config, on_progress=show)

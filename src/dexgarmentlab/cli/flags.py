@@ -3,11 +3,11 @@
 import dataclasses
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, Union, get_type_hints
 
 import tyro  # noqa: TID253 - the command line imports it anyway
 
@@ -15,12 +15,36 @@ if TYPE_CHECKING:
     from dgl_collect.workers import Workers
     from dgl_tasks.declaration import Task
 
-__all__ = ["Flags", "WorkerFlags", "find_task", "tell_command", "told_how_to_continue"]
+__all__ = [
+    "Actions",
+    "Flags",
+    "WorkerFlags",
+    "check_picture",
+    "find_task",
+    "join_options",
+    "run_action",
+    "tell_command",
+    "told_how_to_continue",
+]
 
 T = TypeVar("T")
 Flags = Annotated[T, tyro.conf.arg(name="")]
 """A group of flags without a common prefix, as a field of a verb's options."""
 _NEVER_TOLD = ("resume", "json")
+
+Actions = Mapping[str, tuple[type, Callable[[Any], int]]]
+"""Actions of a verb by name: the options, and what is done with them."""
+
+
+def join_options(actions: Actions) -> Any:
+    """Join the options of a verb's actions, one subcommand each."""
+    kinds = (Annotated[kind, tyro.conf.subcommand(n)] for n, (kind, _) in actions.items())
+    return Annotated[Union[tuple(kinds)], tyro.conf.arg(name="")]  # noqa: UP007 - of a tuple
+
+
+def run_action(actions: Actions, options: object) -> int:
+    """Do what the action says to which the options belong."""
+    return next(run for kind, run in actions.values() if type(options) is kind)(options)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +108,12 @@ def _split_words(options: Any) -> tuple[list[object], list[object]]:
 
 def _listed(value: object) -> list[object]:
     return [*value] if isinstance(value, tuple) else [value]
+
+
+def check_picture(path: Path, *, flag: str = "--out") -> None:
+    """Refuse a file for a picture whose name does not end in .png."""
+    if path.suffix.lower() != ".png":
+        raise ValueError(f"{flag} must be a file .png; got {path}")
 
 
 def find_task(source: str) -> "Task":

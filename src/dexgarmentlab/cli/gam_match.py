@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro  # noqa: TID253 - marks the positional arguments; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_OK, console
+from dexgarmentlab.cli.flags import check_picture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,8 +63,7 @@ class MatchOptions:
 
 def match(options: MatchOptions) -> int:
     """Match, draw, and write where each point was found."""
-    if options.out.suffix.lower() != ".png":
-        raise ValueError(f"--out must be a file .png; got {options.out}")
+    check_picture(options.out)
     if len(options.up) > 2:
         raise ValueError(f"--up must be one axis or two; got {len(options.up)}")
     up_a, up_b = (options.up[0], options.up[-1]) if options.up else (None, None)

@@ -143,12 +143,11 @@ def _train_one(
     from dgl_gam.schedule import Schedule, train_schedule
     from dgl_gam.train import train
 
-    shown, recent = 0, []
+    recent: list[GamTrainProgress] = []
     is_resumed = options.resume and (options.out / name / CONFIG_FILE).exists()
     with console.progress(f"training {name}", config.steps) as bar:
 
         def show(progress: "GamTrainProgress") -> None:
-            nonlocal shown
             if recent and _is_yaw_alone(recent[-1].loss) != _is_yaw_alone(progress.loss):
                 recent.clear()
             recent.append(progress)
@@ -157,8 +156,7 @@ def _train_one(
             yaw_loss = sum(p.yaw_loss for p in recent) / len(recent)
             kind = f"yaw {yaw_loss:.3f}" if _is_yaw_alone(loss) else f"InfoNCE {loss:.3f}"
             note = f"{kind}, {progress.seconds:.2f} s a step"
-            bar.advance(progress.step - shown, note=note)
-            shown = progress.step
+            bar.reach(progress.step, note=note)
 
         out = options.out / name
         if isinstance(config, Schedule):

@@ -139,14 +139,7 @@ def train_policy(options: TrainPolicyOptions) -> int:
     use_threads(options.threads)
     if not 0 <= options.memory < 2**20:  # Neither NaN nor infinity.
         raise ValueError(f"--memory must be at least 0 GiB; got {options.memory}")
-    shown = 0
     with console.progress(f"training {options.method}") as bar:
-
-        def show(progress: "TrainProgress") -> None:
-            nonlocal shown
-            bar.advance(progress.step - shown, note=_describe(progress), total=progress.steps)
-            shown = progress.step
-
         result = dgl_sadp.train_policy(
             options.data,
             options.out,
@@ -158,7 +151,7 @@ def train_policy(options: TrainPolicyOptions) -> int:
             devices=options.devices,
             workers=options.workers,
             keep_bytes=int(options.memory * 2**30),
-            on_progress=show,
+            on_progress=lambda p: bar.reach(p.step, note=_describe(p), total=p.steps),
         )
     if options.json:
         console.out_json(_as_json(options, result))
