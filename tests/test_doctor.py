@@ -72,7 +72,7 @@ def test_status_is_zero_when_only_what_is_optional_is_missing(monkeypatch, capsy
 
 
 def test_text_shows_the_fix_below_what_failed(monkeypatch, capsys):
-    bad = Check(name="disk", state="fail", detail="full", fix="free some space")
+    bad = Check("disk", "fail", "full", "free some space")
     monkeypatch.setitem(doctor.CHECKS, "disk", lambda: bad)
     assert main(["doctor", "--only", "disk"]) == 1
     lines = capsys.readouterr().out.splitlines()
@@ -113,13 +113,13 @@ def test_a_probe_that_hangs_is_ended(monkeypatch, tmp_path):
 
 def test_a_missing_library_is_told_from_a_missing_package(monkeypatch):
     def answer(name):
-        return doctor.ProbeResult(facts={}, error=errors[name])
+        return doctor.ProbeResult({}, errors[name])
 
     errors = {"packages": "ImportError: libGL.so.1: cannot open shared object file: No such file"}
     monkeypatch.setattr(doctor, "run_probe", answer)
-    assert "libgl1" in doctor.check_packages().fix
+    assert "libgl1" in doctor.check_probed("packages").fix
     errors = {"packages": "ModuleNotFoundError: No module named 'placo'"}
-    assert "make setup" in doctor.check_packages().fix
+    assert "make setup" in doctor.check_probed("packages").fix
 
 
 def test_a_driver_that_cannot_be_used_does_not_stop_the_demo(monkeypatch):

@@ -275,9 +275,9 @@ def test_attempts_survive_their_file(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("{}", "line 2: line must be a dropped garment"),
-        ("garbage", "line 2: line must be a dropped garment"),
-        ("[1]", "line 2: line must be a dropped garment"),
+        ("{}", "line 2: id: field required"),
+        ("garbage", "line 2: Invalid JSON"),
+        ("[1]", "line 2: should be an object"),
         (GOOD.to_line(), "line 2: Scarf/000001 is there twice"),
     ],
 )

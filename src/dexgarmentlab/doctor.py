@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -42,7 +43,7 @@ _FIX_LIBRARY = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Check:
     """Outcome of one check."""
 
@@ -61,7 +62,7 @@ class Check:
         return asdict(self)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ProbeResult:
     """Outcome of a probe's process: facts when it worked, else an error."""
 
@@ -87,14 +88,12 @@ def run_probe(name: str, *, timeout_s: float = PROBE_TIMEOUT_S) -> ProbeResult:
                 command, capture_output=True, text=True, timeout=timeout_s, check=False
             )
         except subprocess.TimeoutExpired:
-            return ProbeResult(facts={}, error=f"no answer within {timeout_s:.0f} s")
+            return ProbeResult({}, f"no answer within {timeout_s:.0f} s")
         if not path.exists():
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            return ProbeResult(
-                facts={}, error=f"the process ended with status {done.returncode}: {last}"
-            )
+            return ProbeResult({}, f"the process ended with status {done.returncode}: {last}")
         result = json.loads(path.read_text(encoding="utf-8"))
-    return ProbeResult(facts=result.get("facts", {}), error=result.get("error", ""))
+    return ProbeResult(result.get("facts", {}), result.get("error", ""))
 
 
 def check_python(version: tuple[int, int] | None = None) -> Check:
@@ -102,12 +101,12 @@ def check_python(version: tuple[int, int] | None = None) -> Check:
     found = version or sys.version_info[:2]
     text = f"Python {found[0]}.{found[1]}"
     if MIN_PYTHON <= found < END_PYTHON:
-        return Check(name="python", state="ok", detail=text)
+        return Check("python", "ok", text)
     return Check(
-        name="python",
-        state="fail",
-        detail=text,
-        fix="use Python 3.10, 3.11 or 3.12; `uv sync` in a checkout fetches one",
+        "python",
+        "fail",
+        text,
+        "use Python 3.10, 3.11 or 3.12; `uv sync` in a checkout fetches one",
     )
 
 
@@ -117,10 +116,8 @@ def check_disk(folder: Path | None = None, *, needed_bytes: int = MIN_FREE_BYTES
     free = shutil.disk_usage(where).free
     detail = f"{free / 1e9:.1f} GB free in {where}; {needed_bytes / 1e9:.1f} GB needed"
     if free >= needed_bytes:
-        return Check(name="disk", state="ok", detail=detail)
-    return Check(
-        name="disk", state="fail", detail=detail, fix="free some space, or work in another folder"
-    )
+        return Check("disk", "ok", detail)
+    return Check("disk", "fail", detail, "free some space, or work in another folder")
 
 
 def get_cache_folder() -> Path:
@@ -137,40 +134,23 @@ def check_cache() -> Check:
             pass
     except OSError as err:
         return Check(
-            name="cache",
-            state="fail",
-            detail=f"{folder} cannot be written: {err.strerror}",
-            fix="set XDG_CACHE_HOME to a folder that can be written to",
+            "cache",
+            "fail",
+            f"{folder} cannot be written: {err.strerror}",
+            "set XDG_CACHE_HOME to a folder that can be written to",
         )
-    return Check(name="cache", state="ok", detail=f"{folder} can be written")
+    return Check("cache", "ok", f"{folder} can be written")
 
 
-def check_packages() -> Check:
-    """Check that the libraries that the tasks need can be imported."""
-    result = run_probe("packages")
-    is_library = "cannot open shared object file" in result.error
-    return _needed("packages", result, _versions, _FIX_LIBRARY if is_library else _FIX_INSTALL)
-
-
-def check_rendering() -> Check:
-    """Check that SAPIEN can draw, by drawing."""
-    result = run_probe("rendering")
-    return _needed("rendering", result, lambda facts: f"drawn by {facts['device']}", _FIX_RENDERING)
-
-
-def check_physics() -> Check:
-    """Check that SAPIEN can simulate, by dropping a ball."""
-    result = run_probe("physics")
-    return _needed(
-        "physics", result, lambda facts: f"SAPIEN {facts['version']}, a ball falls", _FIX_INSTALL
-    )
-
-
-def check_warp() -> Check:
-    """Check that Warp can compile and run a kernel on the CPU."""
-    result = run_probe("warp")
-    fix = f"{_FIX_INSTALL}; XDG_CACHE_HOME must name a folder that can be written to"
-    return _needed("warp", result, _describe_warp, fix)
+def check_probed(name: str) -> Check:
+    """Check a part that `dgl demo` needs by its probe."""
+    describe, fix = _PROBED[name]
+    result = run_probe(name)
+    if not result.error:
+        return Check(name, "ok", describe(result.facts))
+    if name == "packages" and "cannot open shared object file" in result.error:
+        fix = _FIX_LIBRARY
+    return Check(name, "fail", result.error, fix)
 
 
 def _describe_warp(facts: dict[str, object]) -> str:
@@ -179,38 +159,43 @@ def _describe_warp(facts: dict[str, object]) -> str:
     return f"Warp {facts['version']}, a kernel ran; cloth runs {code}"
 
 
-def check_video() -> Check:
-    """Check that H.264 videos can be written and read."""
-    result = run_probe("video")
-    return _needed("video", result, lambda facts: "H.264 written and read back", _FIX_INSTALL)
+_PROBED: dict[str, tuple[Callable[[dict[str, object]], str], str]] = {
+    "packages": (
+        lambda facts: ", ".join(f"{name} {version}" for name, version in facts.items()),
+        _FIX_INSTALL,
+    ),
+    "rendering": (lambda facts: f"drawn by {facts['device']}", _FIX_RENDERING),
+    "physics": (lambda facts: f"SAPIEN {facts['version']}, a ball falls", _FIX_INSTALL),
+    "warp": (
+        _describe_warp,
+        f"{_FIX_INSTALL}; XDG_CACHE_HOME must name a folder that can be written to",
+    ),
+    "video": (lambda _: "H.264 written and read back", _FIX_INSTALL),
+}
+"""Parts by name: what is said of the probe's facts, and the remedy."""
 
 
 def check_cuda() -> Check:
     """Check for a CUDA device that both Warp and PyTorch can use. Nothing needs one."""
     if not _has_nvidia_driver():
         return Check(
-            name="cuda",
-            state="optional",
-            detail="no NVIDIA driver; everything runs on the CPU",
-            fix="none needed; with an NVIDIA card, install its driver for many environments at "
-            "once",
+            "cuda",
+            "optional",
+            "no NVIDIA driver; everything runs on the CPU",
+            "none needed; with an NVIDIA card, install its driver for many environments at once",
         )
     result = run_probe("cuda")
     if result.error:
         fix = "update the NVIDIA driver, or install the PyTorch build for its CUDA version"
-        return Check(name="cuda", state="optional", detail=result.error, fix=fix)
-    return Check(name="cuda", state="ok", detail=str(result.facts["devices"]))
+        return Check("cuda", "optional", result.error, fix)
+    return Check("cuda", "ok", str(result.facts["devices"]))
 
 
 CHECKS: dict[str, Callable[[], Check]] = {
     "python": check_python,
     "disk": check_disk,
     "cache": check_cache,
-    "packages": check_packages,
-    "rendering": check_rendering,
-    "physics": check_physics,
-    "warp": check_warp,
-    "video": check_video,
+    **{name: partial(check_probed, name) for name in _PROBED},
     "cuda": check_cuda,
 }
 
@@ -242,18 +227,6 @@ def run_checks(
             if on_result is not None:
                 on_result(future.result())
     return [outcomes[name] for name in names]
-
-
-def _needed(
-    name: str, result: ProbeResult, describe: Callable[[dict[str, object]], str], fix: str
-) -> Check:
-    if result.error:
-        return Check(name=name, state="fail", detail=result.error, fix=fix)
-    return Check(name=name, state="ok", detail=describe(result.facts))
-
-
-def _versions(facts: dict[str, object]) -> str:
-    return ", ".join(f"{name} {version}" for name, version in facts.items())
 
 
 def _has_nvidia_driver() -> bool:

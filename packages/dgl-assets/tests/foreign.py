@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 from scipy.spatial import KDTree
 
-from dgl_assets import Garment, make_top, sample_top
+from dgl_assets import Garment, make_garment, sample_measures
 
 Y_UP = np.eye(3)  # a body that stands: its height, the garment's y, is the file's y
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -36,7 +36,7 @@ class Shape:
 
 @functools.cache
 def _make_top(seed: int) -> Garment:
-    return make_top(sample_top(seed), spacing=0.02)
+    return make_garment(sample_measures("Tops_LongSleeve", seed), spacing=0.02)
 
 
 def make_lying_top(seed: int) -> Shape:

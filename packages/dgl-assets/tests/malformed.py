@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from dgl_assets import TopParameters, make_top
+from dgl_assets import TopParameters, make_garment
 
 Case = Callable[[Path], Path]
 
@@ -25,7 +25,7 @@ CUTS = (0.0005, 0.004, 0.02, 0.06, 0.15, 0.27, 0.4, 0.52, 0.63, 0.75, 0.86, 0.95
 @functools.cache
 def arrays() -> tuple[np.ndarray, np.ndarray]:
     """A coarse top."""
-    top = make_top(TopParameters(), spacing=0.025)
+    top = make_garment(TopParameters(), spacing=0.025)
     return top.vertices.astype(np.float64), top.faces
 
 

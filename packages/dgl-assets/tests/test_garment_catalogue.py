@@ -14,6 +14,7 @@ from dgl_assets import (
     garment_ids,
     list_categories,
     load_garment,
+    sample_measures,
 )
 from dgl_assets.garments.registry import get_category
 
@@ -75,8 +76,7 @@ def test_there_are_at_least_2500_distinct_garments():
     ids = [i for c in list_categories() for s in ("train", "test") for i in garment_ids(c, s)]
     assert len(set(ids)) >= 2500
     for category in list_categories():  # measures differ: equal ones would make equal garments
-        sample = get_category(category).sample
-        drawn = {sample(np.random.default_rng(number), "all") for number in range(6)}
+        drawn = {sample_measures(category, number, sizes="all") for number in range(6)}
         assert len(drawn) == 6
 
 
@@ -124,7 +124,7 @@ def test_categories_are_chosen_in_the_catalogues_order():
 
 
 def test_exports_resolve():
-    assert {"Garment", "TopParameters", "make_top", "sample_top", "correspond"} <= set(
+    assert {"Garment", "TopParameters", "make_garment", "sample_measures", "correspond"} <= set(
         dgl_assets.__all__
     )
     assert all(getattr(dgl_assets, name).__name__ == name for name in dgl_assets.__all__)

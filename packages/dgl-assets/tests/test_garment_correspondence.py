@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dgl_assets import Neck, TopParameters, correspond, make_top
+from dgl_assets import Neck, TopParameters, correspond, make_garment
 
 
 def test_correspondence_keeps_the_layer(families):
@@ -18,14 +18,14 @@ def test_correspondence_keeps_the_layer(families):
 
 
 def test_correspondence_ignores_the_resolution():
-    coarse, fine = (make_top(TopParameters(), spacing=spacing) for spacing in (0.020, 0.012))
+    coarse, fine = (make_garment(TopParameters(), spacing=spacing) for spacing in (0.020, 0.012))
     moved = correspond(coarse, coarse.vertices, fine) - coarse.vertices
     assert np.linalg.norm(moved[:, :2], axis=1).max() < 0.004
 
 
 def test_a_point_on_a_leaf_is_told_from_the_front_below_it():
     neck = Neck(finish="fold", height=0.028, spread=0.03, leaf_width=0.06)
-    top = make_top(TopParameters(neck=neck))
+    top = make_garment(TopParameters(neck=neck))
     flap = top.panels.index("front_right_collar_flap")
     leaf = np.unique(top.faces[top.face_panels == flap])
     again = correspond(top, top.vertices[leaf], top)

@@ -7,10 +7,10 @@ import pytest
 
 from dgl_assets import correspond, list_categories
 from dgl_assets.garments.meshing import (
-    compute_boundary_loops,
     compute_edges,
     compute_smallest_angles,
 )
+from dgl_assets.importing.topology import find_loops
 
 OPENINGS = {
     "Tops_LongSleeve": 4,  # neck, hem, two cuffs
@@ -58,7 +58,7 @@ def test_surface_is_an_oriented_manifold_with_its_openings(families, category):
         assert len(np.unique(half_edges, axis=0)) == len(half_edges)  # neighbours agree
         edges, counts = compute_edges(faces)
         assert counts.max() == 2
-        loops = compute_boundary_loops(faces)
+        loops = find_loops(faces)
         assert len(loops) == OPENINGS[category]
         # A sphere with so many holes: one piece, no handles.
         assert len(garment.vertices) - len(edges) + len(faces) == 2 - OPENINGS[category]

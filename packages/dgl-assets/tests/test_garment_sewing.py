@@ -5,7 +5,6 @@ import pytest
 
 from dgl_assets import MeshingError
 from dgl_assets.garments.meshing import (
-    compute_boundary_loops,
     compute_edges,
     compute_segment_distances,
     compute_smallest_angles,
@@ -14,6 +13,7 @@ from dgl_assets.garments.meshing import (
     resample_polyline,
 )
 from dgl_assets.garments.sewing import Panel, Seam, sew_panels
+from dgl_assets.importing.topology import find_loops
 
 SQUARE = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]])
 
@@ -36,7 +36,7 @@ def test_a_square_is_filled_exactly():
     areas = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
     assert areas.min() > 0
     assert areas.sum() == pytest.approx(0.04)
-    loops = compute_boundary_loops(triangles)
+    loops = find_loops(triangles)
     assert len(loops) == 1
     assert set(loops[0]) == set(range(len(outline)))
 
@@ -89,7 +89,7 @@ def test_two_squares_sewn_along_two_sides_make_a_tube():
     tube = sew_panels(seams, panels, spacing=0.2 / 15)
     edges, counts = compute_edges(tube.faces)
     assert counts.max() == 2
-    assert len(compute_boundary_loops(tube.faces)) == 2
+    assert len(find_loops(tube.faces)) == 2
     assert len(tube.flat) - len(edges) + len(tube.faces) == 0
     assert np.all(tube.layers[tube.seams["left"]] == 0)
     assert np.all(tube.layers[tube.seams["front_top"][1:-1]] == 1)
@@ -104,8 +104,3 @@ def test_edges_that_do_not_join_are_refused():
         )
     with pytest.raises(ValueError, match="must join end to end"):
         sew_panels(seams, (Panel(name="p", layer=1, edges=("bottom",), pins={}),), spacing=0.01)
-
-
-def test_loops_that_touch_are_refused():
-    with pytest.raises(ValueError, match="one open edge to leave each boundary vertex"):
-        compute_boundary_loops(np.array([[0, 1, 2], [0, 3, 4]]))

@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from dgl_assets import draw_contact_sheet, draw_garment, save_picture
-from dgl_assets.garments.view import compute_vertex_normals, project
+from dgl_assets.garments.meshing import compute_vertex_normals
+from dgl_assets.garments.view import project
 from dgl_assets.materials import sample_fabric_material
 
 FABRIC = sample_fabric_material(0, weaves=["jersey"]).render(128)

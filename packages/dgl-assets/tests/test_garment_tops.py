@@ -12,7 +12,6 @@ from dgl_assets import (
     Body,
     DressParameters,
     FrontOpenParameters,
-    Garment,
     Neck,
     Opening,
     ScarfParameters,
@@ -20,23 +19,16 @@ from dgl_assets import (
     SleevelessParameters,
     TopParameters,
     TrousersParameters,
-    make_dress,
-    make_front_open_top,
-    make_sleeveless_top,
-    make_top,
-    sample_dress,
-    sample_front_open_top,
-    sample_sleeveless_top,
-    sample_top,
+    make_garment,
+    sample_measures,
 )
 from dgl_assets.errors import MeshingError
 from dgl_assets.garments import assembly
-from dgl_assets.garments.dresses.garment import cut_dress
-from dgl_assets.garments.meshing import compute_boundary_loops, compute_edges
+from dgl_assets.garments.meshing import compute_edges
 from dgl_assets.garments.sewing import sew_panels
-from dgl_assets.garments.tops.garment import cut_front_open, cut_sleeveless, cut_top
 from dgl_assets.garments.uppers.half import HalfPattern
 from dgl_assets.garments.uppers.sleeve import V_ARMPIT
+from dgl_assets.importing.topology import find_loops
 from dgl_assets.ranges import get_ranges
 
 COLLARS = {
@@ -50,12 +42,12 @@ COLLARS = {
 @pytest.fixture(scope="module")
 def drawn() -> list[TopParameters]:
     """Tops within reach."""
-    return [sample_top(seed) for seed in range(30)]
+    return [sample_measures("Tops_LongSleeve", seed) for seed in range(30)]
 
 
 @pytest.fixture(scope="module")
 def drawn_of_all_sizes() -> list[TopParameters]:
-    return [sample_top(seed, sizes="all") for seed in range(30)]
+    return [sample_measures("Tops_LongSleeve", seed, sizes="all") for seed in range(30)]
 
 
 def test_every_number_has_a_range_and_a_description(find_unrefused):
@@ -134,23 +126,23 @@ def test_garments_that_cannot_be_cut_are_refused(find_unrefused):
     scooped = SleevelessParameters(
         body=Body(shoulder_half_width=0.12), armhole=Armhole(back_scoop=0.08)
     )
-    rows = [(lambda m=measures: make_top(TopParameters(**m)), text) for measures, text in tops]
+    rows = [(lambda m=measures: make_garment(TopParameters(**m)), text) for measures, text in tops]
     rows += [
-        (lambda: make_front_open_top(hooded), "below a hood must not overlap"),
-        (lambda: make_front_open_top(gaping), "top_gap must be at most"),
-        (lambda: make_sleeveless_top(scooped), "armhole reaches the neck"),
+        (lambda: make_garment(hooded), "below a hood must not overlap"),
+        (lambda: make_garment(gaping), "top_gap must be at most"),
+        (lambda: make_garment(scooped), "armhole reaches the neck"),
         (lambda: DressParameters(body=Body(length=0.48)), "length of a dress must be"),
     ]
     assert find_unrefused(rows) == []
 
 
 def test_every_collar_is_sewn_to_closed_and_to_open_fronts():
-    plain = make_top(TopParameters(), spacing=0.02)
+    plain = make_garment(TopParameters(), spacing=0.02)
     for finish, neck in COLLARS.items():
-        top = make_top(TopParameters(neck=neck), spacing=0.02)
-        coat = make_front_open_top(FrontOpenParameters(neck=neck), spacing=0.02)
-        assert len(compute_boundary_loops(top.faces)) == 4
-        assert len(compute_boundary_loops(coat.faces)) == 3
+        top = make_garment(TopParameters(neck=neck), spacing=0.02)
+        coat = make_garment(FrontOpenParameters(neck=neck), spacing=0.02)
+        assert len(find_loops(top.faces)) == 4
+        assert len(find_loops(coat.faces)) == 3
         above = top.vertices[top.landmarks["left_neck_side"], 1]
         if finish == "plain":
             assert np.array_equal(top.vertices, plain.vertices)
@@ -160,7 +152,7 @@ def test_every_collar_is_sewn_to_closed_and_to_open_fronts():
 
 
 def test_a_folded_leaf_lies_on_the_front():
-    top = make_top(TopParameters(neck=COLLARS["fold"]))
+    top = make_garment(TopParameters(neck=COLLARS["fold"]))
     leaf = [k for k, name in enumerate(top.panels) if name.endswith("_flap")]
     assert len(leaf) == 2
     ids = np.unique(top.faces[np.isin(top.face_panels, leaf)])
@@ -181,12 +173,12 @@ def test_lapels_lie_on_both_fronts():
         roundness=1.05,
         leaf_angle=0.6,
     )
-    coat = make_front_open_top(FrontOpenParameters(neck=neck))
+    coat = make_garment(FrontOpenParameters(neck=neck))
     assert {"front_left_collar_flap", "front_right_collar_flap"} <= set(coat.panels)
 
 
 def test_overlapping_fronts_lie_right_over_left():
-    coat = make_front_open_top(FrontOpenParameters(opening=Opening(top_gap=-0.03, hem_gap=-0.03)))
+    coat = make_garment(FrontOpenParameters(opening=Opening(top_gap=-0.03, hem_gap=-0.03)))
     in_lap = np.abs(coat.vertices[:, 0]) < 0.02
     height = {}
     for hand in ("left", "right"):
@@ -200,8 +192,8 @@ def test_overlapping_fronts_lie_right_over_left():
 
 
 def test_a_raglan_seam_does_not_move_places():
-    set_in = make_top(TopParameters())
-    raglan = make_top(TopParameters(sleeve=Sleeve(seam="raglan")))
+    set_in = make_garment(TopParameters())
+    raglan = make_garment(TopParameters(sleeve=Sleeve(seam="raglan")))
     area = {}
     for name, top in (("set_in", set_in), ("raglan", raglan)):
         is_sleeve = top.face_panels == top.panels.index("front_left_sleeve")
@@ -215,16 +207,10 @@ def test_a_raglan_seam_does_not_move_places():
 @pytest.mark.parametrize("layer", [1, -1])
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(
-    ("cut", "sample"),
-    [
-        (cut_top, sample_top),
-        (cut_sleeveless, sample_sleeveless_top),
-        (cut_front_open, sample_front_open_top),
-        (cut_dress, sample_dress),
-    ],
+    "category", ["Tops_LongSleeve", "Tops_NoSleeve", "Tops_FrontOpen", "Dress_LongSleeve"]
 )
-def test_maps_invert_each_other(cut, sample, seed, layer):
-    cuts = cut(sample(seed))
+def test_maps_invert_each_other(category, seed, layer):
+    cuts = sample_measures(category, seed).cuts
     rng = np.random.default_rng(0)
     half = HalfPattern(cuts, sign=1)
     low = 0.06 if cuts.opening is not None and layer > 0 else 0.0
@@ -238,7 +224,7 @@ def test_maps_invert_each_other(cut, sample, seed, layer):
 
 
 def test_map_is_continuous_across_the_armhole():
-    half = HalfPattern(cut_top(sample_top(3)), sign=1)
+    half = HalfPattern(sample_measures("Tops_LongSleeve", 3).cuts, sign=1)
     v = np.linspace(V_ARMPIT, 1, 50)
     inside = half.to_pattern(np.stack([np.full(50, 1 - 1e-9), v], axis=1), layer=1)
     outside = half.to_pattern(np.stack([np.full(50, 1 + 1e-9), v], axis=1), layer=1)
@@ -263,15 +249,15 @@ def test_landmarks_are_at_their_tailoring_places(families):
 
 
 def test_the_front_neckline_is_deeper_than_the_back():
-    top = make_top(TopParameters())
-    loops = compute_boundary_loops(top.faces)
+    top = make_garment(TopParameters())
+    loops = find_loops(top.faces)
     neck = next(loop for loop in loops if np.abs(top.canonical[loop, 0]).max() < 0.5)
     y, side = top.vertices[neck, 1], top.canonical[neck, 2]
     assert y[side < 0].min() - y[side > 0].min() == pytest.approx(0.085 - 0.018, abs=0.004)
 
 
 def test_dresses_are_long_or_short_with_long_or_short_sleeves():
-    dresses = [sample_dress(seed, sizes="all") for seed in range(40)]
+    dresses = [sample_measures("Dress_LongSleeve", seed, sizes="all") for seed in range(40)]
     kinds = {(d.body.length > 0.9, d.sleeve.length > 0.35) for d in dresses}
     assert len(kinds) == 4
 
@@ -280,7 +266,7 @@ def test_necks_sleeves_and_collars_vary(drawn, drawn_of_all_sizes):
     assert {t.neck.finish for t in drawn} == {"plain", "stand", "fold"}  # the robots' have no hood
     assert "hood" in {t.neck.finish for t in drawn_of_all_sizes}
     assert {t.sleeve.seam for t in drawn} == {"set_in", "raglan"}
-    coats = [sample_front_open_top(seed) for seed in range(12)]
+    coats = [sample_measures("Tops_FrontOpen", seed) for seed in range(12)]
     assert "lapel" in {c.neck.finish for c in coats}
     assert min(c.opening.top_gap for c in coats) < 0 < max(c.opening.top_gap for c in coats)
     widths = [t.body.chest_half_width / t.body.length for t in drawn]
@@ -289,11 +275,13 @@ def test_necks_sleeves_and_collars_vary(drawn, drawn_of_all_sizes):
     assert max(tapers) / min(tapers) > 2
 
 
-def test_random_measures_follow_the_generator():
-    assert sample_top(7) == sample_top(np.random.default_rng(7))
-    assert sample_top(7) != sample_top(8)
+@pytest.mark.parametrize("category", ["Tops_LongSleeve", "Baseball_Cap", "Bowl_Hat"])
+def test_random_measures_follow_the_generator(category):
     rng = np.random.default_rng(7)
-    assert sample_top(rng) != sample_top(rng)
+    first = sample_measures(category, rng)
+    assert sample_measures(category, 7) == first
+    assert sample_measures(category, 8) != first
+    assert sample_measures(category, rng) != first
 
 
 def test_tops_in_reach_span_what_both_robots_reach_and_others_need_not(drawn, drawn_of_all_sizes):
@@ -307,7 +295,7 @@ def test_tops_in_reach_span_what_both_robots_reach_and_others_need_not(drawn, dr
 
 def test_a_given_spacing_is_followed():
     spacing = 0.02
-    top = make_top(TopParameters(neck=COLLARS["stand"]), spacing=spacing)
+    top = make_garment(TopParameters(neck=COLLARS["stand"]), spacing=spacing)
     edges, _ = compute_edges(top.faces)
     ends = top.rest_vertices[edges]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -324,28 +312,21 @@ def test_a_garment_that_cannot_be_filled_is_filled_at_a_spacing_near_by(monkeypa
         return sew_panels(curves, panels, spacing=spacing)
 
     monkeypatch.setattr(assembly, "sew_panels", sew)
-    top = make_top(TopParameters(), spacing=0.02)
+    top = make_garment(TopParameters(), spacing=0.02)
     assert asked == pytest.approx([0.02, 0.0196, 0.0204])
-    assert len(compute_boundary_loops(top.faces)) == 4  # hem, neck and two cuffs
+    assert len(find_loops(top.faces)) == 4  # hem, neck and two cuffs
 
     def refuse(curves, panels, *, spacing):
         raise MeshingError(f"at {spacing}")
 
     monkeypatch.setattr(assembly, "sew_panels", refuse)
     with pytest.raises(MeshingError, match=r"^at 0\.02$"):
-        make_top(TopParameters(), spacing=0.02)
-
-
-def test_no_gap_gives_a_flat_garment():
-    dress: Garment = make_dress(
-        DressParameters(body=Body(length=0.6, hem_half_width=0.26)), layer_gap=0.0
-    )
-    assert np.all(dress.vertices[:, 2] == 0)
+        make_garment(TopParameters(), spacing=0.02)
 
 
 def test_options_out_of_range_are_refused(find_unrefused):
     rows = [
-        (lambda n=n, v=v: make_top(TopParameters(), **{n: v}), rf"{n} must be in .* got {v}")
-        for n, v in (("spacing", 0.003), ("spacing", 0.03), ("layer_gap", -0.01))
+        (lambda n=n, v=v: make_garment(TopParameters(), **{n: v}), rf"{n} must be in .* got {v}")
+        for n, v in (("spacing", 0.003), ("spacing", 0.03))
     ]
     assert find_unrefused(rows) == []

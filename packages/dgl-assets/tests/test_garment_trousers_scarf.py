@@ -8,10 +8,8 @@ import pytest
 from dgl_assets import (
     ScarfParameters,
     TrousersParameters,
-    make_scarf,
-    make_trousers,
-    sample_scarf,
-    sample_trousers,
+    make_garment,
+    sample_measures,
 )
 from dgl_assets.garments.scarves.garment import ScarfPattern
 from dgl_assets.garments.trousers.pattern import U_INSEAM, V_CROTCH, LegPattern
@@ -34,7 +32,7 @@ def test_contradicting_measures_are_refused(find_unrefused):
         ({"leg_angle": 0.0, "knee_width": 0.3}, "the legs lie on each other"),
         ({"inseam_length": 0.03, "hem_width": 0.2, "leg_angle": 0.3}, "legs|hem|seams"),
     ]
-    rows += [(lambda c=c: make_trousers(replace(trousers, **c)), m) for c, m in cannot_be_cut]
+    rows += [(lambda c=c: make_garment(replace(trousers, **c)), m) for c, m in cannot_be_cut]
     assert find_unrefused(rows) == []
 
 
@@ -42,7 +40,7 @@ def test_contradicting_measures_are_refused(find_unrefused):
 @pytest.mark.parametrize("seed", range(2))
 def test_maps_of_legs_invert_each_other(seed, layer):
     rng = np.random.default_rng(seed)
-    parameters = sample_trousers(seed)
+    parameters = sample_measures("Trousers", seed)
     leg = LegPattern(parameters, angle=parameters.leg_angle)
     v = rng.uniform(0, 1, 300)
     low = U_INSEAM * np.clip(1 - v / V_CROTCH, 0, 1)
@@ -53,7 +51,7 @@ def test_maps_of_legs_invert_each_other(seed, layer):
 
 def test_trousers_measure_what_was_asked_for():
     p = TrousersParameters(leg_angle=0.1, waist_front_drop=0.02)
-    trousers = make_trousers(p)
+    trousers = make_garment(p)
     at = {name: trousers.vertices[k] for name, k in trousers.landmarks.items()}
     waist = at["right_waist_corner"] - at["left_waist_corner"]
     assert waist[0] == pytest.approx(2 * p.waist_half_width, rel=1e-4)
@@ -66,18 +64,19 @@ def test_trousers_measure_what_was_asked_for():
 
 
 def test_trousers_are_long_and_short_and_of_many_legs():
-    drawn = [sample_trousers(seed) for seed in range(40)]
+    drawn = [sample_measures("Trousers", seed) for seed in range(40)]
     lengths = [t.inseam_length for t in drawn]
     assert min(lengths) < 0.15 < 0.6 < max(lengths)
     flare = [t.hem_width / t.knee_width for t in drawn if t.inseam_length > 0.4]
     assert min(flare) < 0.7
     assert max(flare) > 1.4
     assert all(t.rise + t.inseam_length <= 1.0 for t in drawn)
-    assert min(t.rise for t in (sample_trousers(s, sizes="all") for s in range(30))) < 0.15
+    every = [sample_measures("Trousers", seed, sizes="all") for seed in range(30)]
+    assert min(t.rise for t in every) < 0.15
 
 
 def test_a_scarf_is_one_layer_of_the_size_that_was_asked_for():
-    scarf = make_scarf(ScarfParameters(length=1.4, width=0.3, end="pointed", end_depth=0.12))
+    scarf = make_garment(ScarfParameters(length=1.4, width=0.3, end="pointed", end_depth=0.12))
     assert scarf.extent[0] == pytest.approx(1.4, rel=1e-4)
     assert scarf.extent[1] == pytest.approx(0.3, rel=1e-3)
     assert set(scarf.canonical[:, 2]) == {1}
@@ -89,13 +88,13 @@ def test_a_scarf_is_one_layer_of_the_size_that_was_asked_for():
 @pytest.mark.parametrize("seed", range(2))
 def test_maps_of_scarves_invert_each_other(seed):
     rng = np.random.default_rng(seed)
-    pattern = ScarfPattern(sample_scarf(seed))
+    pattern = ScarfPattern(sample_measures("Scarf", seed))
     canonical = np.stack([rng.uniform(-0.96, 0.96, 200), rng.uniform(0, 1, 200)], axis=1)
     points = pattern.map.to_pattern(canonical)
     assert np.allclose(pattern.map.to_canonical(points), canonical, atol=1e-6)
 
 
 def test_random_scarves_have_the_stated_sizes_and_several_ends():
-    drawn = [sample_scarf(seed) for seed in range(60)]
+    drawn = [sample_measures("Scarf", seed) for seed in range(60)]
     assert all(1.2 <= s.length <= 1.5 and 0.2 <= s.width <= 0.4 for s in drawn)
     assert {s.end for s in drawn} == {"straight", "pointed", "rounded", "slanted"}

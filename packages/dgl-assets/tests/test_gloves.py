@@ -6,22 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dgl_assets import Garment
+from dgl_assets import Garment, GloveParameters, make_garment, sample_measures
 from dgl_assets.garments.correspondence import correspond
-from dgl_assets.garments.gloves import GloveParameters, make_glove, sample_glove
 from dgl_assets.garments.gloves.pattern import DIGITS, GlovePattern
 from dgl_assets.garments.meshing import (
-    compute_boundary_loops,
     compute_edges,
     compute_smallest_angles,
 )
+from dgl_assets.importing.topology import find_loops
 
 SEEDS = range(4)
 
 
 @pytest.fixture(scope="module")
 def gloves() -> list[Garment]:
-    return [make_glove(sample_glove(seed)) for seed in SEEDS]
+    return [make_garment(sample_measures("Glove", seed)) for seed in SEEDS]
 
 
 def _measure_edges(glove: Garment) -> np.ndarray:
@@ -38,7 +37,7 @@ def test_a_glove_is_an_oriented_disk_open_at_the_wrist(gloves):
         )
         assert len(np.unique(half_edges, axis=0)) == len(half_edges)
         assert len(glove.vertices) - len(edges) + len(glove.faces) == 1
-        (loop,) = compute_boundary_loops(glove.faces)
+        (loop,) = find_loops(glove.faces)
         assert np.allclose(glove.canonical[loop, 1], 2)
 
 
@@ -84,8 +83,8 @@ def test_fingers_point_to_the_robots_and_the_thumb_to_its_side(gloves):
 
 
 def test_a_left_glove_mirrors_a_right_one():
-    right = make_glove(GloveParameters())
-    left = make_glove(GloveParameters(hand="left"))
+    right = make_garment(GloveParameters())
+    left = make_garment(GloveParameters(hand="left"))
     assert np.allclose(left.vertices * [-1, 1, 1], right.vertices, atol=1e-7)
     assert np.array_equal(left.canonical, right.canonical)
     assert np.array_equal(left.faces[:, ::-1], right.faces)
@@ -103,7 +102,7 @@ def test_canonical_is_injective_on_each_layer(gloves):
 @pytest.mark.parametrize("seed", range(2))
 def test_maps_invert_each_other(seed):
     rng = np.random.default_rng(seed)
-    pattern = GlovePattern(sample_glove(seed))
+    pattern = GlovePattern(sample_measures("Glove", seed))
     places = np.column_stack([rng.uniform(-1, 1, 200), rng.uniform(0, 2, 200)])
     again = pattern.to_canonical(pattern.to_pattern_palm(places), "palm")
     assert np.allclose(again, places, atol=1e-6)
@@ -113,7 +112,7 @@ def test_maps_invert_each_other(seed):
 
 
 def test_canonical_is_continuous_at_the_base_of_each_digit():
-    pattern = GlovePattern(sample_glove(3))
+    pattern = GlovePattern(sample_measures("Glove", 3))
     x = np.linspace(-0.95, 0.95, 20)
     for name, digit in pattern.digits.items():
         base = digit.place(np.zeros(20), x)
@@ -143,7 +142,7 @@ def test_a_finger_corresponds_to_the_same_finger(gloves):
 
 
 def test_gloves_differ_in_cut_and_not_only_in_size():
-    drawn = [sample_glove(seed) for seed in range(40)]
+    drawn = [sample_measures("Glove", seed) for seed in range(40)]
     for ratios, spread in (
         ([p.cuff_length / p.palm_length for p in drawn], 3.0),
         ([p.middle_length / p.hand_width for p in drawn], 1.25),
@@ -155,7 +154,7 @@ def test_gloves_differ_in_cut_and_not_only_in_size():
 
 
 def test_spacing_is_followed():
-    glove = make_glove(GloveParameters(), spacing=0.006)
+    glove = make_garment(GloveParameters(), spacing=0.006)
     assert np.median(_measure_edges(glove)) == pytest.approx(0.006, rel=0.08)
     assert len(glove.vertices) > 1000
 
@@ -172,5 +171,5 @@ def test_wrong_measures_are_refused(find_unrefused):
     ]
     glove = GloveParameters()
     rows = [(lambda c=c: replace(glove, **c), message) for c, message in table]
-    rows += [(lambda: make_glove(glove, spacing=0.02), r"spacing must be in .* got 0\.02")]
+    rows += [(lambda: make_garment(glove, spacing=0.02), r"spacing must be in .* got 0\.02")]
     assert find_unrefused(rows) == []

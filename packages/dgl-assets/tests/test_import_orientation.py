@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dgl_assets.garments.registry import CATEGORIES
+from dgl_assets import make_garment, sample_measures
 from dgl_assets.importing.directions import find_directions
 from dgl_assets.importing.keypoints import Keypoints
 from dgl_assets.importing.options import GarmentImportOptions
@@ -90,11 +90,9 @@ def test_names_that_contradict_each_other_tell_nothing():
 )
 def test_shape_alone_turns_garments_of_every_category(category):
     """Collars that are folded over, hoods, wide sleeves and dresses with short ones among them."""
-    family = CATEGORIES[category]
     for seed in (3, 7, 8, 10):
         sizes = "all" if seed % 2 else "reach"
-        measures = family.sample(np.random.default_rng(seed), sizes)
-        garment = family.make(measures, spacing=COARSE, name="known")
+        garment = make_garment(sample_measures(category, seed, sizes=sizes), spacing=COARSE)
         faces = garment.faces.astype(np.int64)
         worn = foreign.blow_up(garment)
         for vertices, axes in (

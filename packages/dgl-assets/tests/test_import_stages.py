@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dgl_assets import AssetNotFoundError, Sleeve, TopParameters, make_top
+from dgl_assets import AssetNotFoundError, Sleeve, TopParameters, make_garment
 from dgl_assets.importing import (
     AssetImportError,
     BrokenMeshError,
@@ -218,7 +218,7 @@ def test_small_holes_are_closed_and_keep_the_texture():
 
 
 def test_narrow_cuffs_are_no_holes(tmp_path):
-    top = make_top(TopParameters(sleeve=Sleeve(cuff_width=0.06)), spacing=0.02)
+    top = make_garment(TopParameters(sleeve=Sleeve(cuff_width=0.06)), spacing=0.02)
     lines = [f"v {x} {y} {z}" for x, y, z in top.vertices] + [
         f"f {i} {j} {k}" for i, j, k in top.faces + 1
     ]

@@ -11,6 +11,7 @@ import numpy as np
 from dgl_assets import AssetError, Garment, load_garment
 from dgl_bench.assets.drop import drop_garment
 from dgl_bench.assets.measures import describe_mesh, measure_landmarks
+from dgl_files.fields import STRICT, read_json
 from dgl_files.whole import written_beside
 from dgl_physics import PhysicsError
 
@@ -23,7 +24,6 @@ __all__ = [
     "DropRequest",
     "Drops",
     "find_positions",
-    "make_attempt",
     "read_attempts",
 ]
 
@@ -42,6 +42,8 @@ _KEPT = 64  # garments that a worker remembers: a garment's partner is the one s
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
     """One dropped garment. Lengths [m], times [s], shares and strains as fractions."""
+
+    __pydantic_config__ = STRICT
 
     id: str
     error: str = ""
@@ -123,12 +125,9 @@ class Attempt:
         """Read it from its line.
 
         Raises:
-            ValueError: If the line is none.
+            ValueError: If the line is none; with the field and the value.
         """
-        try:
-            return cls(**json.loads(line))
-        except (TypeError, json.JSONDecodeError) as err:
-            raise ValueError(f"line must be a dropped garment; {err}") from err
+        return read_json(cls, line)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,41 +140,56 @@ class DropRequest:
     """The garment that its landmarks are mapped to."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class Drops:
     """Jobs that build, measure and drop garments; see `dgl_collect.workers.JobRunner`."""
 
-    def __init__(self, *, frames: int, height: float) -> None:
-        """Remember how garments are dropped.
-
-        Args:
-            frames: How long each is simulated [1/60 s].
-            height: That each falls from [m].
-        """
-        self._frames, self._height = frames, height
+    frames: int
+    """Simulated time [1/60 s]."""
+    height: float
+    """Height that each falls from [m]."""
 
     def run(self, request: DropRequest, out_dir: Path) -> Attempt:
-        """Drop one garment, and save where it came to lie in `POSITIONS_FILE`."""
-        return make_attempt(
-            request, frames=self._frames, height=self._height, path=out_dir / POSITIONS_FILE
-        )
+        """Drop one garment, and save where it came to lie in `POSITIONS_FILE`, whole or not."""
+        try:
+            return self._drop(request, out_dir / POSITIONS_FILE)
+        except (AssetError, PhysicsError, ValueError, RuntimeError) as err:
+            return Attempt(id=request.id, error=f"{type(err).__name__}: {err}")
 
     def close(self) -> None:
         """Nothing is to be released."""
 
-
-def make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
-    """Build, measure and drop a garment, and save where it came to lie.
-
-    Args:
-        request: Which.
-        frames: How long it is simulated [1/60 s].
-        height: That it falls from [m].
-        path: Where the file of positions belongs; it is whole or absent.
-    """
-    try:
-        return _make_attempt(request, frames=frames, height=height, path=path)
-    except (AssetError, PhysicsError, ValueError, RuntimeError) as err:
-        return Attempt(id=request.id, error=f"{type(err).__name__}: {err}")
+    def _drop(self, request: DropRequest, path: Path) -> Attempt:
+        garment, build_seconds = _build(request.id)
+        mesh = describe_mesh(garment.rest_vertices, garment.faces)
+        miss, landmark, _ = measure_landmarks(garment, _build(request.partner)[0])
+        begin = time.process_time()
+        drop = drop_garment(garment, frames=self.frames, height=self.height)
+        drop_seconds = time.process_time() - begin
+        if np.isfinite(drop.end).all():
+            _save(path, drop.end)
+        worst = int(np.argmax(drop.strain))
+        return Attempt(
+            id=request.id,
+            error=drop.error,
+            **asdict(mesh),
+            particles=drop.particles,
+            build_seconds=build_seconds,
+            drop_seconds=drop_seconds,
+            partner=request.partner,
+            landmark_miss=miss,
+            landmark=landmark,
+            strain_start=float(drop.strain[0]),
+            strain_worst=float(drop.strain[worst]),
+            strain_worst_frame=worst,
+            frames_over=int((drop.strain > STRAIN_LIMIT).sum()),
+            strain_end=None if drop.error else float(drop.strain[-1]),
+            edge_change=drop.edge_change,
+            speed=drop.speed,
+            still_seconds=None if drop.still_frame is None else drop.still_frame / 60,
+            crossings_start=drop.crossings[0],
+            crossings_end=drop.crossings[1],
+        )
 
 
 def find_positions(folder: Path, garment_id: str) -> Path:
@@ -206,47 +220,6 @@ def read_attempts(path: Path) -> list[Attempt]:
             raise ValueError(f"{path}, line {number}: {attempt.id} is there twice")
         found[attempt.id] = attempt
     return list(found.values())
-
-
-def _make_attempt(request: DropRequest, *, frames: int, height: float, path: Path) -> Attempt:
-    garment, build_seconds = _build(request.id)
-    mesh = describe_mesh(garment.rest_vertices, garment.faces)
-    miss, landmark, _ = measure_landmarks(garment, _build(request.partner)[0])
-    begin = time.process_time()
-    drop = drop_garment(garment, frames=frames, height=height)
-    drop_seconds = time.process_time() - begin
-    if np.isfinite(drop.end).all():
-        _save(path, drop.end)
-    worst = int(np.argmax(drop.strain))
-    return Attempt(
-        id=request.id,
-        error=drop.error,
-        vertices=mesh.vertices,
-        edges=mesh.edges,
-        faces=mesh.faces,
-        particles=drop.particles,
-        build_seconds=build_seconds,
-        drop_seconds=drop_seconds,
-        edge_mean=mesh.edge_mean,
-        edge_shortest=mesh.edge_shortest,
-        edge_longest=mesh.edge_longest,
-        edge_share=mesh.edge_share,
-        angle_smallest=mesh.angle_smallest,
-        angle_share=mesh.angle_share,
-        partner=request.partner,
-        landmark_miss=miss,
-        landmark=landmark,
-        strain_start=float(drop.strain[0]),
-        strain_worst=float(drop.strain[worst]),
-        strain_worst_frame=worst,
-        frames_over=int((drop.strain > STRAIN_LIMIT).sum()),
-        strain_end=None if drop.error else float(drop.strain[-1]),
-        edge_change=drop.edge_change,
-        speed=drop.speed,
-        still_seconds=None if drop.still_frame is None else drop.still_frame / 60,
-        crossings_start=drop.crossings[0],
-        crossings_end=drop.crossings[1],
-    )
 
 
 @lru_cache(maxsize=_KEPT)

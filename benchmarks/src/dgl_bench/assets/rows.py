@@ -36,117 +36,46 @@ def summarise(name: str, attempts: Sequence[Attempt]) -> list[Reading]:
     built = [a for a in attempts if a.edge_share is not None]
     dropped = [a for a in built if not a.error]
     low, high = PARTICLE_RANGE
-    is_sized = [low <= a.particles <= high for a in built]
+    percent = f"{100 * STRAIN_LIMIT:g}"
+    is_held = [a.strain_end is not None and a.strain_end <= STRAIN_LIMIT for a in attempts]
+    median, mean = statistics.median, statistics.fmean
+    measures = [
+        ("garments", len(attempts), "", "", ""),
+        ("errors", sum(bool(a.error) for a in attempts), "", "<= 0",
+         "not built, diverged, not finite, or too many contacts"),
+        ("whole", _share([a.is_whole for a in attempts]), "%", ">= 100",
+         f"mean strain <= {percent} % in every frame, no edge changed by over 50 % at the end"),
+        ("whole_at_end", _share(is_held), "%", "", "mean strain in the last frame alone"),
+        ("strain_median", _over(dropped, "strain_worst", median, 100), "%", "",
+         "mean strain over the edges, in the worst frame of each garment"),
+        ("strain_worst", _over(dropped, "strain_worst", max, 100), "%", f"<= {percent}", ""),
+        ("edge_change", _over(dropped, "edge_change", max, 100), "%", "<= 50",
+         "one edge of one garment, at the end"),
+        ("at_rest", _share([a.still_seconds is not None for a in attempts]), "%", "",
+         "within the time simulated"),
+        ("crossings", sum((a.crossings_end or 0) > 0 for a in dropped), "", "",
+         "garments with an edge that pierces a triangle of another place at the end"),
+        ("edges", _pool(built, "edge_share", "edges"), "%", ">= 99",
+         "within 8 to 18 mm, of all edges"),
+        ("edges_least", _over(built, "edge_share", min, 100), "%", "", "of one garment"),
+        ("angles", _pool(built, "angle_share", "faces"), "%", ">= 99",
+         "smallest angle of at least 20 degrees, of all triangles"),
+        ("angles_least", _over(built, "angle_share", min, 100), "%", "", "of one garment"),
+        ("particles", _share([low <= a.particles <= high for a in built]), "%", ">= 100",
+         f"garments of {low:,} to {high:,} particles"),
+        ("particles_least", _over(built, "particles", min), "", "", ""),
+        ("particles_most", _over(built, "particles", max), "", "", ""),
+        ("landmarks", _over(built, "landmark_miss", max), "edges", "<= 0.5",
+         "largest miss of a landmark that is mapped to another garment of the category"),
+        ("build", _over(built, "build_seconds", median), "s", "<= 1",
+         "median CPU time of building a garment"),
+        ("build_longest", _over(built, "build_seconds", max), "s", "", ""),
+        ("drop", _over(dropped, "drop_seconds", mean), "s", "",
+         "mean CPU time of dropping a garment"),
+    ]  # fmt: skip
     return [
-        Reading(f"{name}.garments", float(len(attempts)), ""),
-        Reading(
-            f"{name}.errors",
-            float(sum(bool(a.error) for a in attempts)),
-            "",
-            bar="<= 0",
-            note="not built, diverged, not finite, or too many contacts",
-        ),
-        Reading(
-            f"{name}.whole",
-            _share([a.is_whole for a in attempts]),
-            "%",
-            bar=">= 100",
-            note=f"mean strain <= {100 * STRAIN_LIMIT:g} % in every frame, no edge changed by more "
-            "than 50 % at the end",
-        ),
-        Reading(
-            f"{name}.whole_at_end",
-            _share([a.strain_end is not None and a.strain_end <= STRAIN_LIMIT for a in attempts]),
-            "%",
-            note="mean strain in the last frame alone",
-        ),
-        Reading(
-            f"{name}.strain_median",
-            _over(dropped, lambda a: a.strain_worst, statistics.median, 100),
-            "%",
-            note="mean strain over the edges, in the worst frame of each garment",
-        ),
-        Reading(
-            f"{name}.strain_worst",
-            _over(dropped, lambda a: a.strain_worst, max, 100),
-            "%",
-            bar=f"<= {100 * STRAIN_LIMIT:g}",
-        ),
-        Reading(
-            f"{name}.edge_change",
-            _over(dropped, lambda a: a.edge_change, max, 100),
-            "%",
-            bar="<= 50",
-            note="one edge of one garment, at the end",
-        ),
-        Reading(
-            f"{name}.at_rest",
-            _share([a.still_seconds is not None for a in attempts]),
-            "%",
-            note="within the time simulated",
-        ),
-        Reading(
-            f"{name}.crossings",
-            float(sum((a.crossings_end or 0) > 0 for a in dropped)),
-            "",
-            note="garments with an edge that pierces a triangle of another place at the end",
-        ),
-        Reading(
-            f"{name}.edges",
-            _pool(built, lambda a: a.edge_share, lambda a: a.edges),
-            "%",
-            bar=">= 99",
-            note="within 8 to 18 mm, of all edges",
-        ),
-        Reading(
-            f"{name}.edges_least",
-            _over(built, lambda a: a.edge_share, min, 100),
-            "%",
-            note="of one garment",
-        ),
-        Reading(
-            f"{name}.angles",
-            _pool(built, lambda a: a.angle_share, lambda a: a.faces),
-            "%",
-            bar=">= 99",
-            note="smallest angle of at least 20 degrees, of all triangles",
-        ),
-        Reading(
-            f"{name}.angles_least",
-            _over(built, lambda a: a.angle_share, min, 100),
-            "%",
-            note="of one garment",
-        ),
-        Reading(
-            f"{name}.particles",
-            _share(is_sized),
-            "%",
-            bar=">= 100",
-            note=f"garments of {low:,} to {high:,} particles",
-        ),
-        Reading(f"{name}.particles_least", _over(built, lambda a: a.particles, min), ""),
-        Reading(f"{name}.particles_most", _over(built, lambda a: a.particles, max), ""),
-        Reading(
-            f"{name}.landmarks",
-            _over(built, lambda a: a.landmark_miss, max),
-            "edges",
-            bar="<= 0.5",
-            note="largest miss of a landmark that is mapped to another garment of the category",
-        ),
-        Reading(
-            f"{name}.build",
-            _over(built, lambda a: a.build_seconds, statistics.median),
-            "s",
-            bar="<= 1",
-            note="median CPU time of building a garment",
-        ),
-        Reading(f"{name}.build_longest", _over(built, lambda a: a.build_seconds, max), "s"),
-        Reading(
-            f"{name}.drop",
-            _over(dropped, lambda a: a.drop_seconds, statistics.fmean),
-            "s",
-            note="mean CPU time of dropping a garment",
-        ),
+        Reading(f"{name}.{m}", None if v is None else float(v), unit, bar=bar, note=note)
+        for m, v, unit, bar, note in measures
     ]
 
 
@@ -156,19 +85,16 @@ def _share(flags: Sequence[bool]) -> float | None:
 
 def _over(
     attempts: Sequence[Attempt],
-    get: Callable[[Attempt], float | None],
+    field: str,
     reduce: Callable[[list[float]], float],
     factor: float = 1.0,
 ) -> float | None:
-    values = [float(value) for a in attempts if (value := get(a)) is not None]
+    values = [float(v) for a in attempts if (v := getattr(a, field)) is not None]
     return factor * reduce(values) if values else None
 
 
-def _pool(
-    attempts: Sequence[Attempt],
-    get: Callable[[Attempt], float | None],
-    weigh: Callable[[Attempt], int],
-) -> float | None:
+def _pool(attempts: Sequence[Attempt], field: str, weight: str) -> float | None:
     """Share of the edges or triangles of all garments [%]."""
-    weight = sum(weigh(a) for a in attempts)
-    return 100 * sum((get(a) or 0.0) * weigh(a) for a in attempts) / weight if weight else None
+    weights = [getattr(a, weight) for a in attempts]
+    total = sum((getattr(a, field) or 0.0) * w for a, w in zip(attempts, weights, strict=True))
+    return 100 * total / sum(weights) if sum(weights) else None

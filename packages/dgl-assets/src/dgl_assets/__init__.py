@@ -19,28 +19,21 @@ if TYPE_CHECKING:
     from dgl_assets.garments.catalogue import list_categories as list_categories
     from dgl_assets.garments.catalogue import load_garment as load_garment
     from dgl_assets.garments.correspondence import correspond as correspond
-    from dgl_assets.garments.dresses.garment import make_dress as make_dress
     from dgl_assets.garments.dresses.parameters import DressParameters as DressParameters
-    from dgl_assets.garments.dresses.sampling import sample_dress as sample_dress
     from dgl_assets.garments.garment import Garment as Garment
+    from dgl_assets.garments.gloves.parameters import GloveParameters as GloveParameters
+    from dgl_assets.garments.hats.bowl_parameters import BowlHatParameters as BowlHatParameters
+    from dgl_assets.garments.hats.cap_parameters import CapParameters as CapParameters
+    from dgl_assets.garments.registry import make_garment as make_garment
+    from dgl_assets.garments.registry import sample_measures as sample_measures
     from dgl_assets.garments.scarves.garment import ScarfParameters as ScarfParameters
-    from dgl_assets.garments.scarves.garment import make_scarf as make_scarf
-    from dgl_assets.garments.scarves.garment import sample_scarf as sample_scarf
     from dgl_assets.garments.sheet import draw_contact_sheet as draw_contact_sheet
     from dgl_assets.garments.sheet import draw_garment as draw_garment
     from dgl_assets.garments.sheet import save_picture as save_picture
-    from dgl_assets.garments.tops.garment import make_front_open_top as make_front_open_top
-    from dgl_assets.garments.tops.garment import make_sleeveless_top as make_sleeveless_top
-    from dgl_assets.garments.tops.garment import make_top as make_top
     from dgl_assets.garments.tops.parameters import FrontOpenParameters as FrontOpenParameters
     from dgl_assets.garments.tops.parameters import SleevelessParameters as SleevelessParameters
     from dgl_assets.garments.tops.parameters import TopParameters as TopParameters
-    from dgl_assets.garments.tops.sampling import sample_front_open_top as sample_front_open_top
-    from dgl_assets.garments.tops.sampling import sample_sleeveless_top as sample_sleeveless_top
-    from dgl_assets.garments.tops.sampling import sample_top as sample_top
-    from dgl_assets.garments.trousers.garment import make_trousers as make_trousers
     from dgl_assets.garments.trousers.parameters import TrousersParameters as TrousersParameters
-    from dgl_assets.garments.trousers.sampling import sample_trousers as sample_trousers
     from dgl_assets.garments.uppers.parameters import Armhole as Armhole
     from dgl_assets.garments.uppers.parameters import Body as Body
     from dgl_assets.garments.uppers.parameters import Neck as Neck

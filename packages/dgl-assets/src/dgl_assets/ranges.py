@@ -10,7 +10,7 @@ from typing import Any
 
 
 def measure(low: float, high: float, default: Any = MISSING) -> Any:
-    """Declare a numeric field that `check_ranges` holds in [low, high]."""
+    """Declare a numeric field of `Measures`, which is held in [low, high]."""
     return field(default=default, metadata={"range": (low, high)})
 
 
@@ -20,14 +20,16 @@ def get_ranges(kind: type) -> Mapping[str, tuple[float, float]]:
     return {f.name: f.metadata["range"] for f in fields(kind) if "range" in f.metadata}
 
 
-def check_ranges(measures: object) -> None:
-    """Check every field that `measure` declares.
+class Measures:
+    """Base of dataclasses whose fields `measure` declares; their ranges are checked.
 
     Raises:
         ValueError: If a value is no finite number or out of its range; the message names the field.
     """
-    for name, (low, high) in get_ranges(type(measures)).items():
-        check_range(name, getattr(measures, name), low, high)
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in get_ranges(type(self)).items():
+            check_range(name, getattr(self, name), low, high)
 
 
 def check_range(name: str, value: object, low: float, high: float) -> None:

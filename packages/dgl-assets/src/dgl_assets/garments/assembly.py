@@ -22,7 +22,6 @@ from dgl_assets.garments.sewing import (
     measure_area,
     sew_panels,
 )
-from dgl_assets.ranges import check_range
 
 DEFAULT_SPACING = 0.013
 """Edge length of garments of usual size [m]."""
@@ -32,6 +31,7 @@ _SPACINGS = (1.0, 0.98, 1.02, 0.96, 1.04)
 """Factors tried in turn where a mesh loses an edge of its outline."""
 _VERTEX_LIMITS = (1650, 7700)  # aimed at, within the 1,500 to 8,000 that a garment may have
 _COUNT_LIMITS = (1620, 7850)  # of the estimate from the area, which errs by a few per cent
+_LAYER_GAP = 0.012  # distance of the two layers while it lies flat, 0 at the seams [m]
 _BLEND_ROWS = 3.5  # spacings from a seam over which a layer rises to its height
 _UNTANGLING_ROUNDS = 20
 # Moves of a vertex, in spreads of its neighbours: none; three lengths in eight directions.
@@ -76,12 +76,13 @@ def choose_spacing(area: float) -> float:
     return float(np.clip(np.clip(DEFAULT_SPACING, low, high), *SPACING_LIMITS))
 
 
-def check_size(area: float) -> None:
-    """Refuse an area of cloth [m^2] that gives too few or too many vertices at its chosen spacing.
+def check_size(cut: Cut) -> None:
+    """Refuse a cut that gives too few or too many vertices at its chosen spacing.
 
     Raises:
         ValueError: If the estimate is outside of `_COUNT_LIMITS`.
     """
+    area = measure_area(cut.curves, cut.panels)
     count = area / (math.sqrt(0.75) * choose_spacing(area) ** 2)
     if not _COUNT_LIMITS[0] <= count <= _COUNT_LIMITS[1]:
         raise ValueError(
@@ -91,12 +92,7 @@ def check_size(area: float) -> None:
 
 
 def assemble(
-    cut: Cut,
-    category: str,
-    parameters: Any,
-    name: str,
-    spacing: float | None,
-    layer_gap: float,
+    cut: Cut, category: str, parameters: Any, *, spacing: float | None, name: str
 ) -> Garment:
     """Sew a cut garment and lay it flat.
 
@@ -104,25 +100,21 @@ def assemble(
         cut: Seams, panels and maps.
         category: Its category.
         parameters: Dataclass of its measures.
+        spacing: Target edge length [m]; None for `choose_spacing`.
         name: Name of the garment.
-        spacing: Target edge length [m], 0.006 to 0.025; None for `choose_spacing`.
-        layer_gap: Distance between layers while it lies flat [m], 0 to 0.03.
 
     Returns:
         The garment.
 
     Raises:
-        ValueError: If spacing or gap are out of range.
         MeshingError: If a panel cannot be filled, at this spacing or one within 4 % of it.
     """
     if spacing is None:
         spacing = choose_spacing(measure_area(cut.curves, cut.panels))
-    check_range("spacing", spacing, 0.006, 0.025)
-    check_range("layer_gap", layer_gap, 0.0, 0.03)
     surface, spacing = _sew(cut, spacing)
     low, high = surface.flat.min(axis=0), surface.flat.max(axis=0)
     flat = (surface.flat - (low + high) / 2).astype(np.float32)
-    height = _compute_heights(surface, cut, spacing=spacing, layer_gap=layer_gap)
+    height = _compute_heights(surface, cut, spacing=spacing)
     return Garment(
         name=name,
         category=category,
@@ -150,9 +142,7 @@ def _sew(cut: Cut, spacing: float) -> tuple[SewnSurface, float]:
     raise refused
 
 
-def _compute_heights(
-    surface: SewnSurface, cut: Cut, *, spacing: float, layer_gap: float
-) -> np.ndarray:
+def _compute_heights(surface: SewnSurface, cut: Cut, *, spacing: float) -> np.ndarray:
     """Height of each vertex [m], shape (V,): smooth from 0 at the seams to half the gap inside."""
     sides: dict[str, set[int]] = {}
     for panel in cut.panels:
@@ -163,7 +153,7 @@ def _compute_heights(
         return np.zeros(len(surface.flat))
     from_seams = _measure_distances(surface, cut, joined)
     share = _rise(from_seams, _BLEND_ROWS * spacing)
-    heights = surface.layers * (layer_gap / 2) * share
+    heights = surface.layers * (_LAYER_GAP / 2) * share
     raised = np.zeros(len(heights))
     for index, panel in enumerate(cut.panels):
         ids = np.unique(surface.faces[surface.face_panels == index])
@@ -171,10 +161,10 @@ def _compute_heights(
             hinges = [e.removeprefix("-") for e in panel.edges]
             hinges = [name for name in hinges if len(sides[name]) > 1]
             distance = _measure_distances(surface, cut, hinges)
-            heights[ids] += layer_gap * _rise(distance[ids], _FLAP_BLEND)
+            heights[ids] += _LAYER_GAP * _rise(distance[ids], _FLAP_BLEND)
         if cut.compute_raise is not None:
             raised[ids] = np.maximum(raised[ids], cut.compute_raise(surface.flat[ids], panel.name))
-    return heights + layer_gap * raised * _rise(from_seams, _OVERLAP_BLEND)
+    return heights + _LAYER_GAP * raised * _rise(from_seams, _OVERLAP_BLEND)
 
 
 def _measure_distances(surface: SewnSurface, cut: Cut, names: list[str]) -> np.ndarray:

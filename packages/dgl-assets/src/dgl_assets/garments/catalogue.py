@@ -13,7 +13,13 @@ import numpy as np
 from dgl_assets.errors import AssetNotFoundError
 from dgl_assets.garments.cache import find_cached, store_garment
 from dgl_assets.garments.garment import Garment
-from dgl_assets.garments.registry import CATEGORIES, Category, get_category
+from dgl_assets.garments.registry import (
+    CATEGORIES,
+    Category,
+    get_category,
+    make_garment,
+    sample_measures,
+)
 from dgl_assets.garments.sizes import Sizes
 from dgl_assets.ranges import check_choice
 
@@ -129,7 +135,7 @@ def _make(entry: Category, number: int, name: str, *, spacing: float | None) -> 
     # The category is part of the seed, so that equal numbers of two categories have other bodies.
     rng = np.random.default_rng([zlib.crc32(entry.name.encode()), number])
     sizes: Sizes = "reach" if number < entry.train_count + entry.test_count else "all"
-    return entry.make(entry.sample(rng, sizes), spacing=spacing, name=name)
+    return make_garment(sample_measures(entry.name, rng, sizes=sizes), spacing=spacing, name=name)
 
 
 def _parse_id(garment_id: str) -> tuple[Category, int]:

@@ -15,14 +15,12 @@ T = TypeVar("T")
 def draw_until_valid(
     rng: np.random.Generator | int,
     draw: Callable[[np.random.Generator], T],
-    check: Callable[[T], object] = lambda _: None,
 ) -> T:
     """Draw measures until they are valid.
 
     Args:
         rng: Generator, advanced by this call, or a seed.
-        draw: Draws measures; may raise `ValueError`.
-        check: Raises `ValueError` for measures that cannot be cut; by default it accepts all.
+        draw: Draws measures; those that cannot be cut are a `ValueError`.
 
     Returns:
         The first measures that pass.
@@ -33,11 +31,9 @@ def draw_until_valid(
     generator = np.random.default_rng(rng) if isinstance(rng, int | np.integer) else rng
     for _ in range(_ATTEMPTS):
         try:
-            measures = draw(generator)
-            check(measures)
+            return draw(generator)
         except ValueError:
             continue  # the next draw is independent
-        return measures
     raise RuntimeError(
         f"no valid garment in {_ATTEMPTS} draws; the ranges of the sampler are broken"
     )

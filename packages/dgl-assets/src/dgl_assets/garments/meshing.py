@@ -265,3 +265,12 @@ def _missing_segments(boundary_count: int, triangles: np.ndarray) -> np.ndarray:
     start = np.arange(boundary_count, dtype=np.int64)
     wanted = start * (triangles.max() + 1) + (start + 1) % boundary_count
     return start[~np.isin(wanted, keys)]
+
+
+def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Compute unit normals of vertices, the mean over their triangles by area, shape (V, 3)."""
+    corners = vertices[faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    np.add.at(normals, faces.ravel(), np.repeat(area, 3, axis=0))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)

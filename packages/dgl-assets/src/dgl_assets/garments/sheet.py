@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dgl_assets.garments.garment import Garment
-from dgl_assets.garments.view import compute_vertex_normals, project
+from dgl_assets.garments.meshing import compute_vertex_normals
+from dgl_assets.garments.view import project
 from dgl_assets.materials import PALE, MaterialMaps, sample_fabric_material
 from dgl_files.whole import written_beside
 

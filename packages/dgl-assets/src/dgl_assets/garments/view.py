@@ -28,15 +28,6 @@ def project(garment: Garment) -> np.ndarray:
     return turned - (turned.min(axis=0) + turned.max(axis=0)) / 2
 
 
-def compute_vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute unit normals of vertices, the mean over their triangles by area, shape (V, 3)."""
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(vertices)
-    np.add.at(normals, faces.ravel(), np.repeat(area, 3, axis=0))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
-
-
 def _make_rotation(garment: Garment) -> np.ndarray:
     """Rows are the picture's right, up, and the direction to the viewer, shape (3, 3)."""
     if garment.wall_thickness is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.view import compute_vertex_normals
+from dgl_assets.garments.meshing import compute_vertex_normals
 
 _STRETCH = 2.0  # largest lengthening of the wall where the surface is bent
 _SMALLEST = 0.04  # of a third of a straight prism; smaller tetrahedra count as folded

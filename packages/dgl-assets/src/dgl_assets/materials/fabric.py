@@ -21,7 +21,7 @@ from dgl_assets.materials.colours import (
 from dgl_assets.materials.fields import get_coordinates, make_noise, mix, step
 from dgl_assets.materials.maps import DEFAULT_SIZE, MaterialMaps, get_fine_size, make_maps
 from dgl_assets.materials.weaves import REPEATS, ClothRelief, Weave, count_courses, make_relief
-from dgl_assets.ranges import check_choice, check_ranges, measure
+from dgl_assets.ranges import Measures, check_choice, measure
 
 Pattern = Literal["plain", "melange", "stripes", "gingham", "tartan", "dots", "chambray"]
 """Colouring of the yarns; dots are printed."""
@@ -39,7 +39,7 @@ _WOVEN_ONLY = ("gingham", "tartan", "chambray")
 
 
 @dataclass(frozen=True, kw_only=True)
-class FabricMaterial:
+class FabricMaterial(Measures):
     """The look of a cloth."""
 
     weave: Weave
@@ -67,7 +67,7 @@ class FabricMaterial:
         if self.weave in _KNITS and self.pattern in _WOVEN_ONLY:
             raise ValueError(f"pattern of a knit cannot be {self.pattern!r}, which is woven")
         check_colours("colours", self.colours, COLOUR_COUNTS[self.pattern])
-        check_ranges(self)
+        super().__post_init__()
         if self.threads % REPEATS[self.weave]:
             raise ValueError(
                 f"threads of {self.weave} must be a multiple of {REPEATS[self.weave]}; "

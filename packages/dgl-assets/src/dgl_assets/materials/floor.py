@@ -19,13 +19,13 @@ from dgl_assets.materials.stone import (
 )
 from dgl_assets.materials.tiling import FloorSurface, paint_parquet, paint_planks, paint_tiles
 from dgl_assets.materials.wood import SPECIES
-from dgl_assets.ranges import check_choice, check_ranges, measure
+from dgl_assets.ranges import Measures, check_choice, measure
 
 FloorKind = Literal["planks", "parquet", "tiles", "terrazzo", "concrete", "marble", "carpet"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FloorMaterial:
+class FloorMaterial(Measures):
     """The look of a floor."""
 
     kind: FloorKind
@@ -51,7 +51,7 @@ class FloorMaterial:
     def __post_init__(self) -> None:
         check_choice("kind", self.kind, FLOOR_KINDS)
         check_colours("colours", self.colours, 3)
-        check_ranges(self)
+        super().__post_init__()
         needs_even = self.kind == "parquet" or (self.kind == "tiles" and self.is_chequered)
         if needs_even and self.divisions % 2:
             raise ValueError(f"divisions must be even for this floor; got {self.divisions}")

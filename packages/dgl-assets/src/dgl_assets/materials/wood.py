@@ -9,7 +9,7 @@ import numpy as np
 from dgl_assets.materials.colours import Rgb, check_colours
 from dgl_assets.materials.fields import get_coordinates, make_fractal, make_noise, mix
 from dgl_assets.materials.maps import DEFAULT_SIZE, MaterialMaps, get_fine_size, make_maps
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 
 SPECIES: dict[str, tuple[Rgb, Rgb]] = {
     "oak": ((206, 172, 128), (156, 116, 76)),
@@ -26,7 +26,7 @@ SPECIES: dict[str, tuple[Rgb, Rgb]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class WoodMaterial:
+class WoodMaterial(Measures):
     """A board without joints; its grain runs along u."""
 
     colours: tuple[Rgb, Rgb]
@@ -42,7 +42,7 @@ class WoodMaterial:
 
     def __post_init__(self) -> None:
         check_colours("colours", self.colours, 2)
-        check_ranges(self)
+        super().__post_init__()
 
     def render(self, size: int = DEFAULT_SIZE) -> MaterialMaps:
         """Compute the maps of one tile.

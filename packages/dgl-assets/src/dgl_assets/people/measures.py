@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 
 
 @dataclass(frozen=True, kw_only=True)
-class PersonMeasures:
+class PersonMeasures(Measures):
     """Measures of a standing person at life size [m]."""
 
     stature: float = measure(0.8, 2.1)
@@ -48,7 +48,7 @@ class PersonMeasures:
     """Shape of the chest from a man's (0) to a woman's (1)."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         for name, low, high in (("crotch_height", 0.38, 0.54), ("shoulder_height", 0.72, 0.86)):
             if not low * self.stature < getattr(self, name) < high * self.stature:
                 raise ValueError(

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from dgl_assets.errors import MeshingError
-from dgl_assets.garments.meshing import compute_edges
+from dgl_assets.garments.meshing import compute_edges, compute_vertex_normals
 from dgl_assets.people.body_plan import BodyPlan
 from dgl_assets.people.solids import Loft
 from dgl_assets.people.surface_nets import evaluate_on_grid, extract_surface, project, separate
@@ -129,27 +129,13 @@ def _divide(low: float, high: float, size: Callable[[float], float], scale: floa
 
 def _carve(plan: BodyPlan, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Press hollows into the surface along its normals."""
-    normals = compute_normals(vertices, faces)
+    normals = compute_vertex_normals(vertices, faces)
     depth = np.zeros(len(vertices))
     edge = _CARVING_EDGE * plan.scale
     for solid in plan.carving:
         inside = edge - solid.distance(vertices)
         depth = np.maximum(depth, np.where(inside > 0, inside**2 / (4 * edge), 0.0))
     return vertices - np.minimum(depth, edge)[:, None] * normals
-
-
-def compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute unit normals of vertices, shape (V, 3), weighted by area."""
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(area[:, k], 3), minlength=len(vertices))
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-15)
 
 
 def _keep_largest(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

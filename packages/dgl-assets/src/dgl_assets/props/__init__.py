@@ -2,12 +2,9 @@
 
 from dgl_assets.props.hanger import CoatHangerParameters as CoatHangerParameters
 from dgl_assets.props.hanger import HangerParameters as HangerParameters
-from dgl_assets.props.hanger import make_coat_hanger as make_coat_hanger
-from dgl_assets.props.hanger import make_hanger as make_hanger
 from dgl_assets.props.meshes import WOODS as WOODS
 from dgl_assets.props.obj import save_obj as save_obj
 from dgl_assets.props.person import PersonParameters as PersonParameters
-from dgl_assets.props.person import make_person_prop as make_person_prop
 from dgl_assets.props.prop import Finish as Finish
 from dgl_assets.props.prop import Prop as Prop
 from dgl_assets.props.prop import PropPart as PropPart
@@ -17,9 +14,5 @@ from dgl_assets.props.registry import make_prop as make_prop
 from dgl_assets.props.shapes import PropShape as PropShape
 from dgl_assets.props.stands import HatStandParameters as HatStandParameters
 from dgl_assets.props.stands import PothookParameters as PothookParameters
-from dgl_assets.props.stands import make_hat_stand as make_hat_stand
-from dgl_assets.props.stands import make_pothook as make_pothook
 from dgl_assets.props.tables import PlatformParameters as PlatformParameters
 from dgl_assets.props.tables import TableParameters as TableParameters
-from dgl_assets.props.tables import make_platform as make_platform
-from dgl_assets.props.tables import make_table as make_table

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood, sweep
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import PropShape, make_box, make_capsules
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 from dgl_assets.robots._solids import along_x, cylinder, rounded_box
 
 _TIP = 0.0145  # reach of a shoulder's rounding beyond the arms' middle line [m]
@@ -19,7 +19,7 @@ CABLE_TOP = 2.6
 
 
 @dataclass(frozen=True, kw_only=True)
-class HangerParameters:
+class HangerParameters(Measures):
     """A level bar on two thin cables; it leaves the floor free for the garment.
 
     Source: the original code's figures; its two floating columns of 0.1 m, which are picture
@@ -35,12 +35,9 @@ class HangerParameters:
     wood: str = "oak"
     """One of `dgl_assets.props.WOODS`."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class CoatHangerParameters:
+class CoatHangerParameters(Measures):
     """A wooden hanger with rounded shoulders, a trouser bar and a hook of wire.
 
     Not among the original's props. Sizes are those of ordinary hangers at 85 %, as the garments.
@@ -59,13 +56,9 @@ class CoatHangerParameters:
     wood: str = "beech"
     """One of `dgl_assets.props.WOODS`."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
-
-def make_hanger(parameters: HangerParameters | None = None) -> Prop:
+def make_hanger(p: HangerParameters) -> Prop:
     """Make the bar of Hang Tops, Hang Dress and Hang Trousers; the target is its middle."""
-    p = parameters or HangerParameters()
     half, r, z = p.length / 2, p.thickness / 2, p.height
     bar = along_x(rounded_box("wood", (r, r, half - 0.012), radius=0.004, power=9.0, segments=32))
     caps = [
@@ -97,9 +90,8 @@ def make_hanger(parameters: HangerParameters | None = None) -> Prop:
     )
 
 
-def make_coat_hanger(parameters: CoatHangerParameters | None = None) -> Prop:
+def make_coat_hanger(p: CoatHangerParameters) -> Prop:
     """Make a coat hanger; the target is its neck, from which the shoulders fall."""
-    p = parameters or CoatHangerParameters()
     wire, stem = 0.0019, 0.034
     neck = p.height - 2 * wire - 2 * p.hook_radius - stem  # height of the arms' middle line
     arms, sizes = _bend_arms(p, neck)

@@ -16,7 +16,7 @@ from dgl_assets.people import PEOPLE, POSES, Person, make_person
 from dgl_assets.props.meshes import assemble
 from dgl_assets.props.prop import Finish, Prop, PropPart
 from dgl_assets.props.shapes import PropShape
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ FINISHES: dict[str, Finish] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class PersonParameters:
+class PersonParameters(Measures):
     """Size and pose of a person."""
 
     measures: str = "woman"
@@ -47,7 +47,7 @@ class PersonParameters:
     """One of `dgl_assets.people.POSES`."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         for name, value, known in (("measures", self.measures, PEOPLE), ("pose", self.pose, POSES)):
             if value not in known:
                 raise ValueError(f"{name} must be one of {sorted(known)}; got {value!r}")

@@ -12,7 +12,7 @@ from dgl_assets.props.hanger import CABLE_TOP
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import PropShape, make_box, make_cylinder
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 from dgl_assets.robots._solids import (
     along_x,
     along_y,
@@ -25,7 +25,7 @@ _POST_LOW, _POST_HIGH = 0.3, 1.1  # of the pothook (original code) [m]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PothookParameters:
+class PothookParameters(Measures):
     """An arm with a cross-bar that reaches out of a post, as a coat rack's hook.
 
     The post ends above the floor, where the garment lies; it hangs from a thin rod, which is
@@ -45,12 +45,9 @@ class PothookParameters:
     wood: str = "walnut"
     """One of `dgl_assets.props.WOODS`."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class HatStandParameters:
+class HatStandParameters(Measures):
     """A turned stand: foot, column, a seat for the rim of a hat and a dome inside of its crown.
 
     Source: the original code's figures for the seat's height and the column's width. Its hats lie
@@ -73,15 +70,14 @@ class HatStandParameters:
     """One of `dgl_assets.props.WOODS`."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         if not self.dome_radius < self.seat_radius:
             text = f"dome_radius must be less than seat_radius {self.seat_radius}"
             raise ValueError(f"{text}; got {self.dome_radius}")
 
 
-def make_pothook(parameters: PothookParameters | None = None) -> Prop:
+def make_pothook(p: PothookParameters) -> Prop:
     """Make the hook of Hang Coat; the target is the middle of the cross-bar."""
-    p = parameters or PothookParameters()
     r, z, w = p.thickness / 2, p.height, p.post / 2
     near, far = -0.01, p.reach - 0.01  # ends of the arm in y
     middle = p.reach + 0.015  # of the post
@@ -123,9 +119,8 @@ def make_pothook(parameters: PothookParameters | None = None) -> Prop:
     )  # fmt: skip
 
 
-def make_hat_stand(parameters: HatStandParameters | None = None) -> Prop:
+def make_hat_stand(p: HatStandParameters) -> Prop:
     """Make the stand of Wear Baseball Cap and Wear Bowl Hat; the target is the seat's middle."""
-    p = parameters or HatStandParameters()
     h, c, f, s = p.height, p.column / 2, p.foot_radius, p.seat_radius
     thick, foot = 0.016, 0.026
     # The column: a ring at the foot, a belly, a waist and a collar below the seat.

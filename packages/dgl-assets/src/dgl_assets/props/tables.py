@@ -9,12 +9,12 @@ import numpy as np
 from dgl_assets.props.meshes import FINISHES, assemble, make_part, make_wood
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.shapes import Vector3, make_box
-from dgl_assets.ranges import check_ranges, measure
+from dgl_assets.ranges import Measures, measure
 from dgl_assets.robots._solids import Section, Solid, loft, rounded_box
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlatformParameters:
+class PlatformParameters(Measures):
     """A low board on a plinth.
 
     Source: the original code's figures: a box of 0.5 x 0.5 x 0.1 m, half of it below the ground.
@@ -29,12 +29,9 @@ class PlatformParameters:
     wood: str = "ash"
     """One of `dgl_assets.props.WOODS`."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class TableParameters:
+class TableParameters(Measures):
     """A table with four tapered legs and aprons between them.
 
     Source: the original code's figures: 1.0 x 1.0 x 0.1 m, a solid box there.
@@ -49,13 +46,9 @@ class TableParameters:
     wood: str = "oak"
     """One of `dgl_assets.props.WOODS`."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
-
-def make_platform(parameters: PlatformParameters | None = None) -> Prop:
+def make_platform(p: PlatformParameters) -> Prop:
     """Make the platform of Store Tops; the target is the middle of its footprint."""
-    p = parameters or PlatformParameters()
     x, y, h = p.width / 2, p.depth / 2, p.height
     plinth, inset = 0.35 * h, 0.012
     board = rounded_box("wood", (x, y, (h - plinth) / 2), (0, 0, (h + plinth) / 2), radius=0.003,
@@ -77,9 +70,8 @@ def make_platform(parameters: PlatformParameters | None = None) -> Prop:
     )
 
 
-def make_table(parameters: TableParameters | None = None) -> Prop:
+def make_table(p: TableParameters) -> Prop:
     """Make a table; the target is the middle of its top."""
-    p = parameters or TableParameters()
     x, y, h = p.width / 2, p.depth / 2, p.height
     thick = min(0.028, 0.4 * h)
     below = h - thick

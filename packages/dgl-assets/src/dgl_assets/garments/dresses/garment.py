@@ -1,4 +1,4 @@
-"""Make dresses: cut the pattern, sew it, lay it flat.
+"""Dresses: category, and places of landmarks.
 
 Landmarks are those of long-sleeved tops and, with `left_` or `right_`, `waist` (at the side of the
 waist), `side` (on the skirt, where a long dress is folded) and `skirt` (further out on the skirt).
@@ -6,12 +6,9 @@ waist), `side` (on the skirt, where a long dress is folded) and `skirt` (further
 
 from __future__ import annotations
 
-from dgl_assets.garments.assembly import assemble
-from dgl_assets.garments.dresses.parameters import DressParameters
-from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.tops.garment import V_CUFF
-from dgl_assets.garments.uppers.cutting import Pins, cut_upper
-from dgl_assets.garments.uppers.half import V_WAIST, Cuts
+from dgl_assets.garments.uppers.cutting import Pins
+from dgl_assets.garments.uppers.half import V_WAIST
 
 CATEGORY = "Dress_LongSleeve"
 
@@ -28,22 +25,3 @@ DRESS_PINS: Pins = {
     "collar": (0.0, 0.925, -1),
 }
 """Canonical (|u|, v, side) of landmarks, after the demonstration points of the paper's tasks."""
-
-
-def cut_dress(parameters: DressParameters) -> Cuts:
-    """Compose a dress of its parts."""
-    return Cuts(
-        body=parameters.body, neck=parameters.neck, sleeve=parameters.sleeve, has_waist=True
-    )
-
-
-def make_dress(
-    parameters: DressParameters,
-    *,
-    spacing: float | None = None,
-    layer_gap: float = 0.012,
-    name: str = "dress",
-) -> Garment:
-    """Make a dress, open at neck, hem and both cuffs; arguments as for `make_top`."""
-    pattern = cut_upper(cut_dress(parameters), DRESS_PINS)
-    return assemble(pattern, CATEGORY, parameters, name, spacing, layer_gap)

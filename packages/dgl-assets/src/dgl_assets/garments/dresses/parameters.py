@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from dgl_assets.garments.tops.parameters import compute_span
-from dgl_assets.garments.uppers.parameters import Body, Neck, Sleeve
+from dgl_assets.garments.uppers.parameters import Body, Cuts, SleevedParameters
 from dgl_assets.ranges import check_limit
 
 
@@ -14,19 +13,17 @@ def _default_body() -> Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DressParameters:
+class DressParameters(SleevedParameters):
     """Measures of a dress with long or short sleeves."""
 
     body: Body = field(default_factory=_default_body)
     """Bodice and skirt, which begins at `waist_depth`: below the bust in an empire line."""
-    neck: Neck = field(default_factory=Neck)
-    sleeve: Sleeve = field(default_factory=Sleeve)
 
     def __post_init__(self) -> None:
         least = self.body.waist_depth + 0.15
         check_limit("length of a dress", self.body.length, "waist_depth + 0.15 m", least=least)
 
     @property
-    def span(self) -> float:
-        """Upper corner of one cuff to that of the other, sleeves at the mean angle [m]."""
-        return compute_span(self.body, self.sleeve)
+    def cuts(self) -> Cuts:
+        """Parts that it is composed of."""
+        return replace(super().cuts, has_waist=True)

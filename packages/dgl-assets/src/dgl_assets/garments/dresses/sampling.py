@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.drawing import draw_until_valid, pick, span
-from dgl_assets.garments.dresses.garment import DRESS_PINS, cut_dress
+from dgl_assets.garments.assembly import check_size
+from dgl_assets.garments.drawing import pick, span
+from dgl_assets.garments.dresses.garment import DRESS_PINS
 from dgl_assets.garments.dresses.parameters import DressParameters
 from dgl_assets.garments.sizes import SCALE, BodySize, Sizes, draw_body
+from dgl_assets.garments.uppers.cutting import cut_upper
 from dgl_assets.garments.uppers.parameters import Body
-from dgl_assets.garments.uppers.sampling import Fit, check_upper, draw_fit, draw_neck, draw_sleeve
+from dgl_assets.garments.uppers.sampling import Fit, draw_fit, draw_neck, draw_sleeve
 
 REACH_SPAN = 1.15
 """Widest dresses that both robots reach, cuff to cuff [m]."""
@@ -29,23 +31,16 @@ _LINES = {
 }  # fmt: skip
 
 
-def sample_dress(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> DressParameters:
-    """Draw a random dress: length, sleeves, silhouette, neckline and fit separately.
+def draw_dress(rng: np.random.Generator, sizes: Sizes) -> DressParameters:
+    """Draw a dress: length, sleeves, silhouette, neckline and fit separately.
 
     Args:
-        rng: Generator, advanced by this call, or a seed.
+        rng: Generator, advanced by this call.
         sizes: "reach" for at most 1.15 m cuff to cuff and 1.0 m length, "all" for girls' to XXL.
+
+    Raises:
+        ValueError: If what was drawn does not fit together, or into the sizes.
     """
-
-    def check(dress: DressParameters) -> None:
-        if sizes == "reach" and (dress.span > REACH_SPAN or dress.body.length > REACH_LENGTH):
-            raise ValueError(f"a dress in reach is smaller; got {dress.span}, {dress.body.length}")
-        check_upper(cut_dress(dress), DRESS_PINS)
-
-    return draw_until_valid(rng, lambda r: _draw(r, sizes=sizes), check)
-
-
-def _draw(rng: np.random.Generator, *, sizes: Sizes) -> DressParameters:
     size = draw_body(rng, populations=("women",) if sizes == "reach" else ("children", "women"))
     fit = draw_fit(rng, size, ease=(0.98, 1.26))
     body = _draw_body(rng, size, fit)
@@ -55,7 +50,11 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> DressParameters:
     length = SCALE * size.arm_length * share
     length = max(length - 0.8 * (fit.shoulder - fit.natural_shoulder), 0.12)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.08, is_short=is_short)
-    return DressParameters(body=body, neck=neck, sleeve=sleeve)
+    dress = DressParameters(body=body, neck=neck, sleeve=sleeve)
+    if sizes == "reach" and (dress.span > REACH_SPAN or dress.body.length > REACH_LENGTH):
+        raise ValueError(f"a dress in reach is smaller; got {dress.span}, {dress.body.length}")
+    check_size(cut_upper(dress.cuts, DRESS_PINS))
+    return dress
 
 
 def _draw_body(rng: np.random.Generator, size: BodySize, fit: Fit) -> Body:

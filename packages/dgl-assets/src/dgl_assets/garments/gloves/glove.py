@@ -22,7 +22,6 @@ from dgl_assets.garments.gloves.seam_edges import open_seams
 from dgl_assets.garments.meshing import resample_polyline
 from dgl_assets.garments.sewing import Panel, Seam, SewnSurface, sew_panels
 from dgl_assets.garments.wall import find_folds
-from dgl_assets.ranges import check_range
 
 CATEGORY = "Glove"
 SPACING = 0.0118
@@ -46,14 +45,12 @@ _SMOOTHING_SHARE = 0.8
 _CENTRE = np.array([[0.0, 0.55]])
 
 
-def make_glove(
-    parameters: GloveParameters, *, spacing: float | None = None, name: str = "glove"
-) -> Garment:
+def make_glove(parameters: GloveParameters, *, spacing: float, name: str) -> Garment:
     """Make a glove.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.005 to 0.014; None for `SPACING`, half a finger's width.
+        spacing: Target edge length [m].
         name: Name of the garment.
 
     Returns:
@@ -61,11 +58,8 @@ def make_glove(
         mirrors a right one; equal canonical coordinates are the same finger.
 
     Raises:
-        ValueError: If spacing is out of range.
         MeshingError: If no spacing within 6 % gives a mesh with room for the wall.
     """
-    spacing = SPACING if spacing is None else spacing
-    check_range("spacing", spacing, 0.005, 0.014)
     p = parameters
     failure = ""
     for factor in _SPACINGS:

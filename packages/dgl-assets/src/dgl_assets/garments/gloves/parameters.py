@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from dgl_assets.ranges import check_limit, check_ranges, measure
+from dgl_assets.ranges import Measures, check_limit, measure
 
 
 @dataclass(frozen=True, kw_only=True)
-class GloveParameters:
+class GloveParameters(Measures):
     """Measures of a five-fingered glove, back and palm sewn together, at about 85 % of life size.
 
     Widths are those of the flat pattern, half of the girth.
@@ -63,7 +63,7 @@ class GloveParameters:
     """Thickness of the material [m]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         if self.hand not in ("left", "right"):
             raise ValueError(f"hand must be 'left' or 'right'; got {self.hand!r}")
         finger = (self.hand_width - 3 * self.web_width) / (3 + self.little_width_ratio)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.drawing import Style, draw_ranges, draw_style, draw_until_valid
+from dgl_assets.garments.drawing import Style, draw_ranges, draw_style
 from dgl_assets.garments.gloves.parameters import GloveParameters
-from dgl_assets.garments.sizes import SCALE
+from dgl_assets.garments.sizes import SCALE, Sizes
 
 _SIZES = (0.93, 0.97, 1.0, 1.05, 1.10)  # S to XXL, relative to M
 _SIZE_SHARES = (0.17, 0.26, 0.28, 0.19, 0.10)
@@ -42,16 +42,12 @@ _STYLES: dict[str, tuple[float, Style]] = {
 _LENGTHS = ("hand_width", "palm_puff", "cuff_length")
 
 
-def sample_glove(rng: np.random.Generator | int) -> GloveParameters:
-    """Draw a random glove for either hand, S to XXL, from a generator, which advances, or a seed.
+def draw_glove(rng: np.random.Generator, _: Sizes) -> GloveParameters:
+    """Draw a glove for either hand, S to XXL; the robots reach all sizes.
 
     Material and cuff, proportions of the hand, and spread of the fingers are drawn separately.
     """
-    return draw_until_valid(rng, _draw)
-
-
-def _draw(rng: np.random.Generator) -> GloveParameters:
-    _, style = draw_style(rng, _STYLES)
+    _style_name, style = draw_style(rng, _STYLES)
     values = draw_ranges(rng, style)
     scale = SCALE * float(rng.choice(_SIZES, p=_SIZE_SHARES))
     for name in _LENGTHS:

@@ -16,7 +16,6 @@ from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.hats.bowl_parameters import BowlHatParameters
 from dgl_assets.garments.hats.oval import compute_oval
 from dgl_assets.garments.shell_meshing import DiskSurface, mesh_disk
-from dgl_assets.ranges import check_range
 
 CATEGORY = "Bowl_Hat"
 SPACING = 0.0104
@@ -32,14 +31,12 @@ _PINS = {
 }
 
 
-def make_bowl_hat(
-    parameters: BowlHatParameters, *, spacing: float | None = None, name: str = "bowl hat"
-) -> Garment:
+def make_bowl_hat(parameters: BowlHatParameters, *, spacing: float, name: str) -> Garment:
     """Make a bowl hat.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.016; None for `SPACING`.
+        spacing: Target edge length [m].
         name: Name of the garment.
 
     Returns:
@@ -48,11 +45,8 @@ def make_bowl_hat(
         and c: 0 at the top of the crown, 1 at the seam of the brim, 2 at its edge.
 
     Raises:
-        ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
-    spacing = SPACING if spacing is None else spacing
-    check_range("spacing", spacing, 0.006, 0.016)
     surface = _make_surface(parameters)
     mesh = mesh_disk(
         surface,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dgl_assets.ranges import check_limit, check_ranges, measure
+from dgl_assets.ranges import Measures, check_limit, measure
 
 
 @dataclass(frozen=True, kw_only=True)
-class BowlHatParameters:
+class BowlHatParameters(Measures):
     """Measures of a hat with a brim all around, at about 85 % of life size.
 
     Source:
@@ -43,7 +43,7 @@ class BowlHatParameters:
     """Thickness of the felt or cloth [m]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         for slope in (self.brim_slope, self.brim_slope + self.brim_curve):
             name = "brim_slope + brim_curve, the fall of the brim's edge,"
             check_limit(name, slope, "the limit [rad]", least=-0.7, most=1.3)

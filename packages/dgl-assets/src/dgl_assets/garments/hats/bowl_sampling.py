@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.drawing import Style, draw_ranges, draw_style, draw_until_valid
+from dgl_assets.garments.drawing import Style, draw_ranges, draw_style
 from dgl_assets.garments.hats.bowl_parameters import BowlHatParameters
 from dgl_assets.garments.hats.oval import draw_head
+from dgl_assets.garments.sizes import Sizes
 
 # Shares; life-size lengths [m].
 _STYLES: dict[str, tuple[float, Style]] = {
@@ -44,13 +45,9 @@ _STYLES: dict[str, tuple[float, Style]] = {
 _LENGTHS = ("crown_height", "top_dent", "brim_width", "side_curl", "wave_height")
 
 
-def sample_bowl_hat(rng: np.random.Generator | int) -> BowlHatParameters:
-    """Draw a random bowl hat, S to XXL, from a generator, which advances, or a seed."""
-    return draw_until_valid(rng, _draw)
-
-
-def _draw(rng: np.random.Generator) -> BowlHatParameters:
-    _, style = draw_style(rng, _STYLES)
+def draw_bowl_hat(rng: np.random.Generator, _: Sizes) -> BowlHatParameters:
+    """Draw a bowl hat, S to XXL; the robots reach all sizes."""
+    _style_name, style = draw_style(rng, _STYLES)
     values = draw_ranges(rng, style)
     girth, scale = draw_head(rng)
     for name in _LENGTHS:

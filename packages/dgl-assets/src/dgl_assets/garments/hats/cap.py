@@ -18,7 +18,6 @@ from dgl_assets.garments.hats.cap_parameters import CapParameters
 from dgl_assets.garments.hats.oval import compute_oval
 from dgl_assets.garments.hats.visor import PHI_END, Visor
 from dgl_assets.garments.shell_meshing import DiskMesh, DiskSurface, mesh_disk
-from dgl_assets.ranges import check_range
 
 CATEGORY = "Baseball_Cap"
 SPACING = 0.0114
@@ -43,14 +42,12 @@ _VISOR_PINS = {"brim": (0.0, 0.30), "left_brim": (-0.5, 0.55), "right_brim": (0.
 """Points of the visor: share of its half width, share of the way to its edge."""
 
 
-def make_cap(
-    parameters: CapParameters, *, spacing: float | None = None, name: str = "cap"
-) -> Garment:
+def make_cap(parameters: CapParameters, *, spacing: float, name: str) -> Garment:
     """Make a baseball cap.
 
     Args:
         parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.016; None for `SPACING`.
+        spacing: Target edge length [m].
         name: Name of the garment.
 
     Returns:
@@ -60,11 +57,8 @@ def make_cap(
         edge of the crown, 1.9 at the tip of the visor.
 
     Raises:
-        ValueError: If spacing is out of range.
         MeshingError: If it cannot be filled at this spacing.
     """
-    spacing = SPACING if spacing is None else spacing
-    check_range("spacing", spacing, 0.006, 0.016)
     p = parameters
     surface = _make_crown(p)
     seams = _SEAMS[p.panel_count]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dgl_assets.ranges import check_limit, check_ranges, measure
+from dgl_assets.ranges import Measures, check_limit, measure
 
 PANEL_COUNTS = (5, 6)
 
 
 @dataclass(frozen=True, kw_only=True)
-class CapParameters:
+class CapParameters(Measures):
     """Measures of a cap with a crown of panels and a visor, at about 85 % of life size.
 
     Source:
@@ -51,7 +51,7 @@ class CapParameters:
     """Thickness of the cloth with its lining [m]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         if self.panel_count not in PANEL_COUNTS:
             raise ValueError(f"panel_count must be one of {PANEL_COUNTS}; got {self.panel_count}")
         most = 0.28 * self.crown_height

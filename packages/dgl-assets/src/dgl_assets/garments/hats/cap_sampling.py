@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.drawing import Style, draw_ranges, draw_style, draw_until_valid
+from dgl_assets.garments.drawing import Style, draw_ranges, draw_style
 from dgl_assets.garments.hats.cap_parameters import CapParameters
 from dgl_assets.garments.hats.oval import draw_head
+from dgl_assets.garments.sizes import Sizes
 
 # Shares of the crowns; life-size lengths [m].
 _CROWNS: dict[str, tuple[float, Style]] = {
@@ -49,14 +50,10 @@ _VISORS: dict[str, tuple[float, Style]] = {
 _LENGTHS = ("crown_height", "top_shift", "visor_length", "front_rise")
 
 
-def sample_cap(rng: np.random.Generator | int) -> CapParameters:
-    """Draw a random cap, children's to XXL, from a generator, which advances, or a seed."""
-    return draw_until_valid(rng, _draw)
-
-
-def _draw(rng: np.random.Generator) -> CapParameters:
+def draw_cap(rng: np.random.Generator, _: Sizes) -> CapParameters:
+    """Draw a cap, children's to XXL; the robots reach all sizes."""
     crown, shape = draw_style(rng, _CROWNS)
-    _, visor = draw_style(rng, _VISORS)
+    _visor_name, visor = draw_style(rng, _VISORS)
     values = draw_ranges(rng, {**shape, **visor})
     girth, scale = draw_head(rng)
     for name in _LENGTHS:

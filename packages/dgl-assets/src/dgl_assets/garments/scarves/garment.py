@@ -1,4 +1,4 @@
-"""Scarves: measures, making, and random ones.
+"""Scarves: measures, cut, and random ones.
 
 A scarf is one layer of cloth that lies along x and counts as the front. Canonical coordinates: u
 from the left tip (-1) to the right tip (1), v from the lower (0) to the upper (1) long edge; along
@@ -17,12 +17,12 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets.garments.assembly import Cut, assemble
-from dgl_assets.garments.drawing import draw_until_valid, pick, span
-from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.assembly import Cut
+from dgl_assets.garments.drawing import pick, span
 from dgl_assets.garments.sewing import Curve, Panel, SewnSurface
 from dgl_assets.garments.shear import Knots, ShearMap
-from dgl_assets.ranges import check_choice, check_limit, check_ranges, measure
+from dgl_assets.garments.sizes import Sizes
+from dgl_assets.ranges import Measures, check_choice, check_limit, measure
 
 CATEGORY = "Scarf"
 
@@ -36,7 +36,7 @@ _SAMPLES = 400
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScarfParameters:
+class ScarfParameters(Measures):
     """Measures of a scarf."""
 
     length: float = measure(1.0, 1.6, 1.35)
@@ -53,7 +53,7 @@ class ScarfParameters:
     """Offset of the middle from the line of the ends, towards +y [m]: no scarf lies perfectly."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         check_choice("end", self.end, ("straight", "pointed", "rounded", "slanted"))
         if (self.end == "straight") != (self.end_depth == 0):
             raise ValueError(
@@ -119,26 +119,8 @@ class ScarfPattern:
         return np.stack(ends, axis=1), np.stack([-u, np.zeros(len(v)), u], axis=1)
 
 
-def make_scarf(
-    parameters: ScarfParameters,
-    *,
-    spacing: float | None = None,
-    name: str = "scarf",
-) -> Garment:
-    """Make a scarf of one layer.
-
-    Args:
-        parameters: Measures.
-        spacing: Target edge length [m], 0.006 to 0.025; None for `choose_spacing`.
-        name: Name of the garment.
-
-    Returns:
-        One panel with one outline.
-
-    Raises:
-        ValueError: If spacing is out of range.
-        MeshingError: If the panel cannot be filled at this spacing.
-    """
+def cut_scarf(parameters: ScarfParameters) -> Cut:
+    """Cut a scarf of one panel with one outline."""
     pattern = ScarfPattern(parameters)
     curves, exact = {}, []
     for edge, sign in (("lower", -1), ("upper", 1)):
@@ -164,22 +146,17 @@ def make_scarf(
         names = ("left_tip", "right_tip", "lower_centre", "upper_centre")
         return {landmark: surface.junctions[landmark] for landmark in names}
 
-    cut = Cut(
+    return Cut(
         curves=curves,
         panels=(Panel(name="front", layer=1, edges=edges, pins=pins),),
         to_canonical=lambda _, points: pattern.map.to_canonical(points),
         exact=exact,
         landmarks=collect,
     )
-    return assemble(cut, CATEGORY, parameters, name, spacing, layer_gap=0.0)
 
 
-def sample_scarf(rng: np.random.Generator | int) -> ScarfParameters:
-    """Draw a random scarf, 1.2 to 1.5 m by 0.2 to 0.4 m, from a generator or a seed."""
-    return draw_until_valid(rng, _draw)
-
-
-def _draw(rng: np.random.Generator) -> ScarfParameters:
+def draw_scarf(rng: np.random.Generator, _: Sizes) -> ScarfParameters:
+    """Draw a scarf, 1.2 to 1.5 m by 0.2 to 0.4 m; the robots reach all sizes."""
     end = pick(rng, {"straight": 0.45, "pointed": 0.2, "rounded": 0.2, "slanted": 0.15})
     width = span(rng, 0.2, 0.4)
     depth = {"straight": (0.0, 0.0), "pointed": (0.2, 0.6)}

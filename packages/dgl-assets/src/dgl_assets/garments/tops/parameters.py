@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening, Sleeve
+from dgl_assets.garments.uppers.parameters import (
+    Armhole,
+    Body,
+    Cuts,
+    Neck,
+    Opening,
+    SleevedParameters,
+)
+
+_OPEN_NECK_DIP = (0.30, 0.035)  # necklines of open fronts fall deeper
 
 
 @dataclass(frozen=True, kw_only=True)
-class TopParameters:
-    """Measures of a long-sleeved top that lies flat, arms down and out.
+class TopParameters(SleevedParameters):
+    """Measures of a long-sleeved top.
 
     Defaults are a women's M / men's S regular cut at 85 % of life size; see `sizes`.
     """
-
-    body: Body = field(default_factory=Body)
-    neck: Neck = field(default_factory=Neck)
-    sleeve: Sleeve = field(default_factory=Sleeve)
-
-    @property
-    def span(self) -> float:
-        """Upper corner of one cuff to that of the other, sleeves at the mean angle [m]."""
-        return compute_span(self.body, self.sleeve)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,23 +33,19 @@ class SleevelessParameters:
     neck: Neck = field(default_factory=Neck)
     armhole: Armhole = field(default_factory=Armhole)
 
+    @property
+    def cuts(self) -> Cuts:
+        """Parts that it is composed of."""
+        return Cuts(body=self.body, neck=self.neck, armhole=self.armhole)
+
 
 @dataclass(frozen=True, kw_only=True)
-class FrontOpenParameters:
-    """Measures of a coat, jacket or cardigan."""
+class FrontOpenParameters(SleevedParameters):
+    """Measures of a coat, jacket or cardigan. With lapels the neckline runs down the roll line."""
 
-    body: Body = field(default_factory=Body)
-    neck: Neck = field(default_factory=Neck)
-    """With lapels the neckline runs down the roll line."""
-    sleeve: Sleeve = field(default_factory=Sleeve)
     opening: Opening = field(default_factory=Opening)
 
     @property
-    def span(self) -> float:
-        """Upper corner of one cuff to that of the other, sleeves at the mean angle [m]."""
-        return compute_span(self.body, self.sleeve)
-
-
-def compute_span(body: Body, sleeve: Sleeve) -> float:
-    """Compute the distance of the upper corners of the cuffs, sleeves at the mean angle [m]."""
-    return 2 * (body.shoulder_half_width + sleeve.length * math.cos(sleeve.angle))
+    def cuts(self) -> Cuts:
+        """Parts that it is composed of."""
+        return replace(super().cuts, opening=self.opening, neck_dip=_OPEN_NECK_DIP)

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dgl_assets.garments.drawing import draw_until_valid, pick, span
+from dgl_assets.garments.assembly import check_size
+from dgl_assets.garments.drawing import pick, span
 from dgl_assets.garments.sizes import (
     ADULTS,
     EVERYBODY,
@@ -15,24 +16,17 @@ from dgl_assets.garments.sizes import (
     Sizes,
     draw_body,
 )
-from dgl_assets.garments.tops.garment import (
-    FRONT_OPEN_PINS,
-    SLEEVELESS_PINS,
-    TOP_PINS,
-    cut_front_open,
-    cut_sleeveless,
-    cut_top,
-)
+from dgl_assets.garments.tops.garment import FRONT_OPEN_PINS, SLEEVELESS_PINS, TOP_PINS
 from dgl_assets.garments.tops.parameters import (
     FrontOpenParameters,
     SleevelessParameters,
     TopParameters,
 )
+from dgl_assets.garments.uppers.cutting import cut_upper
 from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening
 from dgl_assets.garments.uppers.sampling import (
     SILHOUETTES,
     Fit,
-    check_upper,
     draw_fit,
     draw_hem,
     draw_neck,
@@ -67,48 +61,6 @@ _SLEEVELESS_NECKS = {
 }  # fmt: skip
 
 
-def sample_top(rng: np.random.Generator | int, *, sizes: Sizes = "reach") -> TopParameters:
-    """Draw a random long-sleeved top: body, fit, neckline, sleeve, silhouette and hem separately.
-
-    Args:
-        rng: Generator, advanced by this call, or a seed.
-        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff without a hood, as the paper's; "all"
-            for children to XXL, hoods among them.
-    """
-
-    def check(top: TopParameters) -> None:
-        if sizes == "reach" and top.neck.finish == "hood":
-            raise ValueError("tops for the robots have no hood")
-        _check_reach(sizes, length=top.body.length, width=top.span)
-        check_upper(cut_top(top), TOP_PINS)
-
-    return draw_until_valid(rng, lambda r: _draw_top(r, sizes=sizes), check)
-
-
-def sample_sleeveless_top(
-    rng: np.random.Generator | int, *, sizes: Sizes = "reach"
-) -> SleevelessParameters:
-    """Draw a random top without sleeves; arguments as for `sample_top`."""
-
-    def check(top: SleevelessParameters) -> None:
-        _check_reach(sizes, length=top.body.length)
-        check_upper(cut_sleeveless(top), SLEEVELESS_PINS)
-
-    return draw_until_valid(rng, lambda r: _draw_sleeveless(r, sizes=sizes), check)
-
-
-def sample_front_open_top(
-    rng: np.random.Generator | int, *, sizes: Sizes = "reach"
-) -> FrontOpenParameters:
-    """Draw a random coat, jacket or cardigan; arguments as for `sample_top`."""
-
-    def check(top: FrontOpenParameters) -> None:
-        _check_reach(sizes, length=top.body.length, width=max(top.span, REACH_SPAN[0]))
-        check_upper(cut_front_open(top), FRONT_OPEN_PINS)
-
-    return draw_until_valid(rng, lambda r: _draw_front_open(r, sizes=sizes), check)
-
-
 def _check_reach(sizes: Sizes, *, length: float, width: float | None = None) -> None:
     if sizes == "all":
         return
@@ -118,7 +70,17 @@ def _check_reach(sizes: Sizes, *, length: float, width: float | None = None) -> 
         raise ValueError(f"the length must be at most {REACH_LENGTH} m; got {length}")
 
 
-def _draw_top(rng: np.random.Generator, *, sizes: Sizes) -> TopParameters:
+def draw_top(rng: np.random.Generator, sizes: Sizes) -> TopParameters:
+    """Draw a long-sleeved top: body, fit, neckline, sleeve, silhouette and hem separately.
+
+    Args:
+        rng: Generator, advanced by this call.
+        sizes: "reach" for tops of 1.0 to 1.15 m cuff to cuff without a hood, as the paper's; "all"
+            for children to XXL, hoods among them.
+
+    Raises:
+        ValueError: If what was drawn does not fit together, or into the sizes.
+    """
     size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size)
     armhole = fit.armhole
@@ -132,10 +94,16 @@ def _draw_top(rng: np.random.Generator, *, sizes: Sizes) -> TopParameters:
         length *= span(rng, 0.72, 0.85)
     length -= 0.8 * (fit.shoulder - fit.natural_shoulder)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length)
-    return TopParameters(body=body, neck=neck, sleeve=sleeve)
+    top = TopParameters(body=body, neck=neck, sleeve=sleeve)
+    if sizes == "reach" and top.neck.finish == "hood":
+        raise ValueError("tops for the robots have no hood")
+    _check_reach(sizes, length=top.body.length, width=top.span)
+    check_size(cut_upper(top.cuts, TOP_PINS))
+    return top
 
 
-def _draw_front_open(rng: np.random.Generator, *, sizes: Sizes) -> FrontOpenParameters:
+def draw_front_open_top(rng: np.random.Generator, sizes: Sizes) -> FrontOpenParameters:
+    """Draw a coat, jacket or cardigan; arguments and errors as of `draw_top`."""
     size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size, ease=(1.10, 1.50))
     lengths = {"jacket": 0.28, "hip": 0.34, "thigh": 0.22, "knee": 0.16}
@@ -146,9 +114,11 @@ def _draw_front_open(rng: np.random.Generator, *, sizes: Sizes) -> FrontOpenPara
     length = SCALE * size.arm_length * rng.normal(1.08, 0.03)
     length -= 0.8 * (fit.shoulder - fit.natural_shoulder)
     sleeve = draw_sleeve(rng, body=body, neck=neck, length=length, raglan=0.14)
-    return FrontOpenParameters(
-        body=body, neck=neck, sleeve=sleeve, opening=_draw_opening(rng, neck)
-    )
+    opening = _draw_opening(rng, neck)
+    top = FrontOpenParameters(body=body, neck=neck, sleeve=sleeve, opening=opening)
+    _check_reach(sizes, length=top.body.length, width=max(top.span, REACH_SPAN[0]))
+    check_size(cut_upper(top.cuts, FRONT_OPEN_PINS))
+    return top
 
 
 def _draw_opening(rng: np.random.Generator, neck: Neck) -> Opening:
@@ -184,7 +154,8 @@ _STRAPS: dict[str, tuple[tuple[float, float], ...]] = {
 }
 
 
-def _draw_sleeveless(rng: np.random.Generator, *, sizes: Sizes) -> SleevelessParameters:
+def draw_sleeveless_top(rng: np.random.Generator, sizes: Sizes) -> SleevelessParameters:
+    """Draw a top without sleeves; arguments and errors as of `draw_top`."""
     size = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     fit = draw_fit(rng, size, ease=(0.98, 1.34))
     kind = pick(
@@ -199,19 +170,18 @@ def _draw_sleeveless(rng: np.random.Generator, *, sizes: Sizes) -> SleevelessPar
     neck = draw_neck(rng, necks, body=size)
     natural = max(fit.natural_shoulder, neck.half_width + 0.06)
     shoulder = neck.half_width + max(share * (natural - neck.half_width), 0.028)
-    armhole = fit.armhole * span(rng, 0.86, 1.0) + (
+    depth = fit.armhole * span(rng, 0.86, 1.0) + (
         SCALE * span(rng, 0.02, 0.07) if kind == "muscle" and rng.random() < 0.5 else 0.0
     )
     lengths = {"cropped": 0.14, "waist": 0.14, "hip": 0.42, "long": 0.2, "tunic": 0.10}
     fit = fit._replace(shoulder=min(shoulder, fit.chest + 0.01))
-    body = _draw_body_part(rng, size, fit, armhole=armhole, lengths=lengths)
-    return SleevelessParameters(
-        body=body,
-        neck=neck,
-        armhole=Armhole(
-            front_scoop=front, back_scoop=max(back, front * 0.5), squareness=squareness
-        ),
-    )
+    body = _draw_body_part(rng, size, fit, armhole=depth, lengths=lengths)
+    back = max(back, front * 0.5)
+    armhole = Armhole(front_scoop=front, back_scoop=back, squareness=squareness)
+    top = SleevelessParameters(body=body, neck=neck, armhole=armhole)
+    _check_reach(sizes, length=top.body.length)
+    check_size(cut_upper(top.cuts, SLEEVELESS_PINS))
+    return top
 
 
 def _draw_body_part(

@@ -1,4 +1,4 @@
-"""Make trousers: cut the pattern, sew it, lay it flat.
+"""Cut trousers and shorts.
 
 Landmarks are exact correspondences. With `left_` or `right_`: `waist` and `waist_inner` (just below
 the waistband, beside the outer seam and the centre), `waistband` (further in and lower, grasped by
@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dgl_assets.garments.assembly import Cut, assemble
-from dgl_assets.garments.garment import Garment
+from dgl_assets.garments.assembly import Cut
 from dgl_assets.garments.sewing import Curve, Panel, SewnSurface
 from dgl_assets.garments.trousers.parameters import TrousersParameters
 from dgl_assets.garments.trousers.pattern import LegPattern
@@ -35,23 +34,10 @@ paper's fold, fling and hang tasks."""
 _V_CENTRE = 0.89
 
 
-def make_trousers(
-    parameters: TrousersParameters,
-    *,
-    spacing: float | None = None,
-    layer_gap: float = 0.012,
-    name: str = "trousers",
-) -> Garment:
-    """Make trousers or shorts, open at waist and hems; arguments as for `make_top`.
+def cut_trousers(parameters: TrousersParameters) -> Cut:
+    """Cut trousers or shorts, open at waist and hems.
 
     A seam runs down the centre of front and back and meets the inner seams at the crotch.
-    """
-    pattern = cut_trousers(parameters)
-    return assemble(pattern, CATEGORY, parameters, name, spacing, layer_gap)
-
-
-def cut_trousers(parameters: TrousersParameters) -> Cut:
-    """Cut trousers.
 
     Raises:
         ValueError: If the measures contradict each other.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dgl_assets.ranges import check_limit, check_ranges, measure
+from dgl_assets.ranges import Measures, check_limit, measure
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrousersParameters:
+class TrousersParameters(Measures):
     """Measures of trousers that lie flat, legs a little apart, at about 85 % of life size."""
 
     waist_half_width: float = measure(0.08, 0.30, 0.165)
@@ -41,7 +41,7 @@ class TrousersParameters:
     """Fall of the hem from inside to outside, beyond the slant that the leg gives [m]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         most = self.hip_half_width + 0.02
         check_limit("waist_half_width", self.waist_half_width, "hip_half_width + 0.02 m", most=most)
         if not 0.85 <= self.thigh_width / self.hip_half_width <= 1.25:

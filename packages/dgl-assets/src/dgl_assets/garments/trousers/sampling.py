@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dgl_assets.garments.assembly import check_size
-from dgl_assets.garments.drawing import draw_until_valid, pick, span
-from dgl_assets.garments.sewing import measure_area
+from dgl_assets.garments.drawing import pick, span
 from dgl_assets.garments.sizes import (
     ADULTS,
     EVERYBODY,
@@ -34,27 +33,16 @@ _LEGS: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, fl
 }
 
 
-def sample_trousers(
-    rng: np.random.Generator | int, *, sizes: Sizes = "reach"
-) -> TrousersParameters:
-    """Draw random trousers or shorts: body, leg shape, length, rise and waist separately.
+def draw_trousers(rng: np.random.Generator, sizes: Sizes) -> TrousersParameters:
+    """Draw trousers or shorts: body, leg shape, length, rise and waist separately.
 
     Args:
-        rng: Generator, advanced by this call, or a seed.
+        rng: Generator, advanced by this call.
         sizes: "reach" for adults' garments that the robots reach, "all" for children to XXL.
+
+    Raises:
+        ValueError: If what was drawn does not fit together, or into the sizes.
     """
-    return draw_until_valid(rng, lambda r: _draw(r, sizes=sizes), lambda p: _check(p, sizes=sizes))
-
-
-def _check(parameters: TrousersParameters, *, sizes: Sizes) -> None:
-    length = parameters.rise + parameters.inseam_length
-    if sizes == "reach" and length > REACH_LENGTH:
-        raise ValueError(f"the length must be at most {REACH_LENGTH} m; got {length}")
-    cut = cut_trousers(parameters)
-    check_size(measure_area(cut.curves, cut.panels))
-
-
-def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
     body = draw_body(rng, populations=ADULTS if sizes == "reach" else EVERYBODY)
     kind = pick(rng, _LENGTHS)
     leg = pick(rng, _SHORT_LEGS if kind in ("shorts", "bermuda") else _LONG_LEGS)
@@ -83,7 +71,7 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
         for width, share in zip((knee, ankle, hem), (0.5, 0.9, 1.0), strict=True)
     )
     angle = max(span(rng, 0.03, 0.14), needed + span(rng, 0.01, 0.03))
-    return TrousersParameters(
+    trousers = TrousersParameters(
         waist_half_width=float(min(waist, hip)),
         hip_half_width=float(hip),
         rise=float(rise),
@@ -101,6 +89,11 @@ def _draw(rng: np.random.Generator, *, sizes: Sizes) -> TrousersParameters:
         ),
         hem_slant=float(span(rng, -0.008, 0.012)),
     )
+    length = trousers.rise + trousers.inseam_length
+    if sizes == "reach" and length > REACH_LENGTH:
+        raise ValueError(f"the length must be at most {REACH_LENGTH} m; got {length}")
+    check_size(cut_trousers(trousers))
+    return trousers
 
 
 _GATHERED = ("jogger", "balloon")  # a cuff at the ankle

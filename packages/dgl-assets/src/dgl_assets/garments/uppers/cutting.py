@@ -11,8 +11,9 @@ import numpy as np
 from dgl_assets.garments.assembly import Cut
 from dgl_assets.garments.meshing import contains_points
 from dgl_assets.garments.sewing import Curve, Panel, SewnSurface, trace_outline
-from dgl_assets.garments.uppers.half import Cuts, HalfPattern
+from dgl_assets.garments.uppers.half import HalfPattern
 from dgl_assets.garments.uppers.neckline import U_NECK, V_HOOD
+from dgl_assets.garments.uppers.parameters import Cuts
 from dgl_assets.garments.uppers.sleeve import V_ARMPIT
 
 LAYERS = {"front": 1, "back": -1}

@@ -18,7 +18,6 @@ Canonical coordinates (u, v) of one layer:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from dgl_assets.garments.uppers.outline import (
     cut_side,
     evaluate_hem,
 )
-from dgl_assets.garments.uppers.parameters import Armhole, Body, Neck, Opening, Sleeve
+from dgl_assets.garments.uppers.parameters import Cuts
 from dgl_assets.garments.uppers.sleeve import V_ARMPIT, SleevePattern
 from dgl_assets.ranges import check_limit
 
@@ -49,23 +48,6 @@ _CHEST_ROOM = 0.012
 _RAGLAN_BOWS = ((0.42, 0.62), (0.32, 0.66), (0.25, 0.70), (0.20, 0.76), (0.14, 0.82))
 _ROOM_BELOW_NECK = 0.06  # between a deep neckline and the level of the armpit [m]
 _HOOD_START = 0.35  # of the neck's half width: front edges of a hood on the neckline
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cuts:
-    """Parts of an upper garment."""
-
-    body: Body
-    neck: Neck
-    sleeve: Sleeve | None = None
-    armhole: Armhole | None = None
-    """Edge of the armholes, if there are no sleeves."""
-    opening: Opening | None = None
-    """Open front."""
-    neck_dip: tuple[float, float] = (0.18, 0.035)
-    """Fall of the neckline at the centre in v: front, back."""
-    has_waist: bool = False
-    """Fix v at the waist."""
 
 
 class HalfPattern:

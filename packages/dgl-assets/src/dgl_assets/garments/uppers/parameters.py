@@ -5,17 +5,18 @@ The highest point of the shoulder is the end of the shoulder seam at the necklin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import Literal
 
-from dgl_assets.ranges import check_choice, check_limit, check_ranges, measure
+from dgl_assets.ranges import Measures, check_choice, check_limit, measure
 
 NeckFinish = Literal["plain", "stand", "fold", "hood", "lapel"]
 SleeveSeam = Literal["set_in", "raglan"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class Body(Measures):
     """Front and back of the body, without neckline."""
 
     chest_half_width: float = measure(0.11, 0.36, 0.228)
@@ -42,7 +43,7 @@ class Body:
     """Rise of the hem from the centre to the right side, and fall to the left side [m]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         most = self.chest_half_width + 0.012
         formula = "chest_half_width + 0.012 m"
         check_limit("shoulder_half_width", self.shoulder_half_width, formula, most=most)
@@ -57,7 +58,7 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Neck:
+class Neck(Measures):
     """Neckline, collar and hood."""
 
     half_width: float = measure(0.045, 0.17, 0.082)
@@ -82,7 +83,7 @@ class Neck:
     """Direction of the tip of a leaf below horizontal, 1.57 straight down [rad]."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         check_choice("finish", self.finish, ("plain", "stand", "fold", "hood", "lapel"))
         low, high = {
             "plain": (0.0, 0.0),
@@ -110,7 +111,7 @@ class Neck:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sleeve:
+class Sleeve(Measures):
     """A pair of sleeves."""
 
     length: float = measure(0.07, 0.62, 0.50)
@@ -131,12 +132,12 @@ class Sleeve:
     """Seam to the body: "set_in" is sewn around the armhole, "raglan" up to the neck."""
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        super().__post_init__()
         check_choice("seam", self.seam, ("set_in", "raglan"))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Armhole:
+class Armhole(Measures):
     """The edge of an armhole without sleeve."""
 
     front_scoop: float = measure(-0.02, 0.06, 0.0)
@@ -146,12 +147,9 @@ class Armhole:
     squareness: float = measure(0.6, 1.6, 1.0)
     """Below 1 the edge falls straight from the shoulder and turns late; above 1 it slants."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Opening:
+class Opening(Measures):
     """An open front."""
 
     top_gap: float = measure(-0.06, 0.1, 0.008)
@@ -161,10 +159,44 @@ class Opening:
     corner_radius: float = measure(0.0, 0.12, 0.0)
     """Radius of rounded corners at the hem [m]."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
     @property
     def overlap(self) -> float:
         """Largest half overlap of the fronts [m], 0 if they do not overlap."""
         return max(0.0, -self.top_gap, -self.hem_gap)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cuts:
+    """Parts of an upper garment."""
+
+    body: Body
+    neck: Neck
+    sleeve: Sleeve | None = None
+    armhole: Armhole | None = None
+    """Edge of the armholes, if there are no sleeves."""
+    opening: Opening | None = None
+    """Open front."""
+    neck_dip: tuple[float, float] = (0.18, 0.035)
+    """Fall of the neckline at the centre in v: front, back."""
+    has_waist: bool = False
+    """Fix v at the waist."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SleevedParameters:
+    """Measures of a garment with sleeves that lies flat, arms down and out."""
+
+    body: Body = field(default_factory=Body)
+    neck: Neck = field(default_factory=Neck)
+    sleeve: Sleeve = field(default_factory=Sleeve)
+
+    @property
+    def span(self) -> float:
+        """Upper corner of one cuff to that of the other, sleeves at the mean angle [m]."""
+        reach = self.sleeve.length * math.cos(self.sleeve.angle)
+        return 2 * (self.body.shoulder_half_width + reach)
+
+    @property
+    def cuts(self) -> Cuts:
+        """Parts that it is composed of."""
+        return Cuts(body=self.body, neck=self.neck, sleeve=self.sleeve)

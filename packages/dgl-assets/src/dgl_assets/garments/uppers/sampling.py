@@ -8,12 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dgl_assets.garments.assembly import check_size
 from dgl_assets.garments.drawing import pick, span
-from dgl_assets.garments.sewing import measure_area
 from dgl_assets.garments.sizes import SCALE, BodySize
-from dgl_assets.garments.uppers.cutting import Pins, cut_upper
-from dgl_assets.garments.uppers.half import Cuts
 from dgl_assets.garments.uppers.parameters import Body, Neck, Sleeve, SleeveSeam
 from dgl_assets.garments.uppers.sleeve import compute_armhole_width
 
@@ -211,13 +207,3 @@ def draw_sleeve(
         cuff_width=cuff,
         seam=seam,
     )
-
-
-def check_upper(cuts: Cuts, pins: Pins) -> None:
-    """Cut a garment and check its size.
-
-    Raises:
-        ValueError: If it cannot be cut, or is too small or too large to be meshed.
-    """
-    cut = cut_upper(cuts, pins)
-    check_size(measure_area(cut.curves, cut.panels))
