@@ -2,6 +2,8 @@
 
 import os
 import time
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -57,3 +59,23 @@ def return_an_object():
 
 def return_pickled():
     return {"value": np.array([object()])}
+
+
+@dataclass(frozen=True)
+class Part:
+    name: str
+    array: np.ndarray
+    near: tuple[float, float] | None = None
+    files: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Whole:
+    parts: tuple[Part, ...]
+    first: Part | None = None
+
+
+def make_whole():
+    return Whole(
+        parts=(Part("a", np.arange(3), (1.0, 2.0)), Part("b", np.eye(2), None, (Path("x"),)))
+    )

@@ -29,6 +29,14 @@ def test_values_arrays_and_bytes_come_back_as_they_are():
     assert result["process"] != os.getpid()
 
 
+def test_dataclasses_tuples_and_paths_are_made_again():
+    whole = read_guarded(readers.make_whole, file="a.obj", returns=readers.Whole)
+    first, second = whole.parts
+    assert (first.name, first.near, first.files, whole.first) == ("a", (1.0, 2.0), (), None)
+    assert first.array.tolist() == [0, 1, 2]
+    assert (second.near, second.files) == (None, (Path("x"),))
+
+
 def test_what_goes_wrong_is_one_line_that_names_the_file():
     expected = {
         "sleep": "a.obj takes more than 0.2 s to read",

@@ -4,6 +4,7 @@ It is run as a script and imports only the standard library and numpy before it 
 """
 
 import contextlib
+import dataclasses
 import importlib
 import json
 import math
@@ -71,10 +72,14 @@ def _run(request: dict[str, Any]) -> None:
 
 
 def write_result(path: Path, value: Any) -> None:
-    """Write plain values, arrays and bytes into an NPZ file without pickled objects."""
+    """Write plain values, arrays, bytes, paths and dataclasses into an NPZ file without pickles."""
     arrays: dict[str, np.ndarray] = {}
 
     def flatten(item: Any) -> Any:
+        if dataclasses.is_dataclass(item):
+            return {f.name: flatten(getattr(item, f.name)) for f in dataclasses.fields(item)}
+        if isinstance(item, Path):
+            return str(item)
         if isinstance(item, dict):
             if any(not isinstance(key, str) or key.startswith("$") for key in item):
                 raise TypeError("keys of a result must be texts that do not begin with $")
@@ -93,7 +98,7 @@ def write_result(path: Path, value: Any) -> None:
 
 
 def read_result(path: Path) -> Any:
-    """Read what `write_result` wrote; lists come back for tuples."""
+    """Read what `write_result` wrote; lists, texts and dictionaries come back for the others."""
     with np.load(path, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
 

@@ -11,8 +11,11 @@ import tempfile
 import threading
 import zipfile
 from collections.abc import Callable
+from dataclasses import is_dataclass
+from itertools import repeat
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from dgl_files import _guard_server
 
@@ -32,18 +35,21 @@ def read_guarded(
     seconds: float = 60.0,
     gigabytes: float = 4.0,
     errors: tuple[type[Exception], ...] = (),
+    returns: Any = None,
 ) -> Any:
     """Call a reader in a child process.
 
     Args:
         reader: Function of a module that can be imported. It returns plain values, arrays, bytes,
-            and lists and dictionaries of them.
+            paths, dataclasses, and lists and dictionaries of them.
         *arguments: For the reader, as JSON holds them.
         file: Name of what is read, for messages.
         seconds: Longest processor time [s]; by the clock it may take four times as long.
         gigabytes: Largest address space of the child, and largest file that it writes [GiB].
         errors: Classes of exceptions that are raised here as the reader raised them, made of their
             text.
+        returns: Type of the result where it holds dataclasses, tuples or paths, which are made
+            again as it is annotated; plain values when None.
 
     Returns:
         The reader's result. It comes through a file without pickled objects.
@@ -75,9 +81,25 @@ def read_guarded(
             text = " ".join(error["text"].split())[:300]
             raise GuardError(f"{file} cannot be read ({error['kind']}: {text})")
         try:
-            return _guard_server.read_result(folder / _guard_server.RESULT_FILE)
+            result = _guard_server.read_result(folder / _guard_server.RESULT_FILE)
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as err:
             raise GuardError(f"{file} makes its reader crash ({_describe(code)})") from err
+        return _rebuild(returns, result)
+
+
+def _rebuild(kind: Any, value: Any) -> Any:
+    """Make dataclasses, tuples and paths of plain values, as the annotation says."""
+    if get_origin(kind) in (Union, UnionType):
+        if value is None:
+            return None
+        (kind,) = (part for part in get_args(kind) if part is not type(None))
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return kind(**{name: _rebuild(hints[name], part) for name, part in value.items()})  # pyright: ignore[reportCallIssue]
+    if get_origin(kind) is tuple:
+        parts = get_args(kind)
+        return tuple(map(_rebuild, repeat(parts[0]) if parts[-1] is Ellipsis else parts, value))
+    return Path(value) if kind is Path else value
 
 
 def _describe(code: int) -> str:

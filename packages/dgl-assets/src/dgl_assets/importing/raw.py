@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -84,25 +83,6 @@ def check_raw(mesh: RawMesh, name: str) -> None:
             f"{name}: texture coordinates of {len(bad)} faces are not finite, the first is face "
             f"{bad[0]}"
         )
-
-
-def pack_mesh(mesh: RawMesh) -> dict[str, Any]:
-    """Turn a mesh into plain values and arrays, to pass it between processes."""
-    picture = mesh.texture
-    return {**vars(mesh), "texture": None if picture is None else vars(picture)}
-
-
-def unpack_mesh(plain: dict[str, Any]) -> RawMesh:
-    """Make a mesh of what `pack_mesh` gave."""
-    picture = plain["texture"]
-    return RawMesh(
-        **{
-            **plain,
-            "texture": None if picture is None else ClothPicture(**picture),
-            "notes": tuple(plain["notes"]),
-            "objects": tuple(map(tuple, plain["objects"])),
-        }
-    )
 
 
 def triangulate(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from dgl_assets.importing.bounds import check_lines, check_size
 from dgl_assets.importing.errors import UnreadableFileError, describe_install
 from dgl_assets.importing.guarded import call_reader
 from dgl_assets.importing.paths import detect_kind, read_bytes
-from dgl_assets.importing.raw import RawMesh, check_raw, pack_mesh, unpack_mesh
+from dgl_assets.importing.raw import RawMesh, check_raw
 from dgl_assets.importing.read_gltf import read_gltf
 from dgl_assets.importing.read_obj import read_obj
 from dgl_assets.importing.read_usd import read_usd
@@ -52,12 +52,12 @@ def read_mesh(path: Path, *, use_textures: bool = True, root: Path | None = None
         "use_textures": use_textures,
         "root": None if root is None else str(root.absolute()),
     }
-    return unpack_mesh(
-        call_reader(read_packed, str(path.absolute()), kind, options, file=path.name)
+    return call_reader(
+        read_here, str(path.absolute()), kind, options, file=path.name, returns=RawMesh
     )
 
 
-def read_packed(file: str, kind: str, options: dict[str, Any]) -> dict[str, Any]:
+def read_here(file: str, kind: str, options: dict[str, Any]) -> RawMesh:
     """Read a mesh; `read_mesh` calls this in the child process."""
     path, use_textures = Path(file), options["use_textures"]
     root = None if options["root"] is None else Path(options["root"])
@@ -75,7 +75,7 @@ def read_packed(file: str, kind: str, options: dict[str, Any]) -> dict[str, Any]
         case _:
             raise UnreadableFileError(f"{path.name} is a {kind} archive inside of another one")
     check_raw(mesh, path.name)
-    return pack_mesh(mesh)
+    return mesh
 
 
 def read_ply(path: Path) -> RawMesh:

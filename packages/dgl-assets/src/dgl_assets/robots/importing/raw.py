@@ -1,8 +1,8 @@
 """Content of a robot description, checked entry by entry."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -59,39 +59,3 @@ class RawRobot:
     def root(self) -> str:
         """Name of the first link."""
         return self.links[0].name
-
-
-def pack_robot(robot: RawRobot) -> dict[str, Any]:
-    """Turn a robot into plain values and arrays, to pass it between processes."""
-    plain = asdict(robot)
-    for link in plain["links"]:
-        for shape in (*link["visuals"], *link["collisions"]):
-            shape["path"] = None if shape["path"] is None else str(shape["path"])
-    return plain
-
-
-def unpack_robot(plain: dict[str, Any]) -> RawRobot:
-    """Make a robot of what `pack_robot` gave."""
-    return RawRobot(
-        name=plain["name"],
-        links=tuple(
-            RawLink(
-                **{
-                    **link,
-                    "visuals": tuple(map(_unpack_shape, link["visuals"])),
-                    "collisions": tuple(map(_unpack_shape, link["collisions"])),
-                }
-            )
-            for link in plain["links"]
-        ),
-        joints=tuple(
-            RawJoint(**{**joint, "axis": joint["axis"] and tuple(joint["axis"])})
-            for joint in plain["joints"]
-        ),
-    )
-
-
-def _unpack_shape(plain: dict[str, Any]) -> RawShape:
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in plain.items()}
-    path = values.pop("path")
-    return RawShape(**values, path=None if path is None else Path(path))

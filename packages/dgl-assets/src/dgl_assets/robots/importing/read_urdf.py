@@ -25,8 +25,6 @@ from dgl_assets.robots.importing.raw import (
     RawRobot,
     RawShape,
     Rgba,
-    pack_robot,
-    unpack_robot,
 )
 from dgl_assets.robots.importing.topology import order_tree
 
@@ -52,14 +50,15 @@ def read_foreign_urdf(path: Path, packages: Mapping[str, Path]) -> RawRobot:
     """Read a URDF of unknown origin in a child process; arguments and errors as of `read_urdf`."""
     check_file(path)
     folders = {name: str(folder.absolute()) for name, folder in packages.items()}
-    plain = call_reader(read_packed_urdf, str(path.absolute()), folders, file=path.name)
-    return unpack_robot(plain)
+    return call_reader(
+        read_urdf_here, str(path.absolute()), folders, file=path.name, returns=RawRobot
+    )
 
 
-def read_packed_urdf(file: str, folders: dict[str, str]) -> dict[str, Any]:
+def read_urdf_here(file: str, folders: dict[str, str]) -> RawRobot:
     """Read a URDF; `read_foreign_urdf` calls this in the child process."""
     packages = {name: Path(folder) for name, folder in folders.items()}
-    return pack_robot(read_urdf(Path(file), packages=packages))
+    return read_urdf(Path(file), packages=packages)
 
 
 def read_urdf(path: Path, *, packages: Mapping[str, Path] | None = None) -> RawRobot:
