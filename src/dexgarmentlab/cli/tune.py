@@ -11,7 +11,7 @@ from dexgarmentlab.cli.flags import Flags, WorkerFlags, find_task, tell_command
 from dgl_collect.options import RunOptions
 
 if TYPE_CHECKING:
-    from dgl_collect.tuning.search import TuneProgress, Tuning
+    from dgl_collect.tuning.search import Tuning
 
 __all__ = ["TuneOptions", "run"]
 
@@ -72,18 +72,15 @@ def run(options: TuneOptions) -> int:
         resume=options.resume,
         command=command,
     )
-    shown = 0
     with console.progress(f"tuning {options.task}") as bar:
-
-        def show(progress: "TuneProgress") -> None:
-            nonlocal shown
-            bar.advance(progress.made - shown, note=progress.note, total=progress.wanted)
-            shown = progress.made
-
         try:
-            tuning = tune(config, on_progress=show)
+            tuning = tune(
+                config, on_progress=lambda p: bar.reach(p.made, note=p.note, total=p.wanted)
+            )
         except Interrupted:
-            console.error(f"interrupted after {shown} trials; continue with: {command} --resume")
+            console.error(
+                f"interrupted after {bar.steps} trials; continue with: {command} --resume"
+            )
             return EXIT_INTERRUPTED
     page = write_report(options.out, task.id, tuning)
     if options.json:
