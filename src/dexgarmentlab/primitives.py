@@ -17,7 +17,7 @@ from dgl_collect.names import list_anchors, name_scene
 from dgl_collect.skill import follow_recordings
 from dgl_files.fields import decode_json
 from dgl_sadp.errors import PrimitiveError, SadpError
-from dgl_sadp.primitive import HandWay, Primitive, Recording, fit_primitive
+from dgl_sadp.primitive import Primitive, Recording, Way, fit_primitive
 from dgl_sadp.primitive_file import (
     PRIMITIVES_FILE,
     TaskPrimitives,
@@ -51,7 +51,7 @@ class PrimitiveSkill:
 
     def plan(
         self, stage: str, starts: "Mapping[Side, np.ndarray]", anchors: Mapping[str, np.ndarray]
-    ) -> "Mapping[Side, HandWay]":
+    ) -> Way:
         """Plan a stage, one sample a control step.
 
         Raises:
@@ -63,7 +63,7 @@ class PrimitiveSkill:
                 f"the primitives must have stage {stage!r}; got {sorted(self.primitives.stages)}"
             )
         try:
-            way = primitive.plan(
+            return primitive.plan(
                 {str(side): start for side, start in starts.items()},
                 anchors,
                 frames_per_second=CONTROL_FREQUENCY,
@@ -71,7 +71,6 @@ class PrimitiveSkill:
             )
         except PrimitiveError as err:
             raise DemonstrationError(f"stage {stage!r}: {err}") from err
-        return way.hands  # pyright: ignore[reportReturnType] - names of hands are sides
 
 
 @dataclass(frozen=True, kw_only=True)

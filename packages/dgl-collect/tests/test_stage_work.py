@@ -33,7 +33,7 @@ from dgl_collect.steps import (
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.grasps import GRASP_ORIENTATIONS, orient, point_along_fingers
 from dgl_tasks.hanging import Hanging
-from dgl_tasks.messages import Carrying, StageBegins
+from dgl_tasks.messages import Believes, Carrying, StageBegins
 from dgl_tasks.rotations import to_rotation
 
 joint_slice = DEFAULT_ROBOT.joint_slice
@@ -487,7 +487,7 @@ class Arc:
         self.asked.append((stage, dict(starts), dict(anchors)))
         share = np.linspace(0, 1, self.count + 1)[1:, None]
         closed = np.array([1.0, 0, 0, 0, 0]) * (share < 0.8)
-        return {
+        hands = {
             side: SimpleNamespace(
                 points=start + share * [0, 0.05, self.height],
                 turns=share * [0.2, 0, 0],
@@ -495,6 +495,7 @@ class Arc:
             )
             for side, start in starts.items()
         }
+        return SimpleNamespace(hands=hands, spread=0.03)
 
 
 def test_recordings_are_followed_from_the_grasp_points(make_world):
@@ -516,6 +517,24 @@ def test_recordings_are_followed_from_the_grasp_points(make_world):
         np.testing.assert_allclose(
             world.motion.target[joint_slice(side, "hand")], HAND_POSES["open"], atol=1e-6
         )
+
+
+def test_numbers_of_a_step_change_the_way(make_world):
+    def follow(**numbers):
+        world = make_world()
+        work = make_work(world, make_stage(Follow(**numbers), grasp=BOTH), skill=Arc())
+        carry_out(world, work)
+        (told,) = world.get_marks(Believes)
+        assert told.values == {"spread_stage_m": 0.03}
+        ends = {side: world.get_grasp_point(side) - work.grasp[side] for side in SIDES}
+        return ends, world.step
+
+    _, usual = follow()
+    ends, _ = follow(lift=2.0, shift=(0.02, -0.05, 0.01))
+    np.testing.assert_allclose(ends["left"], [-0.02, 0.0, 0.31], atol=2e-3)
+    np.testing.assert_allclose(ends["right"], [0.02, 0.0, 0.31], atol=2e-3)
+    _, slow = follow(speed=0.5)
+    assert slow == pytest.approx(usual + 50, abs=2)  # of 50 control steps, twice as many
 
 
 def test_a_way_that_leads_out_of_reach_needs_a_method_that_may_stop_short(make_world):

@@ -14,8 +14,8 @@ from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
 __all__ = ["Parameter", "fill_in"]
 
 NUMBERS = frozenset(
-    ("at_most", "back", "by", "come_from", "frames", "height", "moved_at_most", "pitch", "rise")
-) | frozenset(("roll", "sag", "short_by", "spacing", "up", "wait", "yaw"))
+    ("at_most", "back", "by", "come_from", "frames", "height", "lift", "moved_at_most", "pitch")
+) | frozenset(("rise", "roll", "sag", "shift", "short_by", "spacing", "speed", "up", "wait", "yaw"))
 """Fields of stages and steps that hold numbers; they may be formulas of parameters."""
 _WHOLE = ("frames", "wait")
 

@@ -13,7 +13,7 @@ from dgl_collect.options import RunOptions
 from dgl_collect.steps import Demonstration, Follow, Stage
 from dgl_tasks.declaration import Task
 
-__all__ = ["GROUP", "HandWay", "Skill", "follow_recordings", "load_skill"]
+__all__ = ["GROUP", "HandWay", "Skill", "Way", "change_way", "follow_recordings", "load_skill"]
 
 GROUP = "dgl_collect.skills"
 """Entry points whose first one learns a demonstration's recordings; see `load_skill`."""
@@ -38,6 +38,20 @@ class HandWay(Protocol):
         ...
 
 
+class Way(Protocol):
+    """Ways of the working hands."""
+
+    @property
+    def hands(self) -> Mapping[str, HandWay]:
+        """The ways by hand."""
+        ...
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of their ends, as far as the recordings tell [m]."""
+        ...
+
+
 class Skill(Protocol):
     """Gives the ways of the hands in each stage."""
 
@@ -46,7 +60,7 @@ class Skill(Protocol):
         stage: str,
         starts: Mapping[Side, np.ndarray],
         anchors: Mapping[str, np.ndarray],
-    ) -> Mapping[Side, HandWay]:
+    ) -> Way:
         """Plan a stage, one sample a control step.
 
         Args:
@@ -88,3 +102,30 @@ def load_skill(task: Task, demonstration: Demonstration, options: RunOptions) ->
     if not found:
         raise DemonstrationError("a demonstration with recordings needs the package dexgarmentlab")
     return found[0].load()(task, demonstration, options)
+
+
+def change_way(
+    way: HandWay, start: np.ndarray, side: Side, step: Follow
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Change the way of a hand by the numbers of a step.
+
+    Args:
+        way: The way, one sample a control step.
+        start: Grasp point at its start [m], shape (3,), world frame.
+        side: The hand.
+        step: Its speed, lift and shift.
+
+    Returns:
+        Points (M, 3), turns (M, 3) and poses (M, P), as in `HandWay`.
+    """
+    count = len(way.points)
+    share = (np.arange(1, count + 1) / count)[:, None]
+    outward = np.array([-1.0 if side == "left" else 1.0, 1.0, 1.0])
+    points = start + (way.points - start) * [1.0, 1.0, step.lift]
+    points += share * outward * step.shift
+    wanted = max(1, round(count / step.speed))
+    at = np.linspace(0, count - 1, wanted) if wanted != count else np.arange(count)
+    return tuple(
+        np.stack([np.interp(at, np.arange(count), column) for column in array.T], axis=1)
+        for array in (points, way.turns, way.poses)
+    )  # pyright: ignore[reportReturnType] - three arrays

@@ -12,7 +12,7 @@ from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, evaluate_formula
 from dgl_collect.hold_watch import HoldWatch
 from dgl_collect.names import describe_cloud, list_anchors
-from dgl_collect.skill import Skill
+from dgl_collect.skill import Skill, change_way
 from dgl_collect.steps import (
     Approach,
     Follow,
@@ -31,7 +31,7 @@ from dgl_tasks.grasps import Orientation, orient, point_along_fingers
 from dgl_tasks.hand_span import HandSpan
 from dgl_tasks.handling import Handling, plan_approach, plan_leave
 from dgl_tasks.holding import find_empty
-from dgl_tasks.messages import Carrying, Part, StageBegins
+from dgl_tasks.messages import Believes, Carrying, Part, StageBegins
 from dgl_tasks.rotations import to_quaternion, to_rotation
 from dgl_tasks.sensing import ENVIRONMENT_CAMERA, GARMENT_CAMERA
 
@@ -46,6 +46,8 @@ REACHABLE_WITHIN = 0.1
 REACHABLE_SPACING = 0.02
 """Spacing of the substitutes that are tried [m]."""
 
+FollowedWays = tuple[dict[Side, np.ndarray], dict[Side, np.ndarray], dict[Side, np.ndarray]]
+"""Grasp points [m], shape (N, 3), orientations wxyz (N, 4) and joints of the hands [rad] (N, H)."""
 Reaction = Literal["give up", "lay down", "ignore"]
 """Reaction to an empty hand: end the stage at once; go on while the other hand holds the garment;
 or do not check."""
@@ -152,7 +154,9 @@ class StageWork:
                     motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
                 case Follow():
                     orientation = {side: orient(name, side, turn)}
-                    motion.follow(*self._plan_follow(self.grasp | {side: at}, orientation))
+                    ways, _ = self._plan_follow(step, self.grasp | {side: at}, orientation)
+                    motion.follow(*ways)
+                    at = ways[0][side][-1]
                 case Retreat():
                     plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step)
 
@@ -245,7 +249,7 @@ class StageWork:
             case Wait(frames=frames):
                 yield from hands.send(motion.hold(frames), recorded=recorded)
             case Follow():
-                yield from self._follow(recorded)
+                yield from self._follow(step, recorded)
             case Retreat():
                 yield from hands.retreat(self.stage.hands, step)
 
@@ -324,28 +328,29 @@ class StageWork:
         }
 
     def _plan_follow(
-        self, starts: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
-    ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray], dict[Side, np.ndarray]]:
-        """Plan the hands' ways: grasp points (N, 3), orientations (N, 4) and joints (N, H)."""
+        self,
+        step: Follow,
+        starts: Mapping[Side, np.ndarray],
+        orientations: Mapping[Side, np.ndarray],
+    ) -> tuple[FollowedWays, float]:
+        """Plan the hands' ways, and tell the standard deviation of their ends [m]."""
         if self.skill is None:
             raise DemonstrationError(f"stage {self.stage.name!r}: no recordings to follow")
-        ways = self.skill.plan(self.stage.name, starts, list_anchors(self.names))
+        way = self.skill.plan(self.stage.name, starts, list_anchors(self.names))
         span = HandSpan(self.hands.motion.robot)
-        sides = tuple(orientations)
-        turned = {
-            side: to_rotation(orientations[side]) * Rotation.from_rotvec(ways[side].turns)
-            for side in sides
-        }
-        return (
-            {side: ways[side].points for side in sides},
-            {side: to_quaternion(turned[side]) for side in sides},
-            {side: span.to_joints(ways[side].poses) for side in sides},
-        )
+        points, turned, joints = {}, {}, {}
+        for side, q in orientations.items():
+            points[side], turns, poses = change_way(way.hands[side], starts[side], side, step)
+            turned[side] = to_quaternion(to_rotation(q) * Rotation.from_rotvec(turns))
+            joints[side] = span.to_joints(poses)
+        return (points, turned, joints), way.spread
 
-    def _follow(self, recorded: Literal["stage"] | None) -> Part:
+    def _follow(self, step: Follow, recorded: Literal["stage"] | None) -> Part:
         """Follow the recordings, and watch the hold."""
         hands, motion = self.hands, self.hands.motion
-        ways = self._plan_follow(self.grasp | self._targets, self.orientations)
+        starts = self.grasp | self._targets
+        ways, spread = self._plan_follow(step, starts, self.orientations)
+        yield from hands.mark(Believes(values={f"spread_{self.stage.name}_m": spread}))
         rows = motion.follow(*ways, must_reach=False)
         watch = HoldWatch(hands, self.stage.hands)
         self._has_closed = True

@@ -177,7 +177,17 @@ class Look(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Follow(Step):
-    """Follow the way that a primitive has learnt from recordings, fingers included."""
+    """Follow the way that a primitive has learnt from recordings, fingers included.
+
+    The numbers change the way; a search may tune them.
+    """
+
+    speed: Annotated[float, Ge(0.1), Le(10.0)] = 1.0
+    """Factor on the speed."""
+    lift: Annotated[float, Ge(0.1), Le(10.0)] = 1.0
+    """Factor on heights above the grasp point."""
+    shift: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
+    """Offset of the end [m], which grows along the way; x points outward for both hands."""
 
 
 @dataclass(frozen=True, kw_only=True)
