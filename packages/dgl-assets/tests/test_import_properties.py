@@ -190,7 +190,7 @@ def read_or_refuse(name, data):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=25, **COMMON)
+@settings(max_examples=15, **COMMON)
 @given(mesh=meshes())
 def test_what_was_written_is_what_is_read(suffix, mesh):
     vertices, faces = mesh
@@ -209,7 +209,7 @@ def check_damaged(suffix, data):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=60, **COMMON)
+@settings(max_examples=30, **COMMON)
 @given(data=st.data())
 def test_a_damaged_mesh_is_read_or_refused(suffix, data):
     check_damaged(suffix, data)
@@ -223,7 +223,7 @@ def test_a_damaged_mesh_is_read_or_refused_many_times(suffix, data):
     check_damaged(suffix, data)
 
 
-@settings(max_examples=80, **COMMON)
+@settings(max_examples=40, **COMMON)
 @given(
     suffix=st.sampled_from((*SUFFIXES, ".zip", "")),
     head=st.sampled_from((b"", b"ply\n", b"glTF\2\0\0\0", b"solid a\nfacet", b"v 0 0 0\n",
@@ -277,7 +277,7 @@ def check_claims(data):
     read_or_refuse("a.gltf", json.dumps(tree).encode())
 
 
-@settings(max_examples=150, **COMMON)
+@settings(max_examples=60, **COMMON)
 @given(data=st.data())
 def test_a_gltf_with_other_claims_is_read_or_refused(data):
     check_claims(data)
@@ -297,7 +297,7 @@ names = st.lists(
 )
 
 
-@settings(max_examples=80, **COMMON)
+@settings(max_examples=40, **COMMON)
 @given(
     members=st.lists(st.tuples(names, st.sampled_from(["/", "\\"]), st.binary(max_size=40)),
         max_size=5),
@@ -325,7 +325,7 @@ def test_an_archive_is_unpacked_into_its_folder_or_refused(members, method, data
         assert sum(path.stat().st_size for path in found) < MAX_BUFFER_BYTES
 
 
-@settings(max_examples=100, **COMMON)
+@settings(max_examples=50, **COMMON)
 @given(value=json_values, data=st.data())
 def test_key_points_are_read_or_refused(value, data):
     tree = {"left": 1, "collar": [0, 0.5, 0], "other": value}
@@ -344,7 +344,7 @@ def test_key_points_are_read_or_refused(value, data):
     json.dumps(list(points.names), ensure_ascii=False).encode()  # can be written again
 
 
-@settings(max_examples=100, **COMMON)
+@settings(max_examples=50, **COMMON)
 @given(
     value=json_values,
     key=st.sampled_from(["category", "licence", "units", "up", "x"]),
@@ -364,7 +364,7 @@ def test_the_facts_of_a_folder_are_read_or_refused(value, key, data):
     assert all(isinstance(text, str) and len(text) <= 500 for text in source.meta.values())
 
 
-@settings(max_examples=200, **COMMON)
+@settings(max_examples=100, **COMMON)
 @given(
     data=st.binary(max_size=200)
     | st.text(max_size=100).map(str.encode)
@@ -378,7 +378,7 @@ def test_json_is_parsed_into_what_can_be_written_or_refused(data):
     json.dumps(tree, allow_nan=False, ensure_ascii=False).encode()
 
 
-@settings(max_examples=200, **COMMON)
+@settings(max_examples=100, **COMMON)
 @given(
     parts=names,
     scheme=st.sampled_from(["", "/", "//", "file://", "http://", "%2e%2e/", "..\\"]),
@@ -452,7 +452,7 @@ def check_urdf(data, count):
         assert joint.axis is None or np.linalg.norm(joint.axis) == pytest.approx(1.0)
 
 
-@settings(max_examples=100, **COMMON)
+@settings(max_examples=50, **COMMON)
 @given(data=st.data())
 def test_a_changed_urdf_is_read_or_refused(data):
     check_urdf(data, 3)

@@ -20,7 +20,7 @@ from dgl_gam.data import read_garment, read_header, write_garment
 from dgl_gam.network import GarmentNetwork
 
 FEW = settings(
-    max_examples=60,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     database=None,
@@ -159,7 +159,7 @@ def test_arbitrary_bytes_are_neither_network_nor_garment(tmp_path, header, data)
                 read(path)
 
 
-@settings(FEW, max_examples=100)
+@settings(FEW, max_examples=50)
 @given(values=changed_values(json.loads(CONFIG.to_json())))
 def test_a_configuration_of_any_values_is_refused_or_builds_a_network(values):
     try:
@@ -172,7 +172,7 @@ def test_a_configuration_of_any_values_is_refused_or_builds_a_network(values):
     assert NetworkConfig.from_json(config.to_json()) == config
 
 
-@settings(FEW, max_examples=60)
+@settings(FEW, max_examples=30)
 @given(
     values=changed_values(json.loads(Calibration().to_json())),
     card=changed_values({**CARD, "earlier": [CARD], "versions": {"torch": "2"}}),
@@ -238,7 +238,7 @@ def test_many_damaged_data(tmp_path, garment, shirt_fields, changes):
     check_garment_file(tmp_path / "shirt.safetensors", damage(garment, changes), fields)
 
 
-@settings(FEW, max_examples=60)
+@settings(FEW, max_examples=30)
 @given(data=st.data())
 def test_metadata_of_any_values_are_refused_or_of_the_right_types(tmp_path, garment, data):
     path = tmp_path / "shirt.safetensors"

@@ -51,6 +51,16 @@ def train(episodes, tmp_path, tiny_config):
     return call
 
 
+@pytest.fixture(scope="module")
+def pair(episodes, tmp_path_factory, tiny_config, one_thread):
+    """A whole run of two processes: its folder, result, and what it told."""
+    out, told = tmp_path_factory.mktemp("pair") / "run", []
+    result = train_policy(
+        episodes, out, tiny_config("sadp"), CONFIG, stage=1, devices=2, on_progress=told.append
+    )
+    return out, result, told
+
+
 def read_state(folder):
     with open_values(folder / "state.safetensors", kind="dgl_sadp.training") as (file, _):
         return read_tensors(file)
@@ -152,10 +162,8 @@ def test_devices_that_do_not_fit_are_refused_before_anything_is_read(train, monk
 
 
 @pytest.mark.slow
-def test_two_processes_come_to_the_weights_of_one(train, tmp_path):
-    told = []
-    one = train("one")
-    two = train("two", devices=2, on_progress=told.append)
+def test_two_processes_come_to_the_weights_of_one(train, tmp_path, pair):
+    one, (folder, two, told) = train("one"), pair
     assert [progress.step for progress in told] == [1, 2, 3, 4]
     # Their sums round differently. An AdamW's step moves a weight by up to 1e-3.
     first, second = (load_policy(result.policy).state_dict() for result in (one, two))
@@ -168,12 +176,12 @@ def test_two_processes_come_to_the_weights_of_one(train, tmp_path):
     assert dataclasses.replace(two, policy=one.policy, loss=0.0, validation=None) == (
         dataclasses.replace(one, loss=0.0, validation=None)
     )
-    files = {
-        out: {path.name.partition(".")[0] for path in (tmp_path / out).rglob("*")}
-        for out in ("one", "two")
-    }
-    assert files["two"] == files["one"]
-    assert len(list((tmp_path / "two" / "logs").iterdir())) == 1
+    first, second = (
+        {path.name.partition(".")[0] for path in out.rglob("*")}
+        for out in (tmp_path / "one", folder)
+    )
+    assert first == second
+    assert len(list((folder / "logs").iterdir())) == 1
 
 
 @pytest.mark.slow
@@ -191,28 +199,28 @@ def test_gradients_of_two_processes_with_muon_are_those_of_one(train, tmp_path):
 
 
 @pytest.mark.slow
-def test_two_processes_that_are_interrupted_go_on_to_the_same_weights(train, tmp_path):
+def test_two_processes_that_are_interrupted_go_on_to_the_same_weights(train, tmp_path, pair):
     def interrupt(progress):
         if progress.step == 1:
             os.kill(os.getpid(), signal.SIGINT)
 
-    whole = train("whole", config=MUON, devices=2)
+    folder, whole, _ = pair
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        train("parts", config=MUON, devices=2, on_progress=interrupt)
+        train("parts", devices=2, on_progress=interrupt)
     assert signal.getsignal(signal.SIGINT) is before
     assert not multiprocessing.active_children()
     shutil.copytree(tmp_path / "parts", tmp_path / "on_one")
     told = []
-    resumed = train("parts", config=MUON, devices=2, is_resumed=True, on_progress=told.append)
+    resumed = train("parts", devices=2, is_resumed=True, on_progress=told.append)
     assert 1 < told[0].step <= 4
     # The weights of the second process, of which nothing is kept, were those of the first: it took
     # them over.
-    states = [read_state(tmp_path / out) for out in ("whole", "parts")]
+    states = [read_state(out) for out in (folder, tmp_path / "parts")]
     assert set(states[0]) == set(states[1])
     assert all(torch.equal(tensor, states[1][name]) for name, tensor in states[0].items())
     assert (resumed.loss, resumed.validation) == (whole.loss, whole.validation)
-    on_one = train("on_one", config=MUON, is_resumed=True)
+    on_one = train("on_one", is_resumed=True)
     assert on_one.steps == whole.steps
     assert on_one.loss == pytest.approx(whole.loss, rel=1e-2)
 
@@ -239,8 +247,8 @@ def test_what_goes_wrong_in_a_process_is_raised_and_ends_all(train, tmp_path):
 
 
 @pytest.mark.slow
-def test_processes_of_torchrun_train_as_those_that_are_started_here(train, episodes, tmp_path):
-    policy = train("here", devices=2).policy
+def test_processes_of_torchrun_train_as_those_that_are_started_here(pair, episodes, tmp_path):
+    folder, here, _ = pair
     script = tmp_path / "script.py"
     script.write_text(
         "import sys\n"
@@ -254,19 +262,20 @@ def test_processes_of_torchrun_train_as_those_that_are_started_here(train, episo
         ")\n"
     )
 
-    def launch(out, devices):
-        launcher = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
-        words = [script, episodes, tmp_path / out, policy, devices]
+    def launch(out, devices, *, processes):
+        launcher = [sys.executable, "-m", "torch.distributed.run", f"--nproc-per-node={processes}"]
+        words = [script, episodes, tmp_path / out, here.policy, devices]
         return subprocess.run(
             [*launcher, *map(str, words)], check=False, capture_output=True, text=True
         )
 
-    run = launch("launched", 2)
+    run = launch("launched", 2, processes=2)
     assert run.returncode == 0, run.stderr
     assert run.stdout.split() == ["1", "2", "3", "4"]
-    launched, here = (read_state(tmp_path / out) for out in ("launched", "here"))
-    assert all(torch.equal(tensor, launched[name]) for name, tensor in here.items())
-    assert "must be the 2 process(es) that a launcher has started; got 1" in launch("one", 1).stderr
+    launched = read_state(tmp_path / "launched")
+    assert all(torch.equal(tensor, launched[name]) for name, tensor in read_state(folder).items())
+    refused = launch("refused", 2, processes=1)
+    assert "must be the 1 process(es) that a launcher has started; got 2" in refused.stderr
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from dgl_sadp import (
 from dgl_sadp.ranges import measure_episodes
 
 FEW = settings(
-    max_examples=60,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     database=None,
@@ -149,7 +149,7 @@ def changed_values(draw: st.DrawFn, values: dict) -> dict:
     return values
 
 
-@settings(FEW, max_examples=150)
+@settings(FEW, max_examples=60)
 @given(data=st.data())
 def test_a_configuration_of_any_values_is_refused_or_builds_a_policy(policy, data):
     values = data.draw(changed_values(dataclasses.asdict(policy.config)))

@@ -42,11 +42,11 @@ def test_four_episodes_are_learned_to_less_than_a_degree(tmp_path, tiny_config):
         garment=garment,
     )
     training = TrainConfig(
-        epochs=1200,
+        epochs=800,
         batch=24,
         learning_rate=3e-3,
         validation_share=0.0,
-        save_every=1200,
+        save_every=800,
         ema_decay=0.97,
         augmentation=None,
     )
@@ -54,7 +54,7 @@ def test_four_episodes_are_learned_to_less_than_a_degree(tmp_path, tiny_config):
     found = compute_validation(
         load_policy(result.policy),
         EpisodeDataset(tmp_path / "episodes", 1),
-        epoch=1200,
+        epoch=800,
         windows=96,
         seed=0,
     )

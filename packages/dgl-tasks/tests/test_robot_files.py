@@ -2,31 +2,24 @@
 
 import errno
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from dgl_tasks import TaskError
+from dgl_tasks import TaskError, robot_files
 from dgl_tasks.errors import RobotFilesError
 from dgl_tasks.robot import BimanualUR10eShadow
 from dgl_tasks.robot_files import ROBOT_DIRECTORY, writing_robot_files
 
 
 @pytest.mark.parametrize("is_set", [True, False])
-def test_the_folder_is_below_the_cache_of_the_user(tmp_path, is_set):
-    code = "from dgl_tasks.robot_files import ROBOT_DIRECTORY; print(ROBOT_DIRECTORY)"
-    cache = str(tmp_path) if is_set else ""
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        check=True,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "XDG_CACHE_HOME": cache},
-    )
-    expected = (tmp_path if is_set else Path.home() / ".cache") / "dexgarmentlab" / "robots"
-    assert done.stdout.strip() == str(expected)
+def test_the_folder_is_below_the_cache_of_the_user(tmp_path, monkeypatch, is_set):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path) if is_set else "")
+    found = runpy.run_path(robot_files.__file__)["ROBOT_DIRECTORY"]
+    assert found == (tmp_path if is_set else Path.home() / ".cache") / "dexgarmentlab" / "robots"
 
 
 @pytest.mark.slow
