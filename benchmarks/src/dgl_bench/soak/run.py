@@ -89,13 +89,5 @@ def soak(
                     continue
                 assert isinstance(outcome.job.request, SpellRequest)
                 assert outcome.failure is not None
-                yield Spell(
-                    request=outcome.job.request,
-                    steps=0,
-                    touching=0,
-                    not_finite=0,
-                    overflows=0,
-                    error=f"{outcome.failure.reason}: {outcome.failure.detail}",
-                    process=0,
-                    memory=0,
-                )
+                error = f"{outcome.failure.reason}: {outcome.failure.detail}"
+                yield Spell(request=outcome.job.request, error=error)

@@ -40,19 +40,19 @@ class Spell:
     """Outcome of one episode of random actions."""
 
     request: SpellRequest
-    steps: int
+    steps: int = 0
     """Actions made before it ended."""
-    touching: int
+    touching: int = 0
     """Of them, those after which a hand touched the garment."""
-    not_finite: int
+    not_finite: int = 0
     """Of them, those after which a number of particles, joints or the reward was not finite."""
-    overflows: int
+    overflows: int = 0
     """Contact lists that could not grow any more."""
-    error: str
+    error: str = ""
     """Error that ended it early; empty if none did."""
-    process: int
+    process: int = 0
     """Id of its worker's process."""
-    memory: int
+    memory: int = 0
     """Resident memory of the process at its end [bytes]."""
 
 
