@@ -109,19 +109,21 @@ def load_skill(
 ) -> PrimitiveSkill:
     """Load a file of primitives, or learn a folder of episodes; see `dgl_collect.skill.load_skill`.
 
+    Without recordings, it is what comes with `dgl_sadp`.
+
     Raises:
         DemonstrationError: If there is no such file or folder, or it does not fit.
     """
-    assert demonstration.recordings is not None
-    path = Path(demonstration.recordings)
+    named = demonstration.recordings
     try:
+        path = find_primitives(task.id) if named is None else Path(named)
         if path.is_dir() and not (path / PRIMITIVES_FILE).is_file():
             paths = sorted(path.glob("*.h5"))
             primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
         else:
             primitives = _load_fitting(path, task, demonstration)
     except (SadpError, CollectionError, ValueError) as err:
-        raise DemonstrationError(f"recordings: {err}") from err
+        raise DemonstrationError(f"recordings: {err}" if named else str(err)) from err
     return PrimitiveSkill(primitives=primitives)
 
 

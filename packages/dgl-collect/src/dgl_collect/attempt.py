@@ -15,6 +15,7 @@ from dgl_collect.options import GarmentChoice, RecordOptions
 from dgl_collect.recording import EpisodeRecorder
 from dgl_collect.results import AttemptResult, package_versions
 from dgl_collect.setup import Setup, make_setup
+from dgl_collect.skill import follow_recordings
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import MeshError, PhysicsError
 from dgl_tasks import TaskError
@@ -27,7 +28,12 @@ logger = logging.getLogger(__name__)
 def make_attempt_runner(task: str, options: RecordOptions) -> "Attempts":
     """Build the attempts of a collection; see `CollectConfig.attempt_factory`."""
     setup = make_setup(task, options)
-    return Attempts(setup, setup.make_runner(Expert()), recorded=options.record)
+    runner = setup.make_runner(Expert())
+    if options.policy == "primitive":
+        runner = setup.make_runner(
+            Expert(follows_steps=False), demonstration=follow_recordings(setup.demonstration)
+        )
+    return Attempts(setup, runner, recorded=options.record)
 
 
 class Attempts:

@@ -82,6 +82,8 @@ class RunOptions:
 class RecordOptions(RunOptions):
     """Options of a collection."""
 
+    policy: Literal["expert", "primitive"] = "expert"
+    """expert: the demonstration's steps; primitive: the ways that were learnt from recordings."""
     record: Literal["stages", "approaches"] = "stages"
     """Recorded parts: the stages from the grasp points on, or also the approaches before them,
     which policies without grasp points must learn."""

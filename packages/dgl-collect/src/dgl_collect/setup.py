@@ -18,7 +18,7 @@ from dgl_collect.demonstration import (
     load_demonstration,
 )
 from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
-from dgl_collect.options import RunOptions
+from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.skill import Skill, load_skill
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
@@ -124,8 +124,16 @@ def make_setup(
         find_matcher=find_matcher,
         demo_cloud=surface.astype(np.float32),
         motion=BimanualMotion(declared, robot=robot),
-        skill=load_skill(declared, demonstration, options),
+        skill=_load_skill(declared, demonstration, options),
     )
+
+
+def _load_skill(task: Task, demonstration: Demonstration, options: RunOptions) -> Skill | None:
+    """Load the skill of an attempt that follows recordings."""
+    is_wanted = isinstance(options, RecordOptions) and options.policy == "primitive"
+    if not is_wanted and demonstration.recordings is None:
+        return None
+    return load_skill(task, demonstration, options)
 
 
 def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
@@ -147,7 +155,7 @@ def prepare_options(options: O, task: Task) -> tuple[O, tuple[str, ...]]:
     from dgl_collect.own_garment import prepare_garment
 
     load_robot(options.robot, options.robots)
-    load_skill(task, load_demonstration(task, options.demonstration), options)
+    _load_skill(task, load_demonstration(task, options.demonstration), options)
     values = {item.name: getattr(options, item.name) for item in dataclasses.fields(options)}
     # a resumed run may start in another folder
     changes: dict[str, object] = {

@@ -87,20 +87,18 @@ def _follow_stage(stage: Stage) -> Stage:
     return replace(stage, steps=(*scripted[:first], Follow(), *scripted[first:]))
 
 
-def load_skill(task: Task, demonstration: Demonstration, options: RunOptions) -> Skill | None:
-    """Load the skill of a demonstration's recordings; None of a demonstration without.
+def load_skill(task: Task, demonstration: Demonstration, options: RunOptions) -> Skill:
+    """Load the skill of a demonstration's recordings, or the task's own one where it has none.
 
     The entry point of the group `dgl_collect.skills` does it, a function with the same arguments.
     This package has none, the package `dexgarmentlab` has one.
 
     Raises:
-        DemonstrationError: If nothing installed can do it, or the recordings do not fit.
+        DemonstrationError: If nothing installed can do it, there is no skill, or it does not fit.
     """
-    if demonstration.recordings is None:
-        return None
     found = list(entry_points(group=GROUP))
     if not found:
-        raise DemonstrationError("a demonstration with recordings needs the package dexgarmentlab")
+        raise DemonstrationError("to follow recordings needs the package dexgarmentlab")
     return found[0].load()(task, demonstration, options)
 
 
