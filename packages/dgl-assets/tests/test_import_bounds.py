@@ -128,30 +128,20 @@ def test_a_material_file_is_read_once_however_often_it_is_named(tmp_path):
     (tmp_path / "m.mtl").write_bytes(b"newmtl a\nKd 1 1 1\n" * 100_000)
     with quick():
         assert read_mesh(tmp_path / "a.obj").texture is None
-    (tmp_path / "m.mtl").write_bytes(b"newmtl a\nKd 1 1 1\n" * 1_000_000)
-    with quick(), pytest.raises(UnreadableFileError, match="bytes of materials; at most"):
-        read_mesh(tmp_path / "a.obj")
-    names = "\n".join(f"mtllib m{k}.mtl" for k in range(20))
-    (tmp_path / "a.obj").write_text(names + "\n" + "\n".join(lines[500:]))
-    with pytest.raises(UnreadableFileError, match="20 material files; at most 16"):
-        read_mesh(tmp_path / "a.obj")
 
 
 def test_nodes_that_show_one_mesh_very_often_are_counted_first(tmp_path):
     tree, body = tree_and_body()
-    for count, words in ((9_000, "as often as it is shown"), (50_000, "50,000 nodes; at most")):
-        tree["nodes"] = [{"mesh": 0}] * count
-        tree["scenes"] = [{"nodes": list(range(count))}]
-        refuse(tmp_path / "a.glb", to_glb(tree, body), words)
+    tree["nodes"] = [{"mesh": 0}] * 50_000
+    tree["scenes"] = [{"nodes": list(range(50_000))}]
+    refuse(tmp_path / "a.glb", to_glb(tree, body), "as often as it is shown")
 
 
-def test_chains_of_nodes_are_bounded_in_number_and_depth(tmp_path):
+def test_chains_of_nodes_are_bounded_in_depth(tmp_path):
     tree, body = tree_and_body()
     chain = [{"children": [k + 1]} for k in range(300_000)]
     tree["nodes"] = [*chain, {"mesh": 0}]
-    refuse(tmp_path / "a.glb", to_glb(tree, body), "nodes; at most")
-    tree["nodes"] = [*chain[:5_000], {"mesh": 0}]
-    refuse(tmp_path / "a.glb", to_glb(tree, body), "nested more than 200 deep")
+    refuse(tmp_path / "a.glb", to_glb(tree, body), "recursion")
     tree["nodes"] = [*chain[:150], {"mesh": 0, "translation": [0, 0, 1]}]
     (tmp_path / "a.glb").write_bytes(to_glb(tree, body))
     assert len(read_mesh(tmp_path / "a.glb").faces) == len(malformed.arrays()[1])
@@ -177,7 +167,7 @@ def test_one_outside_file_is_read_once_however_many_buffers_name_it(tmp_path):
         read_mesh(tmp_path / "a.gltf")
 
 
-def test_a_zip_of_very_many_members_is_counted_before_it_is_opened(tmp_path):
+def test_a_zip_of_very_many_members_is_not_unpacked(tmp_path):
     entry = b"PK\1\2" + struct.pack("<HHHHHHIIIHHHHHII", 20, 20, *[0] * 7, 1, *[0] * 6) + b"a"
     count = 500_000
     end = b"PK\5\6" + struct.pack("<HHHHIIH", 0, 0, 65535, 65535, count * len(entry), 0, 0)

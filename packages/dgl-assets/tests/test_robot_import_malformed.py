@@ -150,7 +150,7 @@ CASES = {
         {}, "m long, at least"),
     "mesh of many nodes": (
         with_mesh("base.glb", **{"base.glb": samples.make_glb_of_nodes(20_000)}), "arm", {},
-            "nodes; at most",
+            "as often as it is shown",
     ),
     "mesh shown very often": (
         with_mesh("base.glb", **{"base.glb": samples.make_glb_of_nodes(9_000)}), "arm", {},

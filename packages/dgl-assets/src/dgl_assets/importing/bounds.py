@@ -1,4 +1,4 @@
-"""Limits of files that are read."""
+"""Limits of files that are read, beside those of time and memory of the process that reads."""
 
 from __future__ import annotations
 
@@ -16,18 +16,8 @@ MAX_LINES = 6_000_000
 """Most lines of a text file, those of the largest mesh."""
 MAX_OBJECTS = 2000
 """Most objects and groups whose names are kept."""
-MAX_LIBRARIES = 16
-"""Most material files of a mesh."""
-MAX_LIBRARY_BYTES = 16 * 2**20
-"""Largest sum of the material files of a mesh [bytes]."""
-MAX_PICTURES = 1000
-"""Most pictures of a mesh."""
 MAX_PIXELS = 8192 * 8192
 """Largest picture that is read."""
-MAX_ITEMS = 10_000
-"""Most nodes, meshes, accessors and the like of a glTF file, of each kind."""
-MAX_DEPTH = 200
-"""Deepest chain of nodes of a glTF file."""
 MAX_BUFFER_BYTES = 2 * MAX_FILE_BYTES
 """Largest sum of what a file refers to or unpacks to [bytes]."""
 MAX_MEMBERS = 2000

@@ -18,9 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from dgl_assets.importing.bounds import (
     MAX_BUFFER_BYTES,
-    MAX_DEPTH,
-    MAX_ITEMS,
-    MAX_PICTURES,
     check_count,
     check_size,
 )
@@ -78,9 +75,6 @@ class _GltfReader:
                 f"{path.name} needs the glTF extensions {', '.join(needed)[:100]}, which are not "
                 "read; export it without"
             )
-        for key, items in tree.items():
-            if isinstance(items, list):
-                check_count(len(items), MAX_ITEMS, key[:40], path.name)
         self._files: dict[str, bytes] = {}
         self._arrays: dict[int, np.ndarray] = {}
         self._poses: dict[int, np.ndarray] = {}
@@ -139,13 +133,11 @@ class _GltfReader:
         roots = [k for k in range(len(self._tree.get("nodes", []))) if k not in self._parents]
         if self._tree.get("scenes"):
             roots = self._item("scenes", self._tree.get("scene", 0)).get("nodes", [])
-        waiting, seen = [(root, 1) for root in reversed(roots)], set()
+        waiting, seen = [*reversed(roots)], set()
         while waiting:
-            index, depth = waiting.pop()
-            if index in seen or depth > MAX_DEPTH:
-                raise UnreadableFileError(
-                    f"{self._name}: nodes form a circle or are nested more than {MAX_DEPTH} deep"
-                )
+            index = waiting.pop()
+            if index in seen:
+                raise UnreadableFileError(f"{self._name}: nodes form a circle")
             seen.add(index)
             node = self._item("nodes", index)
             if "mesh" in node:
@@ -154,7 +146,7 @@ class _GltfReader:
                 names = tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
                 for primitive in mesh["primitives"]:
                     yield names, index, primitive
-            waiting += [(child, depth + 1) for child in reversed(node.get("children", []))]
+            waiting += reversed(node.get("children", []))
 
     def _get_pose(self, index: int) -> np.ndarray:
         """Pose of a node in the scene, shape (4, 4)."""
@@ -290,7 +282,6 @@ class _GltfReader:
             key = image.get("uri", image.get("bufferView"))
             if key not in seen:
                 seen.add(key)
-                check_count(len(seen), MAX_PICTURES, "pictures", self._name)
                 open_picture(self._get_picture(index), f"of {self._name}").close()
 
     def _item(self, key: str, index: Any) -> dict[str, Any]:

@@ -14,11 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dgl_assets.importing.bounds import (
-    MAX_LIBRARIES,
-    MAX_LIBRARY_BYTES,
     MAX_OBJECTS,
-    MAX_PICTURES,
-    check_count,
     check_lines,
 )
 from dgl_assets.importing.errors import UnreadableFileError
@@ -181,7 +177,6 @@ class _ObjParser:
         names = list(self._materials)
         faces = Counter(self._material_ids)
         used = {names[k] for k in faces} & set(references)
-        check_count(len(used), MAX_PICTURES, "pictures", self._name)
         counts: Counter[Path] = Counter()
         for material, count in faces.items():
             if names[material] in used:
@@ -203,20 +198,15 @@ class _ObjParser:
 
     def _read_libraries(self, path: Path, root: Path | None) -> dict[str, tuple[Path, str, str]]:
         """Folder, file and reference of the colour picture of each material."""
-        libraries = dict.fromkeys(self._libraries)
-        check_count(len(libraries), MAX_LIBRARIES, "material files", self._name)
         targets = [
             resolve_reference(path.parent, name, named_by=path.name, root=root, hint=TEXTURE_HINT)
-            for name in libraries
+            for name in dict.fromkeys(self._libraries)
         ]
-        size, found = 0, {}
-        for target in dict.fromkeys(targets):
-            data = read_bytes(target)
-            size += len(data)
-            check_count(size, MAX_LIBRARY_BYTES, "bytes of materials", self._name)
-            for material, reference in _read_materials(data).items():
-                found[material] = (target.parent, target.name, reference)
-        return found
+        return {
+            material: (target.parent, target.name, reference)
+            for target in dict.fromkeys(targets)
+            for material, reference in _read_materials(read_bytes(target)).items()
+        }
 
 
 def _read_materials(data: bytes) -> dict[str, str]:
