@@ -84,7 +84,7 @@ def test_cloth_lies_on_an_object_and_hangs_over_its_edges(env):
 
 def test_each_object_has_its_friction(env):
     factors = {b.entity.name: env._get_friction(b) for b in env.cloth.bodies[0]}
-    by_name = {env.objects[name].entity_name: name for name in env.objects}
+    by_name = {env.objects[name].entity.name: name for name in env.objects}
     assert {by_name[n]: f for n, f in factors.items() if n in by_name} == {
         "block": 0.8,
         "bar": 0.5,
@@ -215,7 +215,7 @@ def test_bodies_have_the_shapes_of_the_objects(env):
     bodies = {b.entity.name: b for b in env.cloth.bodies[0]}
     for name in ("stand", "coat_hanger", "block"):
         item = env.objects[name]
-        shapes = [convert_shape(s) for s in bodies[item.entity_name].collision_shapes]
+        shapes = [convert_shape(s) for s in bodies[item.entity.name].collision_shapes]
         assert len(shapes) == len(item.prop.shapes)
         for shape, own in zip(shapes, item.prop.shapes, strict=True):
             assert shape.kind == own.kind
@@ -298,7 +298,7 @@ def check_clouds(env, picture):
         points = np.concatenate([part.vertices for part in item.prop.parts]) + item.pose[:3]
         assert (cloud > points.min(axis=0) - 0.01).all()
         assert (cloud < points.max(axis=0) + 0.01).all()
-    segments = [item.segment for item in env.objects.values()]
+    segments = [item.entity.per_scene_id for item in env.objects.values()]
     assert len(np.unique(picture.segments[np.isin(picture.segments, segments)])) >= 5
     assert env.segments.garment not in segments
     cloud = see_object(env, picture, "platform")

@@ -319,7 +319,7 @@ class GarmentEnv(BaseEnv):
             friction, thumb = self.task.hand_friction, self.agent.model.hand.thumb_links
             is_thumb = any(component.name.endswith(f"_{side}_{n}") for side in SIDES for n in thumb)
             return friction.thumb if is_thumb and friction.thumb is not None else friction.fingers
-        objects = {item.entity_name: item.declared.friction for item in self.objects.values()}
+        objects = {item.entity.name: item.declared.friction for item in self.objects.values()}
         return objects.get(component.entity.name, self.task.ground_friction)
 
     # Stepping ------------------------------------------------------------------------------
@@ -575,7 +575,7 @@ class GarmentEnv(BaseEnv):
         return Segments(
             garment=self._appearance.garment_segment,
             robot=tuple(int(link.per_scene_id[0]) for link in self.agent.robot.get_links()),
-            objects={name: item.segment for name, item in self.objects.items()},
+            objects={name: item.entity.per_scene_id for name, item in self.objects.items()},
         )
 
     def _get_obs_sensor_data(

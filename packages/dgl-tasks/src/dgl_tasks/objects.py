@@ -32,9 +32,9 @@ class PlacedObject:
         builder = scene.create_actor_builder()
         builder.initial_pose = _make_pose(declared.position, declared.yaw)  # pyright: ignore[reportAttributeAccessIssue]
         self.actor: Actor = builder.build_kinematic(name=declared.name)
-        (entity,) = self.actor._objs  # noqa: SLF001  ManiSkill has no way to add shapes of points
-        self._entity: sapien.Entity = entity
-        body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+        # ManiSkill has no way to add shapes of points
+        self.entity: sapien.Entity = self.actor._objs[0]  # noqa: SLF001
+        body = self.entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
         assert isinstance(body, sapien.physx.PhysxRigidDynamicComponent)
         material = sapien.physx.PhysxMaterial(declared.friction, declared.friction, 0.0)
         for shape in self.prop.shapes:
@@ -44,24 +44,14 @@ class PlacedObject:
         elif declared.solid_to == "garment":
             let_robot_through(self.actor)
         if scene.can_render():
-            ShownMeshes(entity).replace(
+            ShownMeshes(self.entity).replace(
                 [make_part_mesh(part, texels=_TEXELS) for part in self.prop.parts]
             )
 
     @property
-    def segment(self) -> int:
-        """Segmentation id of the object in pictures."""
-        return self._entity.per_scene_id
-
-    @property
-    def entity_name(self) -> str:
-        """Name of the object's entity in SAPIEN's scene."""
-        return self._entity.name
-
-    @property
     def pose(self) -> np.ndarray:
         """Pose of the object: xyz [m] and quaternion wxyz, shape (7,), world frame."""
-        pose = self._entity.pose
+        pose = self.entity.pose
         return np.concatenate([pose.p, pose.q]).astype(np.float64)
 
     def get_frames(self) -> dict[str, np.ndarray]:
@@ -81,7 +71,7 @@ class PlacedObject:
             position: Of the object's frame [m], world frame.
             yaw: Rotation about z [rad].
         """
-        self._entity.set_pose(_make_pose(position, yaw))
+        self.entity.set_pose(_make_pose(position, yaw))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """Place the object at random within its ranges; returns the draws by name [m]."""

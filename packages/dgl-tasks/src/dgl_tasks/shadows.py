@@ -46,11 +46,10 @@ class ShadowCaster:
         self._slope = np.asarray(direction[:2], dtype=float) / direction[2]
         described = [(body, _describe(shape)) for body in bodies for shape in body.collision_shapes]
         convex = [(body, *found) for body, found in described if found is not None]
+        convex += [(None, corners, 0.0) for corners in fixed]
         self._bodies = [body for body, _, _ in convex]
-        count = max([8, *(len(points) for _, points, _ in convex)])
-        self._points = _stack([points for _, points, _ in convex], count)
-        self._fixed = _stack(fixed, count)
-        self._radii = np.array([radius for *_, radius in convex] + [0.0] * len(self._fixed))
+        self._points = _stack([points for _, points, _ in convex])
+        self._radii = np.array([radius for *_, radius in convex])
         fan = np.arange(1, _OUTLINE - 1)
         polygon = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1)
         first = faces.max() + 1 + np.arange(len(self._radii)) * _OUTLINE
@@ -66,11 +65,13 @@ class ShadowCaster:
         Returns:
             Places on the ground [m], shape (W, 2).
         """
-        poses = [body.entity_pose.to_transformation_matrix() for body in self._bodies]
+        poses = [
+            np.eye(4) if body is None else body.entity_pose.to_transformation_matrix()
+            for body in self._bodies
+        ]
         T = np.array(poses, dtype=float).reshape(-1, 4, 4)
         moved = self._points @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
-        flat = project(np.concatenate([moved, self._fixed]), self._slope)
-        outlines = outline(flat, self._radii, self._slope)  # (S, K, 2)
+        outlines = outline(project(moved, self._slope), self._radii, self._slope)  # (S, K, 2)
         return np.concatenate([project(positions, self._slope), outlines.reshape(-1, 2)])
 
 
@@ -125,7 +126,8 @@ def _describe(shape: physx.PhysxCollisionShape) -> tuple[np.ndarray, float] | No
     return points @ T[:3, :3].T + T[:3, 3], radius
 
 
-def _stack(sets: Sequence[np.ndarray], count: int) -> np.ndarray:
-    """Bring sets of points to one length by repeating their first, shape (S, count, 3)."""
+def _stack(sets: Sequence[np.ndarray]) -> np.ndarray:
+    """Bring sets of points to one length P by repeating their first, shape (S, P, 3)."""
+    count = max(map(len, sets), default=1)
     padded = [np.concatenate([s, np.repeat(s[:1], count - len(s), axis=0)]) for s in sets]
     return np.array(padded, dtype=float).reshape(-1, count, 3)
