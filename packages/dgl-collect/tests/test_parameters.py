@@ -29,7 +29,7 @@ WHOLE = {
             "name": "lift",
             "grasp": {"left": {"at": ["lift_place.x", "lift_place.y + lift", "lift"]}},
             "when": "round < 10 * lift",
-            "definitions": {"half": "lift / 2", "lifted": "half + lift_place.x"},
+            "definitions": {"by": "lift / 2", "lifted": "by + lift_place.x"},
             "steps": [
                 {"step": "approach", "short_by": "lift / 10", "come_from": [0, "-lift", 0.1],
                  "orientation": {"yaw": "100 * lift", "pitch": 3}},
@@ -56,7 +56,7 @@ def test_values_go_wherever_a_formula_or_a_number_may_be():
     (stage,) = demonstration.stages
     steps = {type(step): step for step in stage.steps}
     assert stage.when == "round < 10 * (0.2)"
-    assert stage.definitions == {"half": "(0.2) / 2", "lifted": "half + lift_place.x"}
+    assert stage.definitions == {"by": "(0.2) / 2", "lifted": "by + lift_place.x"}
     assert stage.grasp["left"].at == ("lift_place.x", "lift_place.y + (0.2)", "(0.2)")
     # a coordinate and a longer name are other things
     assert steps[Move].targets["left"] == ("lifted", "lift_place.lift", "(0.2)")
@@ -70,7 +70,7 @@ def test_values_go_wherever_a_formula_or_a_number_may_be():
 
 def test_another_value_gives_another_demonstration():
     other = parse(parameters={"lift": LIFT | {"value": 0.3}, "share": SHARE})
-    assert other.stages[0].definitions["half"] == "(0.3) / 2"
+    assert other.stages[0].definitions["by"] == "(0.3) / 2"
     assert other.points["lift_place"][0] == pytest.approx(-0.35)
 
 
@@ -97,7 +97,7 @@ def test_unfit_parameters_are_refused():
         ({"lift": {"value": 0.2, "range": [0, 1]}}, "parameters.'lift': meaning"),
         ({"lift": LIFT | {"step": 1}}, "parameters.'lift': step"),
         ({"lift": LIFT, "share": SHARE, "left_cuff": LIFT}, named.format("left_cuff")),
-        ({"lift": LIFT, "share": SHARE, "half": LIFT}, named.format("half")),
+        ({"lift": LIFT, "share": SHARE, "by": LIFT}, named.format("by")),
         ({"lift": LIFT, "share": SHARE, "max": LIFT}, "formulas have already; got 'max'"),
         ({"lift": LIFT}, "formula.*unknown name 'share'"),
         ({"share": SHARE}, "unknown name 'lift'"),

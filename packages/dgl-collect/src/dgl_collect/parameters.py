@@ -116,7 +116,7 @@ def _fill_in_numbers(tree: Any, values: Mapping[str, Value]) -> None:
             elif key in NUMBERS and isinstance(value, str):
                 number = _compute(value, values)
                 tree[key] = round(number) if key in _WHOLE else number
-            else:
+            elif key not in ("definitions", "grasp"):  # names of one's own
                 _fill_in_numbers(value, values)
 
 
