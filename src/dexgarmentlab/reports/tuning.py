@@ -68,6 +68,7 @@ def _draw_curve(tuning: "Tuning") -> "Figure":
         values = [getattr(each, name) for each in tuning.generations]
         curve.plot(numbers, values, style, marker="o", markersize=3, label=label)
     curve.set(xlabel="generation", ylabel="score on its first two starts", ylim=(0, 1))
+    curve.xaxis.get_major_locator().set_params(integer=True)
     curve.legend(frameon=False)
     order = sorted(range(len(tuning.names)), key=lambda k: abs(tuning.response.t_values[k]))
     weights.barh([tuning.names[k] for k in order], [tuning.response.t_values[k] for k in order])
