@@ -15,6 +15,7 @@ from dgl_collect.tuning import search
 from dgl_collect.tuning.regression import fit_response
 from dgl_collect.tuning.search import TUNED_FILE, TuneConfig, tune
 from dgl_collect.tuning.trials import compute_score
+from dgl_collect.video import save_png
 from dgl_tasks.success import Criterion
 
 PARAMETERS = json.loads((FOLDER / "FlingTops.json").read_text())["parameters"]
@@ -51,7 +52,7 @@ class StandIn:
         files = {}
         if request.has_picture:
             files = {"picture": f"{request.episode_id}.png"}
-            (out_dir / files["picture"]).write_bytes(b"png")
+            save_png(out_dir / files["picture"], np.zeros((120, 160, 3), np.uint8))
         return AttemptResult(
             index=request.index, seed=request.seed, success=criterion.is_met, files=files,
             first_try=criterion.is_met, reason=None if criterion.is_met else "short",

@@ -56,6 +56,7 @@ def run(options: TuneOptions) -> int:
     from dexgarmentlab.cli.collect import prepare_run
     from dexgarmentlab.reports.tuning import write_report
     from dgl_collect.tuning.search import TUNED_FILE, Interrupted, TuneConfig, tune
+    from dgl_collect.tuning.trials import read_content
 
     task = find_task(options.task)
     command = tell_command("tune", options)
@@ -72,6 +73,7 @@ def run(options: TuneOptions) -> int:
         resume=options.resume,
         command=command,
     )
+    read_content(task, config.options.demonstration)  # faults are told before the first line
     with console.progress(f"tuning {options.task}") as bar:
         try:
             tuning = tune(
