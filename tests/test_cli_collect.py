@@ -79,7 +79,7 @@ def test_collect_refuses_in_one_line(fake, tmp_path):
     fake()
     with pytest.raises(UnknownTaskError, match="did you mean 'FoldTops-v1'"):
         collect_verb.run(options(tmp_path / "out", task="FoldTop-v1"))
-    with pytest.raises(ValueError, match="episodes must be at least 1; got 0"):
+    with pytest.raises(ValueError, match="episodes should be greater than or equal to 1; got 0"):
         collect_verb.run(options(tmp_path / "out", episodes=0))
     (tmp_path / "out").mkdir()
     (tmp_path / "out/file").touch()

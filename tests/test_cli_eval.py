@@ -145,7 +145,7 @@ def test_refusals_come_before_any_work(fake, tmp_path):
         ({"seeds": "-1"}, ValueError, "got '-1'"),
         ({"friction": -0.5}, ValueError, "friction should be greater than or equal to 0; got -0.5"),
         ({"actions": 0}, ValueError, "actions should be greater than or equal to 1; got 0"),
-        ({"episodes": 0}, ValueError, "episodes must be at least 1; got 0"),
+        ({"episodes": 0}, ValueError, "episodes should be greater than or equal to 1; got 0"),
     ):
         with pytest.raises(kind, match=message):
             verb.run(options(tmp_path / "out", **changes))

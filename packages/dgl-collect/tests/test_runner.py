@@ -356,7 +356,7 @@ def test_an_evaluation_leaves_no_episodes(run, tmp_path):
 
 
 def test_numbers_are_checked(run):
-    with pytest.raises(ValueError, match="episodes must be at least 1; got 0"):
+    with pytest.raises(ValueError, match="episodes should be greater than or equal to 1; got 0"):
         run(episodes=0)
     with pytest.raises(ValueError, match="workers must be at least 1; got 0"):
         Workers(count=0)

@@ -1,6 +1,6 @@
 """Verb `dgl compare`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,8 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 from dexgarmentlab.cli import EXIT_OK, console
 
 if TYPE_CHECKING:
-    from dgl_collect.evaluation.comparison import Comparison, Evaluation
+    from dgl_collect.evaluation.comparison import Comparison
+    from dgl_collect.evaluation.results import ResultsRecord
 
 __all__ = ["CompareOptions", "run"]
 
@@ -36,12 +37,12 @@ def run(options: CompareOptions) -> int:
     """Compare, and show each method and every two of them."""
     from dgl_collect.evaluation.comparison import compare, read_evaluation
 
-    evaluations = [read_evaluation(folder) for folder in options.folders]
+    evaluations = {folder: read_evaluation(folder) for folder in options.folders}
     comparison = compare(evaluations)
-    for evaluation in evaluations:
+    for folder, evaluation in evaluations.items():
         left = len(evaluation.episodes) - len(comparison.episodes)
         if left:
-            console.info(f"{evaluation.folder} has {left} more episodes, which others have not run")
+            console.info(f"{folder} has {left} more episodes, which others have not run")
     if options.json:
         console.out_json(_to_json(evaluations, comparison))
     else:
@@ -49,16 +50,16 @@ def run(options: CompareOptions) -> int:
     return EXIT_OK
 
 
-def _show(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> None:
+def _show(evaluations: Mapping[Path, "ResultsRecord"], comparison: "Comparison") -> None:
     console.out(f"{comparison.task}, {len(comparison.episodes)} episodes that all have run")
     rows: list[Sequence[object]] = []
-    for evaluation, score in zip(evaluations, comparison.scores, strict=True):
+    for folder, score in comparison.scores.items():
         low, high = score.count.interval
         median = "-" if score.value_median is None else f"{score.value_median:.3f}"
         rows.append(
             (
-                evaluation.folder,
-                evaluation.policy,
+                folder,
+                evaluations[folder].policy,
                 score.count.succeeded,
                 f"{score.count.rate:.3f}",
                 f"{low:.1%} to {high:.1%}",
@@ -71,8 +72,8 @@ def _show(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> None
         ("first", "second", "both", "first alone", "second alone", "neither", "p"),
         [
             (
-                evaluations[pair.first].folder,
-                evaluations[pair.second].folder,
+                pair.first,
+                pair.second,
                 len(pair.both),
                 len(pair.first_alone),
                 len(pair.second_alone),
@@ -84,25 +85,27 @@ def _show(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> None
     )
 
 
-def _to_json(evaluations: Sequence["Evaluation"], comparison: "Comparison") -> dict[str, object]:
+def _to_json(
+    evaluations: Mapping[Path, "ResultsRecord"], comparison: "Comparison"
+) -> dict[str, object]:
     return {
         "task": comparison.task,
         "episodes": [list(key) for key in comparison.episodes],
         "methods": [
             {
-                "folder": str(evaluation.folder),
-                "policy": evaluation.policy,
+                "folder": str(folder),
+                "policy": evaluations[folder].policy,
                 "succeeded": score.count.succeeded,
                 "rate": score.count.rate,
                 "interval": list(score.count.interval),
                 "value_median": score.value_median,
             }
-            for evaluation, score in zip(evaluations, comparison.scores, strict=True)
+            for folder, score in comparison.scores.items()
         ],
         "pairs": [
             {
-                "first": str(evaluations[pair.first].folder),
-                "second": str(evaluations[pair.second].folder),
+                "first": str(pair.first),
+                "second": str(pair.second),
                 "both": [list(key) for key in pair.both],
                 "first_alone": [list(key) for key in pair.first_alone],
                 "second_alone": [list(key) for key in pair.second_alone],

@@ -157,13 +157,12 @@ def drop_lost_attempts(folder: Path) -> list[AttemptResult]:
     """
     path = folder / ATTEMPTS_FILE
     results = read_results(path)
-    lost = {result.index for result in results if _is_lost(folder, result)}
-    if lost:
-        logger.warning("%d attempts are made again: their episodes are lost", len(lost))
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-        kept = [line for line in lines if AttemptResult.from_line(line).index not in lost]
-        write_text(path, "".join(kept))
-    return [result for result in results if result.index not in lost]
+    kept = [result for result in results if not _is_lost(folder, result)]
+    if len(kept) < len(results):
+        count = len(results) - len(kept)
+        logger.warning("%d attempts are made again: their episodes are lost", count)
+        write_text(path, "".join(f"{result.to_line()}\n" for result in kept))
+    return kept
 
 
 def _is_lost(folder: Path, result: AttemptResult) -> bool:

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge
 
 from dgl_collect.errors import OutputFolderError
 from dgl_collect.files import check_continued, disk_faults_told, locked_folder
@@ -29,7 +31,6 @@ from dgl_files.whole import (
 
 logger = logging.getLogger(__name__)
 
-RUN_FORMAT = 1
 RUN_FILE, SUMMARY_FILE = "run.json", "summary.json"
 KEPT_OF_FAILURES = ("video", "picture")
 """Files of failed attempts that are kept for people; an episode would mislead training."""
@@ -41,11 +42,11 @@ class RunRecord:
 
     __pydantic_config__: ClassVar = STRICT
 
-    run_format: int
+    run_format: Literal[1]
     """Version of the folder's format."""
     task: str
     """Environment id."""
-    seed: int
+    seed: Annotated[int, Ge(0)]
     """Of the run."""
     attempt_factory: str
     """`CollectConfig.attempt_factory`."""
@@ -57,12 +58,6 @@ class RunRecord:
     """Command lines of the run, in order."""
     machines: tuple[Machine, ...] = ()
     """Machines of the workers; their processors may round differently."""
-
-    def __post_init__(self) -> None:
-        if self.run_format != RUN_FORMAT:
-            raise ValueError(f"run_format must be {RUN_FORMAT}; got {self.run_format}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be at least 0; got {self.seed}")
 
 
 def read_run(folder: Path) -> RunRecord:

@@ -6,12 +6,15 @@ from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge
 
 from dgl_collect.attempt_jobs import make_job, read_outcome
 from dgl_collect.errors import MachineError
 from dgl_collect.options import RecordOptions, RunOptions
 from dgl_collect.results import AttemptResult, Summary, package_versions
-from dgl_collect.run_folder import RUN_FORMAT, RunRecord, opened_run
+from dgl_collect.run_folder import RunRecord, opened_run
 from dgl_collect.workers import (
     Dispatcher,
     Limits,
@@ -21,6 +24,7 @@ from dgl_collect.workers import (
     end_unguarded_import,
     stop_signals,
 )
+from dgl_files.fields import check_fields
 from dgl_tasks import load_task
 from dgl_tasks.declaration import Task
 
@@ -30,17 +34,18 @@ class CollectConfig:
     """A run to make.
 
     Raises:
-        ValueError: If a number is out of range or the options are not JSON-ready.
+        ValueError: If a field is of another type or out of range, or the options are not
+            JSON-ready.
     """
 
     task: str
     """Environment id, such as `FoldTops-v1`, or a task of your own; see `dgl_tasks.load_task`."""
-    episodes: int
-    """Attempts to make, at least 1; how many of them succeed is a result."""
+    episodes: Annotated[int, Ge(1)]
+    """Attempts to make; how many of them succeed is a result."""
     out: Path
     """Output folder; empty or missing, unless `resume`."""
-    seed: int = 0
-    """Seed of the run, at least 0; every attempt's seed follows from it and the attempt's
+    seed: Annotated[int, Ge(0)] = 0
+    """Seed of the run; every attempt's seed follows from it and the attempt's
     number."""
     workers: Workers = field(default_factory=Workers)
     """Number and place of the workers. The results do not depend on it."""
@@ -59,9 +64,7 @@ class CollectConfig:
     """Command line, recorded in `run.json`."""
 
     def __post_init__(self) -> None:
-        for name, least in (("episodes", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} must be at least {least}; got {getattr(self, name)}")
+        check_fields(self)
         try:
             json.dumps(self._plain_options, allow_nan=False)
         except (TypeError, ValueError) as err:
@@ -70,7 +73,7 @@ class CollectConfig:
     def make_record(self, task: Task) -> RunRecord:
         """Make the content of `run.json`."""
         return RunRecord(
-            run_format=RUN_FORMAT,
+            run_format=1,
             task=task.id,
             seed=self.seed,
             attempt_factory=self.attempt_factory,

@@ -9,16 +9,11 @@ import numpy as np
 
 from dgl_assets import AssetNotFoundError
 from dgl_assets.garments.catalogue import check_id
-from dgl_assets.robots import Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Actor
-from dgl_collect.demonstration import (
-    check_demonstration,
-    load_demonstrated_garment,
-    load_demonstration,
-)
-from dgl_collect.matching import FindMatcher, MatcherName, make_find_matcher
-from dgl_collect.options import RecordOptions, RunOptions
+from dgl_collect.demonstration import load_demonstrated_garment, load_demonstration
+from dgl_collect.matching import FindMatcher, make_find_matcher
+from dgl_collect.options import MatcherName, RecordOptions, RunOptions
 from dgl_collect.skill import Skill, load_skill
 from dgl_collect.stage_runner import TRIES, StageRunner
 from dgl_collect.steps import Demonstration
@@ -69,14 +64,8 @@ class Setup:
         )
 
 
-def make_env(task: Task, options: RunOptions, *, robot: Robot | None = None) -> GarmentEnv:
-    """Build the environment of a task for whole attempts.
-
-    Args:
-        task: The declaration.
-        options: Options of the run.
-        robot: A robot loaded before; by default it is loaded by its name.
-    """
+def make_env(task: Task, options: RunOptions) -> GarmentEnv:
+    """Build the environment of a task for whole attempts."""
     import torch
 
     backend = "gpu" if torch.cuda.is_available() else "cpu"
@@ -88,29 +77,20 @@ def make_env(task: Task, options: RunOptions, *, robot: Robot | None = None) -> 
         render_backend=options.render_backend or backend,
         render_mode="rgb_array",
         look=options.look,
-        robot=robot or load_robot(options.robot, options.robots),
+        robot=load_robot(options.robot, options.robots),
     )
 
 
-def make_setup(
-    task: str | Task,
-    options: RunOptions | None = None,
-    *,
-    demonstration: Demonstration | None = None,
-) -> Setup:
+def make_setup(task: str | Task, options: RunOptions | None = None) -> Setup:
     """Build the environment and the demonstration of a task.
 
     Args:
         task: Environment id, file or module of a task of your own, or a declaration.
         options: Options of the run; the defaults when None.
-        demonstration: A demonstration of the task; by default that of the options or the task.
     """
     options = options or RunOptions()
     declared = task if isinstance(task, Task) else load_task(task)
-    if demonstration is None:
-        demonstration = load_demonstration(declared, options.demonstration)
-    else:
-        check_demonstration(demonstration, declared, source="demonstration")
+    demonstration = load_demonstration(declared, options.demonstration)
     demo_garment = load_demonstrated_garment(demonstration.garment)
     matcher: MatcherName = options.matcher or "exact"
     find_matcher = make_find_matcher(matcher, demo_garment)
@@ -118,7 +98,7 @@ def make_setup(
     robot = load_robot(options.robot, options.robots)
     return Setup(
         options=options,
-        env=make_env(declared, options, robot=robot),
+        env=make_env(declared, options),
         demonstration=demonstration,
         matcher=matcher,
         find_matcher=find_matcher,

@@ -58,7 +58,8 @@ def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
         results, faults = inspect_results(lines)
     for fault in faults or [""]:
         yield lines, fault
-    yield lines, _check_lines(lines)
+    if lines.is_file() and not lines.read_bytes().endswith(b"\n"):
+        yield lines, f"{lines}: its last line is not finished; --resume cuts it off"
     named: set[Path] = set()
     for result in results:
         yield lines, _check_result(run, result)
@@ -89,12 +90,6 @@ def _list_missing(summary: Summary, results: list[AttemptResult]) -> list[int]:
     return sorted(set(range(summary.requested)) - {result.index for result in results})
 
 
-def _check_lines(path: Path) -> str:
-    if path.is_file() and not path.read_bytes().endswith(b"\n"):
-        return f"{path}: its last line is not finished; --resume cuts it off"
-    return ""
-
-
 def _check_result(run: RunRecord, result: AttemptResult) -> str:
     """Compare a line with its run, and its success with its criteria."""
     where = f"{ATTEMPTS_FILE}, attempt {result.index}"
@@ -123,12 +118,11 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
         return f"{path}: the files of attempt {result.index} must be {part}/{stem}.*"
     if not path.is_file():
         return f"{path} is missing{again}"
-    content = b"" if kind == "episode" else path.read_bytes()
     try:
         if kind == "episode":
             fault = _check_episode(run, result, path)
         else:
-            fault = _check_content(kind, content)
+            fault = _check_content(kind, path.read_bytes())
     except CorruptEpisodeError as err:
         return f"{err}; remove it{again}"
     except (OSError, ValueError, IndexError, EOFError, SyntaxError) as err:
@@ -158,24 +152,22 @@ def _check_content(kind: str, content: bytes) -> str:
 
 def _check_episode(run: RunRecord, result: AttemptResult, path: Path) -> str:
     episode = read_episode(path)
-    for name, ours, its in (
+    facts: list[tuple[str, object, object]] = [
         ("task", run.task, episode.task),
         ("seed", result.seed, episode.seed),
         ("garment", result.garment_id, episode.garment_id),
         ("success", result.success, episode.success),
         ("value", result.value, episode.success_value),
         ("number of frames", result.frames, sum(stage.frame_count for stage in episode.stages)),
-    ):
-        if ours != its:
-            return f"has {name} {its}; {ATTEMPTS_FILE} says {ours}"
+    ]
     for kind, line, file in (
         ("draw", result.randomisation, episode.randomisation),
         ("measurement", result.measurements, episode.measurements),
     ):
-        for name, value in file.items():
-            if line.get(name) != value:
-                found = line.get(name)
-                return f"has {kind} {name!r} {value}; {ATTEMPTS_FILE} says {found}"
+        facts += [(f"{kind} {name!r}", line.get(name), value) for name, value in file.items()]
+    for name, ours, its in facts:
+        if ours != its:
+            return f"has {name} {its}; {ATTEMPTS_FILE} says {ours}"
     return ""
 
 

@@ -6,29 +6,17 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from dgl_collect.evaluation.results import RESULTS_FILE, Count, EpisodeRecord, ResultsRecord, count
+from dgl_collect.evaluation.results import (
+    RESULTS_FILE,
+    Count,
+    EpisodeRecord,
+    Key,
+    ResultsRecord,
+    count,
+)
 from dgl_files.fields import read_json_file
 
-__all__ = ["Comparison", "Evaluation", "Key", "Pair", "Score", "compare", "read_evaluation"]
-
-Key = tuple[int, int]
-"""Seed and number of an episode."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """Episodes of one method, read from a folder of `dgl eval`."""
-
-    folder: Path
-    """The folder."""
-    task: str
-    """Environment id."""
-    policy: str
-    """The method."""
-    friction: float
-    """The factor on the garments' friction and adhesion."""
-    episodes: Mapping[Key, EpisodeRecord]
-    """Episodes by seed and number."""
+__all__ = ["Comparison", "Pair", "Score", "compare", "read_evaluation"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +33,10 @@ class Score:
 class Pair:
     """Two methods on the common episodes."""
 
-    first: int
-    """Index of the first evaluation."""
-    second: int
-    """Index of the second."""
+    first: Path
+    """Folder of the first evaluation."""
+    second: Path
+    """Folder of the second."""
     both: Sequence[Key]
     """Successes of both."""
     first_alone: Sequence[Key]
@@ -70,13 +58,13 @@ class Comparison:
     """Environment id."""
     episodes: Sequence[Key]
     """The common episodes."""
-    scores: Sequence[Score]
-    """One for each evaluation."""
+    scores: Mapping[Path, Score]
+    """By folder of the evaluation."""
     pairs: Sequence[Pair]
     """All pairs of evaluations."""
 
 
-def read_evaluation(folder: Path | str) -> Evaluation:
+def read_evaluation(folder: Path) -> ResultsRecord:
     """Read the results of `dgl eval`.
 
     Args:
@@ -86,29 +74,22 @@ def read_evaluation(folder: Path | str) -> Evaluation:
         FileNotFoundError: If the folder holds no results.
         ValueError: If they are damaged, or of another kind.
     """
-    path = Path(folder) / RESULTS_FILE
+    path = folder / RESULTS_FILE
     if not path.is_file():
         raise FileNotFoundError(
             f"{folder} holds no evaluation: {RESULTS_FILE}, which dgl eval writes, is missing"
         )
     try:
-        content = read_json_file(ResultsRecord, path)
+        return read_json_file(ResultsRecord, path)
     except ValueError as err:
         raise ValueError(f"{err}; the file is damaged or not of dgl eval") from err
-    return Evaluation(
-        folder=Path(folder),
-        task=content.task,
-        policy=content.policy,
-        friction=content.friction,
-        episodes={(run.seed, run.episode): run for run in content.runs},
-    )
 
 
-def compare(evaluations: Sequence[Evaluation]) -> Comparison:
+def compare(evaluations: Mapping[Path, ResultsRecord]) -> Comparison:
     """Compare evaluations on their common episodes.
 
     Args:
-        evaluations: At least two, of one task.
+        evaluations: Folder to results, at least two, of one task.
 
     Raises:
         ValueError: If there are fewer, they are of several tasks, share no episode, or an episode
@@ -116,35 +97,36 @@ def compare(evaluations: Sequence[Evaluation]) -> Comparison:
     """
     if len(evaluations) < 2:
         raise ValueError(f"at least two evaluations are compared; got {len(evaluations)}")
-    first, *others = evaluations
-    for other in others:
+    (folder, first), *others = evaluations.items()
+    for other_folder, other in others:
         for name in ("task", "friction"):
             ours, theirs = getattr(first, name), getattr(other, name)
             if ours != theirs:
                 raise ValueError(
-                    f"{first.folder} and {other.folder} cannot be compared: "
+                    f"{folder} and {other_folder} cannot be compared: "
                     f"their {name} is {ours} and {theirs}"
                 )
-    common = sorted(set(first.episodes).intersection(*(other.episodes for other in others)))
+    common = sorted(set(first.episodes).intersection(*(other.episodes for _, other in others)))
     if not common:
-        names = ", ".join(str(evaluation.folder) for evaluation in evaluations)
-        raise ValueError(f"there is no episode that all of {names} have run")
-    for other in others:
+        raise ValueError(f"there is no episode that all of {', '.join(map(str, evaluations))} have")
+    for other_folder, other in others:
         for key in common:
-            if not _began_alike(first.episodes[key], other.episodes[key]):
-                starts = [
-                    f"with {e.garment} (seed {e.episode_seed}) in {evaluation.folder}"
-                    for evaluation in (first, other)
-                    for e in [evaluation.episodes[key]]
-                ]
-                raise ValueError(f"episode {key[1]} of seed {key[0]} began {' and '.join(starts)}")
+            ours, theirs = first.episodes[key], other.episodes[key]
+            if not _began_alike(ours, theirs):
+                raise ValueError(
+                    f"episode {key[1]} of seed {key[0]} began "
+                    f"with {ours.garment} (seed {ours.episode_seed}) in {folder} and "
+                    f"with {theirs.garment} (seed {theirs.episode_seed}) in {other_folder}"
+                )
+    common_of = {
+        path: [evaluation.episodes[key] for key in common]
+        for path, evaluation in evaluations.items()
+    }
     return Comparison(
         task=first.task,
         episodes=common,
-        scores=[_score(evaluation, common) for evaluation in evaluations],
-        pairs=[
-            _pair(evaluations, (i, j), common) for i, j in combinations(range(len(evaluations)), 2)
-        ],
+        scores={path: _score(episodes) for path, episodes in common_of.items()},
+        pairs=[_pair(*two, common) for two in combinations(common_of.items(), 2)],
     )
 
 
@@ -153,8 +135,7 @@ def _began_alike(ours: EpisodeRecord, theirs: EpisodeRecord) -> bool:
     return ours.episode_seed == theirs.episode_seed and len(garments) < 2
 
 
-def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
-    episodes = [evaluation.episodes[key] for key in common]
+def _score(episodes: Sequence[EpisodeRecord]) -> Score:
     values = [episode.value for episode in episodes if episode.value is not None]
     return Score(
         count=count(episodes),
@@ -163,17 +144,18 @@ def _score(evaluation: Evaluation, common: Sequence[Key]) -> Score:
 
 
 def _pair(
-    evaluations: Sequence[Evaluation], indices: tuple[int, int], common: Sequence[Key]
+    first: tuple[Path, Sequence[EpisodeRecord]],
+    second: tuple[Path, Sequence[EpisodeRecord]],
+    keys: Sequence[Key],
 ) -> Pair:
     groups: dict[tuple[bool, bool], list[Key]] = {
         (a, b): [] for a in (True, False) for b in (True, False)
     }
-    for key in common:
-        ours, theirs = (evaluations[index].episodes[key].success for index in indices)
-        groups[ours, theirs].append(key)
+    for key, ours, theirs in zip(keys, first[1], second[1], strict=True):
+        groups[ours.success, theirs.success].append(key)
     return Pair(
-        first=indices[0],
-        second=indices[1],
+        first=first[0],
+        second=second[0],
         both=groups[True, True],
         first_alone=groups[True, False],
         second_alone=groups[False, True],

@@ -4,15 +4,15 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 from dgl_collect.results import AttemptResult, count_reasons, wilson_interval
 from dgl_files.fields import STRICT_PART
 
 __all__ = [
     "RESULTS_FILE",
-    "RESULTS_FORMAT",
     "Count",
     "Results",
     "Run",
@@ -23,8 +23,6 @@ __all__ = [
 
 RESULTS_FILE = "results.json"
 """File of the figures in the evaluation's folder."""
-RESULTS_FORMAT = 1
-"""Version of its format."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +81,10 @@ class Results:
     """Reason of failure to the detail of its first episode."""
 
 
+Key = tuple[int, int]
+"""Seed and number of an episode."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRecord:
     """One episode in `results.json`; other keys are ignored."""
@@ -111,7 +113,7 @@ class ResultsRecord:
 
     __pydantic_config__ = STRICT_PART
 
-    format: int
+    format: Literal[1]
     """Version of the format."""
     task: str
     """Environment id."""
@@ -123,22 +125,18 @@ class ResultsRecord:
     """The episodes."""
 
     def __post_init__(self) -> None:
-        if self.format != RESULTS_FORMAT:
-            raise ValueError(f"format must be {RESULTS_FORMAT}; got {self.format}")
         keys = Counter((run.seed, run.episode) for run in self.runs)
-        twice = [key for key, times in keys.items() if times > 1]
-        if twice:
-            raise ValueError(f"episode {twice[0][1]} of seed {twice[0][0]} is there twice")
+        for (seed, episode), times in keys.items():
+            if times > 1:
+                raise ValueError(f"episode {episode} of seed {seed} is there twice")
+
+    @cached_property
+    def episodes(self) -> Mapping[Key, EpisodeRecord]:
+        """The episodes by seed and number."""
+        return {(run.seed, run.episode): run for run in self.runs}
 
 
-class _Judged(Protocol):
-    @property
-    def success(self) -> bool: ...
-    @property
-    def first_try(self) -> bool: ...
-
-
-def count(results: Sequence[_Judged]) -> Count:
+def count(results: Sequence[AttemptResult] | Sequence[EpisodeRecord]) -> Count:
     """Count successes."""
     succeeded = sum(result.success for result in results)
     return Count(
@@ -183,7 +181,7 @@ def to_json(
 ) -> dict[str, object]:
     """Build the content of `results.json`: options, figures, and a record of every episode."""
     return {
-        "format": RESULTS_FORMAT,
+        "format": 1,
         **asked,
         "status": status,
         "success": {"mean": results.mean, "std": results.std, **asdict(results.total)},

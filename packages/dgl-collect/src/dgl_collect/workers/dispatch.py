@@ -8,7 +8,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -53,40 +53,29 @@ class Limits:
         check_fields(self)
 
 
+@dataclass(eq=False)
 class Dispatcher:
     """Distributes the jobs of one run to workers."""
 
-    def __init__(
-        self,
-        jobs: Iterable[Job],
-        *,
-        work: Work,
-        workers: Workers,
-        folder: Path,
-        stop: threading.Event,
-        limits: Limits | None = None,
-        on_change: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Prepare a run; nothing is started yet.
+    jobs: Iterable[Job]
+    _: KW_ONLY
+    work: Work
+    """Construction of the workers' job runners."""
+    workers: Workers
+    """Number and engine."""
+    folder: Path
+    """Folder of the run. Jobs write below `.staging`, workers print into `logs`."""
+    stop: threading.Event
+    """Ends the run when set, as interrupts do."""
+    limits: Limits = field(default_factory=Limits)
+    """Limits of time and failures."""
+    on_change: Callable[[], None] = lambda: None
+    """Called when a worker is ready."""
+    machines: set[Machine] = field(default_factory=set, init=False)
+    """Machines of the workers."""
 
-        Args:
-            jobs: The jobs.
-            work: Construction of the workers' job runners.
-            workers: Number and engine.
-            folder: Folder of the run. Jobs write below `.staging`, workers print into `logs`.
-            stop: Ends the run when set, as interrupts do.
-            limits: Limits of time and failures; the defaults when None.
-            on_change: Called when a worker is ready.
-        """
-        self.machines: set[Machine] = set()
-        """Machines of the workers."""
-        self._left = deque(jobs)
-        self._work = work
-        self._workers = workers
-        self._folder = folder
-        self._stop = stop
-        self._limits = limits or Limits()
-        self._on_change = on_change
+    def __post_init__(self) -> None:
+        self._left = deque(self.jobs)
         self._running: list[Worker] = []
         self._losses: Counter[tuple[str, str]] = Counter()  # by name and cause
         self._ends: dict[str, str] = {}  # of workers since the last result, by job or start
@@ -118,16 +107,16 @@ class Dispatcher:
                 gone.
             MachineError: If a disk is full, or fails.
         """
-        shutil.rmtree(self._folder / STAGING, ignore_errors=True)  # of a run that was killed
+        shutil.rmtree(self.folder / STAGING, ignore_errors=True)  # of a run that was killed
         if not self._left:
             return
-        (self._folder / "logs").mkdir(exist_ok=True)
-        engine = _start_engine(self._workers)
+        (self.folder / "logs").mkdir(exist_ok=True)
+        engine = _start_engine(self.workers)
         try:
             for outcome in self._run(engine):
                 yield outcome
                 shutil.rmtree(outcome.folder, ignore_errors=True)
-            if not self._stop.is_set():
+            if not self.stop.is_set():
                 for worker in self._running:
                     if worker.is_ready:
                         worker.release()
@@ -136,11 +125,11 @@ class Dispatcher:
                 worker.kill()
             self._running.clear()
             engine.close()
-            shutil.rmtree(self._folder / STAGING, ignore_errors=True)
+            shutil.rmtree(self.folder / STAGING, ignore_errors=True)
 
     def _run(self, engine: Engine) -> Generator[JobOutcome, None, None]:
-        self._on_change()
-        while not self._stop.is_set() and (self._left or any(w.job for w in self._running)):
+        self.on_change()
+        while not self.stop.is_set() and (self._left or any(w.job for w in self._running)):
             self._start_missing(engine)
             for worker in self._running:
                 if worker.is_ready and worker.job is None and self._left:
@@ -150,7 +139,7 @@ class Dispatcher:
                     folder.mkdir(parents=True)
                     worker.assign(job, folder)
             for worker, answer in engine.hear(self._running, POLL_SECONDS):
-                if self._stop.is_set() and isinstance(answer, Lost):
+                if self.stop.is_set() and isinstance(answer, Lost):
                     return  # the same signal has ended the worker: that is no crash
                 if outcome := self._take(engine, worker, answer):
                     yield outcome
@@ -158,7 +147,7 @@ class Dispatcher:
                 late = self._find_late(worker)
                 if late and (outcome := self._end(engine, worker, late)):
                     yield outcome
-            if len(self._ends) >= self._limits.crashes_in_a_row:
+            if len(self._ends) >= self.limits.crashes_in_a_row:
                 raise WorkerError(
                     f"{len(self._ends)} workers in a row ended early, the last with: "
                     f"{list(self._ends.values())[-1]}"
@@ -169,17 +158,17 @@ class Dispatcher:
         idle = sum(worker.job is None for worker in self._running)
         free = [
             number
-            for number in range(self._workers.count)
+            for number in range(self.workers.count)
             if all(worker.number != number for worker in self._running)
         ]
         for number in free[: max(0, len(self._left) - idle)]:
             self._start(engine, number)
 
     def _start(self, engine: Engine, number: int) -> None:
-        self._running.append(engine.start(number, self._work, self._folder / _get_log(number)))
+        self._running.append(engine.start(number, self.work, self.folder / _get_log(number)))
 
     def _get_folder(self, job: Job) -> Path:
-        return self._folder / STAGING / job.name
+        return self.folder / STAGING / job.name
 
     def _take(self, engine: Engine, worker: Worker, answer: Answer) -> JobOutcome | None:
         """Handle an answer; return the outcome of a job, if it is one."""
@@ -188,7 +177,7 @@ class Dispatcher:
                 self._check_versions(machine, versions)
                 worker.is_ready = True
                 self.machines.add(machine)
-                self._on_change()
+                self.on_change()
                 return None
             case JobOutcome(job=job):
                 self._ends.clear()
@@ -197,7 +186,7 @@ class Dispatcher:
             case Lost():
                 return self._end(engine, worker, answer)
             case WorkerError():
-                log = self._folder / _get_log(worker.number)
+                log = self.folder / _get_log(worker.number)
                 raise WorkerError(f"{answer} (see {log})" if log.is_file() else str(answer))
         raise answer
 
@@ -217,9 +206,9 @@ class Dispatcher:
         """Check if a worker takes too long."""
         if worker.since is None or (worker.is_ready and worker.job is None):
             return None
-        what, limit = "building", self._limits.build_seconds
+        what, limit = "building", self.limits.build_seconds
         if worker.is_ready:
-            what, limit = "the job", self._limits.job_seconds
+            what, limit = "the job", self.limits.job_seconds
         if time.monotonic() - worker.since <= limit:
             return None
         return Lost(how=f"{what} took longer than {limit:g} s", cause="time")
@@ -228,14 +217,14 @@ class Dispatcher:
         """Replace a worker; its job is repeated, or has failed: then return its outcome."""
         worker.kill()
         self._running.remove(worker)
-        if fault := describe_full_disk(self._folder):
+        if fault := describe_full_disk(self.folder):
             raise MachineError(fault)  # libraries crash when they cannot write
         logger.info("worker %d: %s", worker.number, lost.how)
         job, log = worker.job, _get_log(worker.number)
         if lost.cause != "machine":
             name = f"start {len(self._ends)}" if job is None else job.name
             self._ends.pop(name, None)  # the last one stands at the end
-            self._ends[name] = f"{_REASONS[lost.cause]}, {lost.how} (see {self._folder / log})"
+            self._ends[name] = f"{_REASONS[lost.cause]}, {lost.how} (see {self.folder / log})"
         failure = None if job is None else self._find_failure(job, lost, log)
         if job is not None and failure is None:
             self._left.append(job)
@@ -250,12 +239,12 @@ class Dispatcher:
         self._losses[job.name, lost.cause] += 1
         times = self._losses[job.name, lost.cause]
         if lost.cause == "machine":
-            if times >= self._limits.machines:
+            if times >= self.limits.machines:
                 raise WorkerError(f"{job.name}: its machine was lost {times} times")
             return None
         detail = f"{lost.how} (see {log})"
         if lost.cause == "crash":
-            if times < self._limits.crashes:
+            if times < self.limits.crashes:
                 return None
             detail = f"{lost.how}, {times} {'time' if times == 1 else 'times'} (see {log})"
         return Failure(reason=_REASONS[lost.cause], detail=detail)
