@@ -118,11 +118,12 @@ def _check_file(run: RunRecord, result: AttemptResult, kind: str, path: Path) ->
         return f"{path}: the files of attempt {result.index} must be {part}/{stem}.*"
     if not path.is_file():
         return f"{path} is missing{again}"
+    content = b"" if kind == "episode" else path.read_bytes()
     try:
         if kind == "episode":
             fault = _check_episode(run, result, path)
         else:
-            fault = _check_content(kind, path.read_bytes())
+            fault = _check_content(kind, content)
     except CorruptEpisodeError as err:
         return f"{err}; remove it{again}"
     except (OSError, ValueError, IndexError, EOFError, SyntaxError) as err:

@@ -1,9 +1,9 @@
 """The inside of a worker, on either engine."""
 
 import gc
-import importlib
 import logging
 import os
+import pkgutil
 import platform
 import re
 import socket
@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from dgl_collect.errors import MachineError, WorkerError
 from dgl_collect.files import describe_disk_fault
@@ -42,11 +41,11 @@ class Workbench:
             # would walk through them for 1 s during imports, and 0.2 s at each later collection.
             gc.disable()
             try:
-                self._factory = _load_factory(self._work.factory)
+                factory = self._factory = pkgutil.resolve_name(self._work.factory)
             finally:
                 gc.freeze()
                 gc.enable()
-            self._runner = self._factory(**self._work.arguments)
+            self._runner = factory(**self._work.arguments)
         except Exception as err:
             logger.exception("the job runner cannot be built")
             if fault := describe_disk_fault(err):
@@ -86,17 +85,6 @@ class Workbench:
                 runner.close()
         except Exception:  # the worker is done with it either way
             logger.exception("the job runner cannot be closed")
-
-
-def _load_factory(dotted_path: str) -> Callable[..., Any]:
-    """Import a factory by its `module:name`; raises ValueError if there is none."""
-    module_name, _, name = dotted_path.partition(":")
-    if not module_name or not name:
-        raise ValueError(f"factory must be 'module:name'; got {dotted_path!r}")
-    found = getattr(importlib.import_module(module_name), name, None)
-    if not callable(found):
-        raise ValueError(f"factory must name a callable; {dotted_path!r} is {found!r}")
-    return found
 
 
 @cache
