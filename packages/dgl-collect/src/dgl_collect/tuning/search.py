@@ -14,7 +14,7 @@ from dgl_collect.attempt_jobs import make_attempt_seed, read_outcome
 from dgl_collect.evaluation.comparison import compute_mcnemar
 from dgl_collect.options import RunOptions
 from dgl_collect.results import package_versions
-from dgl_collect.run_folder import RUN_FORMAT, RunFolder, RunRecord, opened_run
+from dgl_collect.run_folder import RunFolder, RunRecord, opened_run
 from dgl_collect.tuning.regression import LEAST_TRIALS, Response, fit_response
 from dgl_collect.tuning.trials import TrialRequest, compute_score, read_content, set_values
 from dgl_collect.workers import Dispatcher, Job, Limits, Work, Workers, check_workers, stop_signals
@@ -324,7 +324,7 @@ def _opened(
     """Open the folder and start the workers of a search."""
     numbers = {n: getattr(config, n) for n in ("generations", "candidates", "starts", "judged")}
     record = RunRecord(
-        run_format=RUN_FORMAT,
+        run_format=1,
         task=task,
         seed=config.seed,
         attempt_factory=FACTORY,
