@@ -132,6 +132,22 @@ def make_square(look, *, flip=1):
     )
 
 
+def test_what_is_shown_is_read_again():
+    """Its texture, coordinates and triangles, and nothing of what was shown before."""
+    scene, shown = sapien.Scene(), ShownMeshes(sapien.Entity())
+    scene.add_entity(shown.entity)
+    pixels = np.repeat(RED_AND_BLUE, 32, axis=0)
+    square = make_square(SurfaceLook(image=Image(pixels=pixels)))
+    for _ in range(2):
+        shown.replace([square])
+        (mesh,) = read_meshes(shown.entity, None)
+        corners, expected = mesh.faces.ravel(), square.faces.ravel()
+        np.testing.assert_allclose(mesh.vertices[corners], square.vertices[expected])
+        np.testing.assert_allclose(mesh.uvs[corners], square.uvs[expected])
+        np.testing.assert_array_equal(mesh.surface.image.pixels[..., :3], pixels)
+
+
+@pytest.mark.slow
 def test_a_texture_lies_as_its_coordinates_say(photograph):
     look = SurfaceLook(image=Image(pixels=np.repeat(RED_AND_BLUE, 32, axis=0)))
     colour = photograph(make_square(look))
@@ -141,6 +157,7 @@ def test_a_texture_lies_as_its_coordinates_say(photograph):
     assert right[0] > 2 * right[2]
 
 
+@pytest.mark.slow
 def test_an_inside_is_shown_darker_or_not_at_all(photograph):
     cloth = SurfaceLook(colour=(0.5, 0.5, 0.5), inside_shade=0.9)
     outside = photograph(make_square(cloth)).mean()
@@ -151,6 +168,7 @@ def test_an_inside_is_shown_darker_or_not_at_all(photograph):
     np.testing.assert_array_equal(photograph(make_square(solid, flip=-1)), photograph())
 
 
+@pytest.mark.slow
 def test_meshes_replace_those_before(photograph):
     look = SurfaceLook(colour=(0.5, 0.5, 0.5))
     first = photograph(make_square(look))
