@@ -56,7 +56,8 @@ class Attempts:
             garments: Split of the drawn garments; the environment draws when None.
         """
         self._setup, self._method = setup, method
-        self._recorded, self._garments = recorded, garments
+        self._recorded = recorded
+        self._garments: GarmentChoice | None = garments
         self.env = setup.env
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue] - compiled
 
 from dgl_assets import Garment, correspond
 from dgl_assets.importing import AnyGarment, ImportedGarment

@@ -10,15 +10,14 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue] - compiled
 
 from dgl_assets import AssetError, load_garment
 from dgl_assets.garments.garment import Garment
 from dgl_assets.importing import GarmentImportOptions, ImportedGarment, import_garment, load_asset
-from dgl_assets.importing.asset_folder import META_FILE
 from dgl_assets.importing.paths import detect_kind, read_bytes
 from dgl_assets.importing.read import read_mesh
-from dgl_assets.importing.source import KEYPOINTS_FILE, find_source
+from dgl_assets.importing.source import KEYPOINTS_FILE, META_FILE, find_source
 from dgl_collect.demonstration import load_demonstration
 from dgl_gam import GarmentAffordanceModel
 from dgl_physics import MeshError, ModelBuilder

@@ -153,8 +153,8 @@ class StageWork:
                     name, at = step.orientation or name, self._compute(targets[side])
                     motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
                 case Follow():
-                    orientation = {side: orient(name, side, turn)}
-                    ways, _ = self._plan_follow(step, self.grasp | {side: at}, orientation)
+                    orientation: dict[Side, np.ndarray] = {side: orient(name, side, turn)}
+                    ways, _ = self._plan_follow(step, {**self.grasp, side: at}, orientation)
                     motion.follow(*ways)
                     at = ways[0][side][-1]
                 case Retreat():
@@ -167,7 +167,9 @@ class StageWork:
         self, grasp: Mapping[Side, np.ndarray], turns: Mapping[Side, float]
     ) -> np.ndarray:
         step = self.stage.approach
-        orientations = {side: orient(step.orientation, side, turn) for side, turn in turns.items()}
+        orientations: dict[Side, np.ndarray] = {
+            side: orient(step.orientation, side, turn) for side, turn in turns.items()
+        }
         return plan_approach(
             self.hands.motion, grasp, orientations, come_from=step.come_from, spacing=step.spacing
         )
@@ -231,7 +233,9 @@ class StageWork:
                 self._has_closed = True
             case Move():
                 self._orientation = step.orientation or self._orientation
-                targets = {side: self._compute(f) for side, f in step.targets.items()}
+                targets: dict[Side, np.ndarray] = {
+                    side: self._compute(formulas) for side, formulas in step.targets.items()
+                }
                 rows = motion.move(targets, self.orientations, spacing=step.spacing)
                 yield from hands.send(rows, recorded=recorded)
                 self._targets |= targets

@@ -6,6 +6,7 @@ from pathlib import Path
 import av
 import imageio.v3 as iio
 import numpy as np
+from av.container import OutputContainer
 
 from dgl_files.whole import write_bytes
 
@@ -33,7 +34,7 @@ class VideoWriter:
         self.frame_count = 0
         self._frame_rate = frame_rate
         self._content = io.BytesIO()  # FFmpeg says nothing where a disk is full
-        self._file: av.container.OutputContainer | None = None
+        self._file: OutputContainer | None = None
         self._stream: av.VideoStream | None = None
 
     def __enter__(self) -> "VideoWriter":

@@ -1,5 +1,7 @@
 """Contact of the middles of edges with rigid shapes."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 from itertools import pairwise
 
 import warp as wp

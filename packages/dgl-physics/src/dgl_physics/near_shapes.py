@@ -1,5 +1,7 @@
 """Rigid shapes that particles may touch within a frame, and their poses in a substep."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 import numpy as np
 import warp as wp
 

@@ -1,5 +1,7 @@
 """Contact between particles: search for neighbours, and separation."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 import numpy as np
 import warp as wp
 

@@ -1,5 +1,7 @@
 """Settings of the solver."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 from dataclasses import dataclass
 from typing import get_args
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import sapien
@@ -42,7 +42,7 @@ from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
-from dgl_tasks.robot import let_robot_pass, make_agent_class
+from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
 from dgl_tasks.scene_check import check_scene
 from dgl_tasks.soft_body import add_soft_body
 from dgl_tasks.studio import (
@@ -83,6 +83,7 @@ class GarmentEnv(BaseEnv):
     anything else: until then the garment hangs in the air.
     """
 
+    agent: BimanualUR10eShadow  # pyright: ignore[reportIncompatibleVariableOverride] - ours alone
     _spec: EnvSpec | None = None
     _is_built = False
 
@@ -158,7 +159,7 @@ class GarmentEnv(BaseEnv):
 
     # Gymnasium sets a plain attribute, which pyright does not take for a property.
     @property
-    def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def spec(self) -> EnvSpec | None:
         """Gymnasium's specification, with an id that names this package.
 
         ManiSkill writes it into recordings; `gymnasium.make` imports the part before the colon.
@@ -166,7 +167,7 @@ class GarmentEnv(BaseEnv):
         return self._spec
 
     @spec.setter
-    def spec(self, made: EnvSpec | None) -> None:
+    def spec(self, made: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
         package = __name__.partition(".")[0]
         if made is not None and made.id in task_ids():
             made = replace(made, id=f"{package}:{made.id}")
@@ -404,7 +405,8 @@ class GarmentEnv(BaseEnv):
 
     def apply_rule(self) -> Verdict:
         """Apply the task's rule to the ground truth."""
-        return self.task.success(self.view)
+        # Pyright takes no cached property for a property of a protocol.
+        return self.task.success(self.view)  # pyright: ignore[reportArgumentType]
 
     def judge(self) -> Verdict:
         """Judge the garment: the task's rule, that no hand touches it, and that it is at rest."""
@@ -512,10 +514,11 @@ class GarmentEnv(BaseEnv):
 
     # State ---------------------------------------------------------------------------------
 
-    def get_state_dict(self) -> dict:
+    # ManiSkill's is inferred to return a tensor.
+    def get_state_dict(self) -> dict:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return ManiSkill's state with particles, contact forces and present joint targets."""
         self._check_open("get_state_dict")
-        state = super().get_state_dict()
+        state = cast("dict", super().get_state_dict())
         state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
         state["garment"] = read_cloth(self.cloth)
         return state
@@ -534,12 +537,16 @@ class GarmentEnv(BaseEnv):
         self._check_open("set_state_dict")
         state = read_state(state, self.get_state_dict())
         rigid = {k: value for k, value in state.items() if k not in ("garment", "targets")}
-        super().set_state_dict(rigid, env_idx)
+        # ManiSkill's default is None, too.
+        super().set_state_dict(rigid, env_idx)  # pyright: ignore[reportArgumentType]
         write_cloth(self.cloth, state["garment"])
         self._target = state["targets"]["joints"][0].numpy().astype(np.float64)
         self._appearance.mark_moved()
 
-    def set_state(self, state: torch.Tensor, env_idx: torch.Tensor | None = None) -> None:
+    # ManiSkill's takes arrays, too.
+    def set_state(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, state: torch.Tensor, env_idx: torch.Tensor | None = None
+    ) -> None:
         """Restore a state from `get_state`'s flat vector, shape (1, D)."""
         self.set_state_dict(split_state(state, self.get_state_dict()))
 
@@ -588,7 +595,8 @@ class GarmentEnv(BaseEnv):
     def render_rgb_array(self, camera_name: str | None = None) -> Any:
         """Render the video camera, as ManiSkill does."""
         self.draw_garment()
-        return super().render_rgb_array(camera_name)
+        # ManiSkill's default is None, too.
+        return super().render_rgb_array(camera_name)  # pyright: ignore[reportArgumentType]
 
     def render_all(self) -> Any:
         """Render all cameras, as ManiSkill does."""

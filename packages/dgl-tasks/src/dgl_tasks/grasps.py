@@ -90,7 +90,7 @@ def turn_inward(quaternion: np.ndarray, angle: float, side: Side) -> np.ndarray:
 
 
 def _make_orientations() -> dict[GraspName, dict[Side, np.ndarray]]:
-    rows = {
+    rows: dict[str, dict[Side, np.ndarray]] = {
         name: {side: to_quaternion(to_rotation(q)) for side, q in row.items()}
         for name, row in _ROWS.items()
     }

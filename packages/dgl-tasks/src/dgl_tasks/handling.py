@@ -165,7 +165,9 @@ def plan_leave(
     rolled: dict[Side, np.ndarray] = {
         side: roll_thumb_down(q, out.roll, side) for side, q in orientations.items()
     }
-    starts = {side: points[side] + np.array([0, 0, out.rise]) for side in orientations}
+    starts: dict[Side, np.ndarray] = {
+        side: points[side] + np.array([0, 0, out.rise]) for side in orientations
+    }
     return plan_way_out(motion, starts, rolled, out)
 
 
@@ -304,8 +306,12 @@ class Handling:
             if not caught:
                 return
             points, orientations = self._get_hands(caught)
-            down = {side: point - np.array([0, 0, 0.15]) for side, point in points.items()}
-            rolled = {side: roll_thumb_down(q, roll, side) for side, q in orientations.items()}
+            down: dict[Side, np.ndarray] = {
+                side: point - np.array([0, 0, 0.15]) for side, point in points.items()
+            }
+            rolled: dict[Side, np.ndarray] = {
+                side: roll_thumb_down(q, roll, side) for side, q in orientations.items()
+            }
             out = WayOut(wait=RELEASE_FRAMES, back=FREE_BACKS)
             try:
                 parts = plan_way_out(self.motion, down, rolled, out)

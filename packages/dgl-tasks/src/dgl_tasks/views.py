@@ -35,9 +35,9 @@ class TrueView:
     @cached_property
     def tilt(self) -> float:
         """Angle between upward axes of garment and world, after the best rigid motion [rad]."""
-        turn, _ = Rotation.align_vectors(
+        turn = Rotation.align_vectors(
             self.particles - self.particles.mean(axis=0), self.upright - self.upright.mean(axis=0)
-        )
+        )[0]
         return float(np.arccos(np.clip(turn.as_matrix()[2, 2], -1.0, 1.0)))
 
     @property

@@ -1,5 +1,7 @@
 """Rasteriser of triangle meshes."""
 
+# What wp.struct returns is no class to pyright.
+# pyright: reportGeneralTypeIssues=false
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +28,7 @@ from dgl_physics.drawing.light import (
     compute_mirror,
 )
 from dgl_physics.drawing.mesh import SHADOW, Image, Mesh, SurfaceLook
+from dgl_physics.launcher import Kernel
 from dgl_physics.quiet import quiet_warp
 
 _DEVICE = "cpu"
@@ -242,7 +245,7 @@ def weigh_corners(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-def _launch(kernel: wp.Kernel, count: int, *inputs: Any) -> None:
+def _launch(kernel: Kernel, count: int, *inputs: Any) -> None:
     wp.launch(kernel, dim=count, inputs=list(inputs), device=_DEVICE)
 
 
@@ -322,5 +325,5 @@ def _make_textures(images: Sequence[Image]) -> tuple[wp.array, wp.array]:
     return _make(textures[1:] or textures, TextureLevels), _make(texels, wp.vec3ub)
 
 
-def _make(values: np.ndarray | Sequence[Any], dtype: Any) -> wp.array:
+def _make(values: np.ndarray | list[Any], dtype: Any) -> wp.array:
     return wp.array(values, dtype=dtype, device=_DEVICE)
