@@ -174,7 +174,7 @@ def test_a_strange_value_does_not_break_the_line_of_its_error(demonstrations):
 
 
 def test_a_point_is_three_numbers(demonstrations):
-    content = copy.deepcopy(demonstrations[0])
+    content = copy.deepcopy(next(d for d in demonstrations if d["task"] == "FoldTops-v1"))
     name = next(iter(content["points"]))
     for value in (None, 1, "abc", [1, 2], [0, 0, "0"], [0, 0, True], [0, 0, None], [0, 0, {}],
                   [0, 0, []], [0, 0, 10**400], [0, 0, -3.01], [0, 0, float("nan")]):  # fmt: skip
