@@ -32,6 +32,7 @@ def test_the_winner_its_judgement_and_the_report_are_told(tune, tmp_path):
     assert code == 0
     assert "first try on 4 further starts:" in told.out
     assert "along" in told.out
+    assert "not shown to be better: keep the demonstration" in told.out  # four starts show nothing
     page = (tmp_path / "out/index.html").read_text()
     assert "data:image/png" in page
     assert "swing" not in page  # meanings are in the demonstration

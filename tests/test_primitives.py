@@ -19,8 +19,8 @@ from dgl_collect.evaluation.methods import check_method
 from dgl_collect.names import list_anchors, name_scene
 from dgl_collect.options import EvaluationOptions, RunOptions
 from dgl_sadp import CheckpointError
-from dgl_sadp.primitive_file import PRIMITIVES_FILE, load_primitives
-from dgl_tasks import get_task
+from dgl_sadp.primitive_file import PRIMITIVES_FILE, find_primitives, load_primitives
+from dgl_tasks import get_task, task_ids
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.objects import compute_frames
@@ -175,3 +175,18 @@ def test_a_demonstration_of_recordings_gives_their_skill(episodes, trained, tmp_
         file.write_text(json.dumps(content | ({"recordings": recordings} if recordings else {})))
         with pytest.raises(DemonstrationError, match=message):
             load_skill(TASK, load_demonstration(TASK, file), RunOptions())
+
+
+def test_every_task_has_primitives_that_fit_its_demonstration():
+    for name in task_ids():
+        task, demonstration = get_task(name), load_demonstration(name)
+        check_method(task, make_options(), METHODS)
+        primitives = load_primitives(find_primitives(name))
+        draws = {f"{item.name}_{axis}": 0.0 for item in task.objects for axis in "xy"}
+        known = list_anchors(
+            name_scene(np.zeros((1, 3)), compute_frames(task, draws), demonstration.points)
+        )
+        for stage, primitive in primitives.stages.items():
+            assert set(primitive.anchors) <= set(known), (name, stage)
+        assert set(primitives.card["error_cm"]) == set(primitives.stages)
+        assert 5 <= len(primitives.card["episodes"]) <= 10

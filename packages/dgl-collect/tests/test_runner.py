@@ -24,6 +24,8 @@ from dgl_collect import (
     run_folder,
 )
 from dgl_collect.attempt_jobs import make_attempt_seed
+from dgl_collect.demonstration import FOLDER
+from dgl_collect.options import RunOptions
 from dgl_collect.results import read_results
 from dgl_collect.run_folder import opened_run, read_run
 from dgl_files.whole import append_line
@@ -430,3 +432,14 @@ def test_workers_end_when_the_run_is_killed(tmp_path, fakes):
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def test_a_run_goes_on_with_the_same_demonstration_alone(run, tmp_path):
+    file = tmp_path / "mine.json"
+    file.write_text((FOLDER / "FoldTops.json").read_text())
+    settings = {"options": RunOptions(demonstration=file)}
+    assert run(**settings).attempted == 2
+    assert run(**settings, episodes=3, resume=True).attempted == 3
+    file.write_text(file.read_text().replace("0.94", "0.95"))
+    with pytest.raises(OutputFolderError, match="was begun with another demonstration"):
+        run(**settings, episodes=4, resume=True)

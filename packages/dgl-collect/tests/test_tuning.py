@@ -85,6 +85,9 @@ def test_the_score_rises_from_far_below_the_threshold_to_just_above():
     below = Criterion(name="x", value=1.5, comparison="<", threshold=1.25)
     assert compute_score(make_result(below)) == pytest.approx(0.4)
     assert compute_score(make_result()) == 0
+    for links, score in ((0, 0.9), (1, 0)):  # a threshold of 0 has no better side
+        touching = Criterion(name="links", value=links, comparison="<=", threshold=0)
+        assert compute_score(make_result(touching, *make_criteria(0.05))) == pytest.approx(score)
 
 
 def test_the_regression_finds_what_matters_beside_hard_starts():
@@ -110,6 +113,7 @@ def test_a_search_finds_better_values_and_judges_them_on_other_starts(run, tmp_p
     more = tuning.succeeded_after - tuning.succeeded_before
     assert tuning.only_after - tuning.only_before == more > 0
     assert tuning.p_value < 0.05
+    assert tuning.is_better
     order = np.argsort(-np.abs(tuning.response.t_values))
     assert tuning.names[order[0]] in BEST
     tuned = json.loads((tmp_path / "out" / TUNED_FILE).read_text())

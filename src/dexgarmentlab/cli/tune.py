@@ -89,7 +89,9 @@ def run(options: TuneOptions) -> int:
         console.out_json(_to_json(tuning))
     else:
         _show(tuning)
-        console.out(f"winner: {options.out / TUNED_FILE}")
+        if not tuning.is_better:
+            console.out("not shown to be better: keep the demonstration")
+        console.out(f"winner of the search: {options.out / TUNED_FILE}")
         console.out(f"report: {page}")
     return EXIT_OK
 
@@ -119,4 +121,5 @@ def _to_json(tuning: "Tuning") -> dict[str, object]:
         "succeeded": {"before": tuning.succeeded_before, "after": tuning.succeeded_after},
         "alone": {"before": tuning.only_before, "after": tuning.only_after},
         "p": tuning.p_value,
+        "is_better": tuning.is_better,
     }

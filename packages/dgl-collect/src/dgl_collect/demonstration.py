@@ -31,6 +31,7 @@ from dgl_collect.steps import (
     Stretch,
 )
 from dgl_files.fields import decode_json, from_plain, show
+from dgl_files.whole import compute_checksum
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
 from dgl_tasks.tasks import find_demonstration
@@ -85,6 +86,12 @@ def find_file(task: Task) -> Path:
             f"there is no demonstration of {task.id!r} (looked for {own or file.name})"
         )
     return file
+
+
+def compute_own_checksum(task: Task, path: Path | None) -> str:
+    """Compute the SHA-256 of the file of a demonstration of one's own; empty for packaged ones."""
+    file = path or find_demonstration(task.id)
+    return compute_checksum(file) if file is not None and file.is_file() else ""
 
 
 def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:

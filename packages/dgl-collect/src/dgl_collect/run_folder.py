@@ -56,6 +56,8 @@ class RunRecord:
     """Package versions at the last start."""
     commands: tuple[str, ...]
     """Command lines of the run, in order."""
+    demonstration: str = ""
+    """SHA-256 of a demonstration of one's own, in hexadecimal digits; empty for others."""
     machines: tuple[Machine, ...] = ()
     """Machines of the workers; their processors may round differently."""
 
@@ -176,6 +178,11 @@ def _open_run(path: Path, record: RunRecord, *, resume: bool) -> RunFolder:
             name: getattr(record, name) for name in ("task", "seed", "attempt_factory", "options")
         }
         check_continued(path, asdict(found), identity)
+        if found.demonstration != record.demonstration:
+            raise OutputFolderError(
+                f"{path} was begun with another demonstration; undo its changes, or choose another "
+                "--out"
+            )
         if found.versions != record.versions:
             logger.warning("%s was begun with other package versions", path)
         commands = (*found.commands, *record.commands)

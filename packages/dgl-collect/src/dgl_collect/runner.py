@@ -72,6 +72,9 @@ class CollectConfig:
 
     def make_record(self, task: Task) -> RunRecord:
         """Make the content of `run.json`."""
+        from dgl_collect.demonstration import compute_own_checksum  # it takes a second to import
+
+        named = self.options.demonstration if isinstance(self.options, RunOptions) else None
         return RunRecord(
             run_format=1,
             task=task.id,
@@ -80,6 +83,7 @@ class CollectConfig:
             options=json.loads(json.dumps(self._plain_options)),
             versions=package_versions(),
             commands=(self.command,),
+            demonstration=compute_own_checksum(task, named),
         )
 
     @property

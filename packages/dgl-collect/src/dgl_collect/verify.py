@@ -46,12 +46,15 @@ def verify_run(folder: Path) -> Iterator[tuple[Path, str]]:
 
     Raises:
         FileUnavailableError: If a file cannot be read now, so that nothing can be said of it.
+        OutputFolderError: If the folder is of a search for parameters.
     """
     try:
         run = read_run(folder)
     except OutputFolderError as err:
         yield folder / "run.json", str(err)
         return
+    if run.attempt_factory.startswith("dgl_collect.tuning."):
+        raise OutputFolderError(f"{folder} is of dgl tune, whose trials leave no files to verify")
     yield folder / "run.json", ""
     lines = folder / ATTEMPTS_FILE
     with unavailable_told(lines):

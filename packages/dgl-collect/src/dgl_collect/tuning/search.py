@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from dgl_collect.attempt_jobs import make_attempt_seed, read_outcome
+from dgl_collect.demonstration import compute_own_checksum
 from dgl_collect.evaluation.comparison import compute_mcnemar
 from dgl_collect.options import RunOptions
 from dgl_collect.results import package_versions
@@ -20,6 +21,7 @@ from dgl_collect.tuning.trials import TrialRequest, compute_score, read_content,
 from dgl_collect.workers import Dispatcher, Job, Limits, Work, Workers, check_workers, stop_signals
 from dgl_files.whole import write_json
 from dgl_tasks import load_task
+from dgl_tasks.declaration import Task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,6 +126,11 @@ class Tuning:
     p_value: float
     """Two-sided p of the exact test of McNemar."""
 
+    @property
+    def is_better(self) -> bool:
+        """The judgement shows the winner to be better, at p < 0.05."""
+        return self.p_value < 0.05 and self.only_after > self.only_before
+
 
 @dataclass(frozen=True, kw_only=True)
 class TuneProgress:
@@ -171,7 +178,7 @@ def tune(
     content = read_content(task, config.options.demonstration)
     space = _Space(content["parameters"])
     check_workers(config.workers)
-    with _opened(config, task.id, space, on_progress) as trials:
+    with _opened(config, task, space, on_progress) as trials:
         start = space.to_shares(space.before)
         cma = CMA(
             mean=start,
@@ -317,7 +324,7 @@ class _TrialRunner:
 @contextmanager
 def _opened(
     config: TuneConfig,
-    task: str,
+    task: Task,
     space: _Space,
     on_progress: Callable[[TuneProgress], None] | None,
 ) -> Iterator[_TrialRunner]:
@@ -325,12 +332,13 @@ def _opened(
     numbers = {n: getattr(config, n) for n in ("generations", "candidates", "starts", "judged")}
     record = RunRecord(
         run_format=1,
-        task=task,
+        task=task.id,
         seed=config.seed,
         attempt_factory=FACTORY,
         options={**config.options.to_plain(), **numbers, "before": space.before},
         versions=package_versions(),
         commands=(config.command,),
+        demonstration=compute_own_checksum(task, config.options.demonstration),
     )
     with opened_run(config.out, record, resume=config.resume) as folder, stop_signals() as stop:
         dispatcher = Dispatcher(

@@ -187,9 +187,13 @@ def compute_score(result: AttemptResult) -> float:
 
 
 def _measure_margin(criterion: Criterion) -> float:
-    """Measure how far a criterion is on the good side of its threshold, as a share of it."""
+    """Measure how far a criterion is on the good side of its threshold, as a share of it.
+
+    A threshold of 0, as of links that touch the garment, has no better side.
+    """
+    if criterion.threshold == 0:
+        return _BEST if criterion.is_met else _WORST
     difference = criterion.value - criterion.threshold
     if criterion.comparison in ("<", "<="):
         difference = -difference
-    scale = abs(criterion.threshold) or 1.0
-    return difference / scale
+    return difference / abs(criterion.threshold)
