@@ -1,5 +1,6 @@
 """Primitives from episode files: what they learn, which files they take, and the verb."""
 
+import copy
 import importlib
 import json
 import shutil
@@ -125,7 +126,7 @@ def test_methods_take_fitting_primitives_alone(trained, tmp_path, capsys):
         check_method(TASK, make_options(tmp_path), METHODS)
 
 
-def test_episodes_that_do_not_fit_are_refused(episodes, tmp_path, capsys):
+def test_episodes_that_do_not_fit_are_refused(episodes, trained, tmp_path, capsys):
     def train(*arguments):
         code = cli.main(["train", "primitive", "--out", str(tmp_path / "out"), *arguments])
         assert not (tmp_path / "out").exists()
@@ -135,6 +136,8 @@ def test_episodes_that_do_not_fit_are_refused(episodes, tmp_path, capsys):
     few.mkdir()
     for arguments, message in (
         (["--data", str(few)], "--data must hold episodes (*.h5)"),
+        (["--data", str(few / "none")], "--data must be a folder of episodes"),
+        (["--data", str(episodes / "0.h5")], "--data must be a folder of episodes"),
         (["--data", str(episodes), "--episodes", "2"], "needs 3 recordings or more; got 2"),
         (["--data", str(episodes), "--episodes", "0"], "--episodes must be at least 1; got 0"),
         (["--data", str(episodes), "--task", "HangTops-v1"], "it must be of HangTops-v1"),
@@ -142,6 +145,11 @@ def test_episodes_that_do_not_fit_are_refused(episodes, tmp_path, capsys):
         code, told = train(*arguments)
         assert code != 0
         assert message in told
+    file = tmp_path / "file"
+    file.touch()
+    for folder, message in ((trained, "has primitives already"), (file, "is a file")):
+        assert cli.main(["train", "primitive", "--data", str(episodes), "--out", str(folder)]) != 0
+        assert message in capsys.readouterr().err
     for k in range(4):
         shutil.copy(episodes / f"{k}.h5", few)
     (few / "2.h5").write_bytes((few / "2.h5").read_bytes()[:5000])
@@ -171,6 +179,11 @@ def test_a_demonstration_of_recordings_gives_their_skill(episodes, trained, tmp_
     shutil.copytree(episodes, tmp_path / "beside")  # relative to the demonstration's file
     file.write_text(json.dumps(content | {"recordings": "beside"}))
     load_skill(TASK, load_demonstration(TASK, file), RunOptions())
+    one_armed = copy.deepcopy(content)
+    one_armed["stages"][0]["grasp"].pop("right")
+    file.write_text(json.dumps(one_armed | {"recordings": "beside"}))
+    with pytest.raises(DemonstrationError, match=r"'hang': the right hand must rest.*it moves by"):
+        load_skill(TASK, load_demonstration(TASK, file), RunOptions())
     for recordings, message in (("nowhere", "recordings: .*nowhere"), (None, "need the field")):
         file.write_text(json.dumps(content | ({"recordings": recordings} if recordings else {})))
         with pytest.raises(DemonstrationError, match=message):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dgl_assets.robots import SIDES
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Expert
 from dgl_collect.demonstration import load_demonstration
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
     from dgl_tasks.policy import Method
 
 __all__ = ["PrimitiveMethod", "PrimitiveSkill", "learn_primitives", "load_skill", "read_recordings"]
+
+RESTING = 0.05
+"""Largest distance that a hand which grasps nothing may move in a recording [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,14 +224,21 @@ def _make_recording(
 ) -> Recording:
     """Make a recording of joint positions [rad], shape (T, D)."""
     span, robot = HandSpan(motion.robot), motion.robot
-    poses: dict[Side, list[np.ndarray]] = {side: [] for side in stage.hands}
+    poses: dict[Side, list[np.ndarray]] = {side: [] for side in SIDES}
     for row in joints:
         motion.reset(row)
         for side, pose in motion.compute_poses().items():
-            if side in poses:
-                poses[side].append(pose)
+            poses[side].append(pose)
     points, turns, hands = {}, {}, {}
     for side, way in poses.items():
+        moved = float(np.linalg.norm(np.stack(way)[:, :3] - way[0][:3], axis=1).max())
+        if side not in stage.hands:
+            if moved > RESTING:
+                raise ValueError(
+                    f"stage {stage.name!r}: the {side} hand must rest, which grasps nothing; "
+                    f"it moves by {moved:.2f} m"
+                )
+            continue
         points[side] = np.stack([wrist_to_grasp(p[:3], p[3:], side, robot=robot) for p in way])
         rotations = Rotation.from_quat(np.stack(way)[:, 3:], scalar_first=True)
         turns[side] = (rotations[0].inv() * rotations).as_rotvec()

@@ -44,6 +44,12 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
     from dgl_collect.episodes import opened_episode
     from dgl_sadp.primitive_file import PRIMITIVES_FILE, save_primitives
 
+    if not options.data.is_dir():
+        raise ValueError(f"--data must be a folder of episodes; {options.data} is none")
+    path = options.out / PRIMITIVES_FILE
+    if path.exists() or (options.out.exists() and not options.out.is_dir()):
+        what = "has primitives already" if path.exists() else "is a file"
+        raise ValueError(f"--out must be a new folder; {options.out} {what}")
     paths = sorted(options.data.glob("*.h5"))[: options.episodes or MOST_EPISODES]
     if options.episodes is not None and options.episodes < 1:
         raise ValueError(f"--episodes must be at least 1; got {options.episodes}")
@@ -54,7 +60,6 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
     task = find_task(name)
     demonstration = load_demonstration(task, options.demonstration)
     primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
-    path = options.out / PRIMITIVES_FILE
     save_primitives(path, primitives)
     errors = primitives.card["error_cm"]
     if options.json:

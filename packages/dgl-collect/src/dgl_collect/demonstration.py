@@ -58,6 +58,8 @@ def load_demonstration(task: str | Task, path: Path | None = None) -> Demonstrat
     """
     declared = task if isinstance(task, Task) else get_task(task)
     file = path or find_file(declared)
+    if not file.is_file():
+        raise DemonstrationError(f"there is no demonstration {file}")
     try:
         content = decode_json(file.read_text(encoding="utf-8"))
     except (ValueError, OSError) as err:

@@ -25,7 +25,7 @@ class Parameter:
     """One number.
 
     Raises:
-        ValueError: If the value is not within the range.
+        ValueError: If the range is empty, or the value is not within it.
     """
 
     __pydantic_config__: ClassVar = STRICT
@@ -39,7 +39,9 @@ class Parameter:
     def __post_init__(self) -> None:
         check_fields(self)
         low, high = self.range
-        if not low < high or not low <= self.value <= high:
+        if not low < high:
+            raise ValueError(f"range must be [low, high] with low < high; got [{low}, {high}]")
+        if not low <= self.value <= high:
             raise ValueError(f"value must be in the range [{low}, {high}]; got {self.value}")
 
 
