@@ -33,7 +33,7 @@ def episodes(tmp_path, fakes):
             for k, name in enumerate(("grasp", "hang"))
         )
         episode = fakes.make_episode(
-            seed, stages=stages, success=seed != 1, affordance_matcher="gam"
+            seed, stages=stages, success=seed != 1, affordance_matcher="gam", cloud="scene"
         )
         write_episode(tmp_path / f"{seed}.h5", episode)
         written.append(episode)
@@ -46,6 +46,7 @@ def test_the_reader_finds_every_window_of_the_successful_episodes(tmp_path, epis
     )
     assert [episode.path.name for episode in dataset.episodes] == ["0.h5", "2.h5"]
     assert [path.name for path in dataset.failed] == ["1.h5"]
+    assert {episode.cloud for episode in dataset.episodes} == {"scene"}
     windows_each = FRAMES + 2
     assert len(dataset) == 2 * windows_each
     stage = episodes[2].stages[1]

@@ -47,8 +47,8 @@ def save(folder, *, method="sadp-g", stages=3, **card):
     return folder
 
 
-def check(folder, *, method="halo"):
-    options = EvaluationOptions(policy=method, checkpoints=folder)
+def check(folder, *, method="halo", **changes):
+    options = EvaluationOptions(policy=method, checkpoints=folder, **changes)
     check_method(TASK, options, METHODS)
 
 
@@ -97,6 +97,17 @@ def test_a_policy_begins_where_it_was_trained_to(tmp_path):
         check(parked)
     with pytest.raises(ValueError, match="must be trained with --no-gam; got one of --gam"):
         check(at_points, method="sadp")
+
+
+def test_a_policy_sees_the_clouds_it_was_trained_on(tmp_path):
+    scene = save(tmp_path / "scene", cloud="scene")
+    check(scene, cloud="scene")
+    with pytest.raises(ValueError, match="with --cloud scene; got --cloud segmented"):
+        check(scene)
+    plain = save(tmp_path / "plain")  # of a training that noted no kind
+    check(plain)
+    with pytest.raises(ValueError, match="with --cloud segmented; got --cloud scene"):
+        check(plain, cloud="scene")
 
 
 @pytest.fixture

@@ -39,7 +39,7 @@ class CheckpointMethod:
         """Check, without loading weights, that there is a fitting policy for each learned stage.
 
         Raises:
-            ValueError: If a policy is missing, of another stage or task, or begins elsewhere.
+            ValueError: If a policy is missing, of another stage, task, start or cloud.
             CheckpointError: If a file is damaged.
         """
         if options.checkpoints is None:
@@ -55,6 +55,11 @@ class CheckpointMethod:
             tasks = card.get("tasks", [task.id])
             if task.id not in tasks:
                 raise ValueError(f"{path}: it must be of task {task.id}; got {', '.join(tasks)}")
+            if (cloud := card.get("cloud", "segmented")) != options.cloud:
+                raise ValueError(
+                    f"{path}: its training saw {cloud} clouds; evaluate it with --cloud {cloud}; "
+                    f"got --cloud {options.cloud}"
+                )
             if card.get("training", {}).get("with_approach", False) is self.use_gam:
                 wanted, got = ("--gam", "--no-gam") if self.use_gam else ("--no-gam", "--gam")
                 raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")

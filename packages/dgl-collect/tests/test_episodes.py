@@ -70,6 +70,16 @@ def test_a_file_that_names_no_robot_is_of_the_default_one(written):
     assert read_episode(written).robot == "ur10e+shadow"
 
 
+def test_the_kind_of_cloud_is_recorded(tmp_path, fakes):
+    path = write_episode(tmp_path / "e.h5", fakes.make_episode(cloud="scene"))
+    assert read_episode(path).cloud == "scene"
+    with h5py.File(path, "r+") as file:
+        del file.attrs["cloud"]
+    assert read_episode(path).cloud == "segmented"
+    with pytest.raises(ValueError, match="cloud should be 'segmented' or 'scene'; got 'all'"):
+        fakes.make_episode(cloud="all")
+
+
 def test_the_matcher_is_recorded(tmp_path, fakes):
     path = write_episode(tmp_path / "e.h5", fakes.make_episode(matcher="gam"))
     assert read_episode(path).matcher == "gam"

@@ -41,10 +41,13 @@ def write_episode(
     has_object: bool = False,
     approach_frames: int = 0,
     offset: float = 0.0,
+    cloud: str | None = None,
 ) -> Path:
     """Write an episode whose arrays hold `offset` plus the frame's number."""
     with h5py.File(path, "w") as file:
         file.attrs.update({"format_version": 1, "task": "FoldTops-v1", "success": success})
+        if cloud is not None:
+            file.attrs["cloud"] = cloud
         for stage in range(1, stages + 1):
             count = (offset + 100 * (stage - 1) + np.arange(frames)).astype(np.float32)
             group = file.create_group(f"stage_{stage}")

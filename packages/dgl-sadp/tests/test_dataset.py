@@ -359,6 +359,15 @@ def test_static_arrays_are_read_once_and_given_as_copies(tmp_path, make_episode,
     assert (dataset[1]["garment_point_cloud"] == 1).all()
 
 
+def test_episodes_agree_in_what_their_environment_clouds_show(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5")
+    make_episode(tmp_path / "b.h5", cloud="segmented")
+    assert {e.cloud for e in EpisodeDataset(tmp_path, 1).episodes} == {"segmented"}
+    make_episode(tmp_path / "c.h5", cloud="scene")
+    with pytest.raises(ValueError, match=r"one kind.*b\.h5 has segmented but c\.h5 has scene"):
+        EpisodeDataset(tmp_path, 1)
+
+
 def test_episodes_agree_in_having_an_object(tmp_path, make_episode):
     make_episode(tmp_path / "a.h5", has_object=True)
     make_episode(tmp_path / "b.h5", has_object=False)

@@ -102,6 +102,7 @@ def test_a_run_leaves_the_averaged_policy_its_card_and_its_logs(train, tmp_path)
     assert result.validation.epoch == 2
     card = read_card(result.policy)
     assert (card["stage"], card["tasks"], card["epochs_done"]) == (1, ["Synthetic-v1"], 2)
+    assert card["cloud"] == "segmented"
     assert len(card["episodes"]) == 3
     assert not set(card["episodes"]) & set(card["validation_episodes"])
     assert card["training"]["seed"] == 42

@@ -109,6 +109,31 @@ def test_the_environment_cloud_is_what_the_robot_works_on(env, from_afar):
     assert cKDTree(flat).query(seen)[0].max() < 0.03
 
 
+def test_the_cloud_of_the_scene_is_all_in_the_workspace_the_robot_included(env, from_afar):
+    ids, workspace = env.segments, env.task.workspace
+    cloud = get_environment_cloud(from_afar, ids, workspace, kind="scene", seed=1)[:, :3]
+    assert len(cloud) == CLOUD_SIZE
+    assert np.all((cloud >= np.float32(workspace.low)) & (cloud <= np.float32(workspace.high)))
+    points = from_afar.points.reshape(-1, 3)
+    nearest = from_afar.segments.reshape(-1)[cKDTree(points).query(cloud)[1]]
+    assert np.isin(nearest, ids.robot).mean() > 0.5
+    assert (nearest == ids.garment).sum() > 20
+    with pytest.raises(ValueError, match="kind should be 'segmented' or 'scene'; got 'all'"):
+        get_environment_cloud(from_afar, ids, workspace, kind="all", seed=1)
+    below = replace(from_afar, points=from_afar.points - np.float32([0, 0, 5]))
+    with pytest.raises(PerceptionError, match="sees nothing inside the workspace"):
+        get_environment_cloud(below, ids, workspace, kind="scene", seed=1)
+
+
+def test_the_environment_says_what_its_clouds_show(env, from_afar, monkeypatch):
+    monkeypatch.setattr(env, "cloud", "scene")
+    sensed = sense(env, seed=3, step=10)
+    shown = get_environment_cloud(
+        from_afar, env.segments, env.task.workspace, kind="scene", seed=sensed._cloud_seed
+    )
+    np.testing.assert_array_equal(sensed.observe().env_point_cloud, shown)
+
+
 @pytest.mark.parametrize("camera", ["garment_camera", "environment_camera"])
 def test_a_pixels_point_projects_back_to_the_pixel(env, camera):
     picture = env.take_picture(camera)

@@ -127,6 +127,7 @@ class Attempts:
             garment_id=result.garment,
             robot=setup.motion.robot.name,
             matcher=setup.matcher,
+            cloud=self.env.cloud,
             success=result.success,
             success_value=result.verdict.value,
             stages=tuple(recorder.records[stage.name] for stage in stages),

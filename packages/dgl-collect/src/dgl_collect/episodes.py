@@ -15,6 +15,7 @@ from pydantic import AfterValidator, ConfigDict
 
 from dgl_collect.errors import CorruptEpisodeError
 from dgl_collect.files import unavailable_told
+from dgl_collect.options import CloudKind
 from dgl_files.fields import STRICT, check_fields, check_value, decode_json
 from dgl_files.whole import write_bytes
 
@@ -25,6 +26,8 @@ DEFAULT_ROBOT = "ur10e+shadow"
 """The robot of files that name none."""
 DEFAULT_MATCHER = "exact"
 """The matcher of files that name none."""
+DEFAULT_CLOUD: CloudKind = "segmented"
+"""The kind of `env_point_cloud` of files that name none."""
 DEFAULT_JOINTS = 60
 """Number of joints of the default robot."""
 FINAL_PARTICLES = "final_particles"
@@ -162,6 +165,8 @@ class Episode:
     """Name of the matcher that found the demonstrated points on the garment."""
     affordance_matcher: str | None = None
     """Name of the matcher of the stages' affordance, if another; see `dgl_collect.relabel`."""
+    cloud: CloudKind = DEFAULT_CLOUD
+    """Kind of the stages' `env_point_cloud`."""
     randomisation: Mapping[str, object] = field(default_factory=dict)
     """Every draw of this attempt, JSON-ready."""
     measurements: Mapping[str, object] = field(default_factory=dict)

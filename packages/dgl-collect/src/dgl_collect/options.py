@@ -10,7 +10,17 @@ from annotated_types import Ge
 
 from dgl_files.fields import STRICT, check_fields, from_plain
 
-__all__ = ["EvaluationOptions", "GarmentChoice", "MatcherName", "RecordOptions", "RunOptions"]
+__all__ = [
+    "CloudKind",
+    "EvaluationOptions",
+    "GarmentChoice",
+    "MatcherName",
+    "RecordOptions",
+    "RunOptions",
+]
+
+CloudKind = Literal["segmented", "scene"]
+"""Clouds that policies see: garment and objects alone, or all in the workspace, robot included."""
 
 MatcherName = Literal["exact", "gam"]
 """`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
@@ -36,6 +46,9 @@ class RunOptions:
 
     look: Literal["studio", "random"] = "studio"
     """A plain floor with contrasting fabrics, or any floor, mat and fabric."""
+    cloud: CloudKind = "segmented"
+    """Point cloud that policies see: `segmented` has garment and objects alone; `scene` has all in
+    the workspace that is over 5 mm high, the robot included, as in the original."""
     garment: str | None = None
     """One garment for every attempt instead of a drawn one: an id of the catalogue, a mesh file of
     your own, or a folder made by `dgl assets import`."""

@@ -120,6 +120,7 @@ def replay_episode(
         garment=episode.garment_id,
         robot=episode.robot,
         look="random" if "floor" in episode.randomisation else "studio",
+        cloud=episode.cloud,
     )
     env = make_env(get_task(episode.task), options)
     try:
@@ -135,7 +136,7 @@ def replay_in(
     film: Callable[[np.ndarray], None] | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> Replay:
-    """Replay in an environment of the episode's task, robot and look; see `replay_episode`."""
+    """Replay in an environment of the episode's task, robot, look, cloud; see `replay_episode`."""
     from dgl_tasks.driver import Driver
 
     commands = _check_replayable(episode)

@@ -77,6 +77,7 @@ def make_env(task: Task, options: RunOptions) -> GarmentEnv:
         render_backend=options.render_backend or backend,
         render_mode="rgb_array",
         look=options.look,
+        cloud=options.cloud,
         robot=load_robot(options.robot, options.robots),
     )
 

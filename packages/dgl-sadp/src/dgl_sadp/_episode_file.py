@@ -33,6 +33,7 @@ __all__ = [
 
 FORMAT_VERSION = 1
 ROBOT = "ur10e+shadow"  # What files are recorded with that name no robot.
+CLOUD = "segmented"  # The kind of cloud of files that name none.
 JOINTS = 60  # Left arm 6, left hand 24, right arm 6, right hand 24.
 
 # Key -> shape of one frame (None: any size) and dtype.
@@ -96,6 +97,8 @@ class StageFile:
     """Names of the arrays stored once in the stage."""
     task: str
     """Environment id, such as `FoldTops-v1`; empty if it was not recorded."""
+    cloud: str
+    """Kind of `env_point_cloud`, as the file's attribute says."""
 
 
 class MissingStageError(UnsuitableEpisodeError):
@@ -149,6 +152,7 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
                     path, f"recorded with robot {tell(robot)}; policies are of {ROBOT}"
                 )
             task = _read_text(path, file, "task", "")
+            cloud = _read_text(path, file, "cloud", CLOUD)
             if f"stage_{stage}" not in file:
                 stages = _list_stages(file)
                 if not stages:
@@ -178,6 +182,7 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
         first=first,
         static_keys=static_keys,
         task=task,
+        cloud=cloud,
     )
 
 

@@ -79,6 +79,7 @@ class TrainData:
         return {
             "stage": self.train.stage,
             "tasks": list(self.tasks),
+            "cloud": self.train.episodes[0].cloud,
             "windows": len(self.train),
             "longest": max(episode.frames for episode in self.train.episodes),
             **names,

@@ -23,6 +23,7 @@ _KIND = "dgl_sadp.policy"
 _CARD: Mapping[str, Any] = {
     "stage": Annotated[int, Interval(ge=1, le=1000)],
     "tasks": list[Annotated[str, Len(0, 200)]],
+    "cloud": Annotated[str, Len(0, 200)],
     "windows": Annotated[int, Interval(ge=1, le=2**40)],
     "longest": Annotated[int, Interval(ge=1, le=10**6)],
     "episodes": list[str],

@@ -80,7 +80,8 @@ class EpisodeDataset:
 
         Raises:
             ValueError: If an argument is out of range, no episode succeeded or has the stage, only
-                some episodes have an object's cloud, or an approach is wanted and was not recorded.
+                some episodes have an object's cloud, their environment clouds are of several kinds,
+                or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             DamagedEpisodeError: If a file is damaged or of another format.
         """
@@ -291,6 +292,12 @@ def _scan(
         raise ValueError(
             "the episodes must agree in having an object_point_cloud or not; "
             + " but ".join(f"{path.name} has {list(keys)}" for keys, path in kinds.items())
+        )
+    clouds = {episode.cloud: episode.path for episode in episodes}
+    if len(clouds) > 1:
+        raise ValueError(
+            "the episodes must have one kind of env_point_cloud (--cloud of dgl collect); "
+            + " but ".join(f"{path.name} has {tell(kind)}" for kind, path in clouds.items())
         )
     return tuple(episodes), tuple(failed), tuple(refused)
 

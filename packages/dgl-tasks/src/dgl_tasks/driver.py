@@ -89,6 +89,7 @@ class Driver:
             ee_pose=env.agent.read_hands(),
             frames=env.get_frames(),
             workspace=env.task.workspace,
+            cloud=env.cloud,
             pictures={camera: env.take_picture(camera) for camera in cameras},
             segments=env.segments if cameras else None,
         )

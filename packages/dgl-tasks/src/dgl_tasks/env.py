@@ -39,7 +39,7 @@ from dgl_tasks.inputs import (
 )
 from dgl_tasks.objects import PlacedObject
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
-from dgl_tasks.perception import Segments, get_environment_cloud, get_garment_cloud
+from dgl_tasks.perception import CloudKind, Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
@@ -96,6 +96,7 @@ class GarmentEnv(BaseEnv):
         num_envs: int = 1,
         garment_split: Split = "train",
         look: LookName = "studio",
+        cloud: CloudKind = "segmented",
         **kwargs: Any,
     ) -> None:
         """Build the environment.
@@ -109,6 +110,7 @@ class GarmentEnv(BaseEnv):
             garment_split: Garments to draw from, "train" or "test".
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
                 draws floor, mat and fabric among all. Only pictures depend on the look.
+            cloud: Content of environment clouds: garment and objects, or the whole scene.
             kwargs: ManiSkill's, except for `robot_uids`. `reconfiguration_freq` is 1 by default:
                 every episode begins in a new scene, so that it can be repeated exactly.
         """
@@ -117,6 +119,7 @@ class GarmentEnv(BaseEnv):
                 f"num_envs must be 1 (one process an environment) in this version; got {num_envs}"
             )
         check_value("look", look, LookName)
+        check_value("cloud", cloud, CloudKind)
         check_settings(kwargs)
         has_renderer = kwargs.get("render_backend", "gpu") not in ("none", None)
         if kwargs.get("render_mode") == "human" and not has_renderer:
@@ -135,6 +138,7 @@ class GarmentEnv(BaseEnv):
         self._task: Task = task if isinstance(task, Task) else load_task(task)
         check_scene(self._task)
         self._look: LookName = look
+        self.cloud: CloudKind = cloud
         self._garment_ids = garment_ids(self.task.category, garment_split)
         self._appearance: Appearance
         self._start_view: TrueView
@@ -507,7 +511,7 @@ class GarmentEnv(BaseEnv):
             ids, workspace = self.segments, self.task.workspace
             above, ahead = map(self.take_picture, ("garment_camera", "environment_camera"))
             garment = get_garment_cloud(above, ids, seed=seed)
-            around = get_environment_cloud(ahead, ids, workspace, seed=seed)
+            around = get_environment_cloud(ahead, ids, workspace, kind=self.cloud, seed=seed)
             observation["garment_cloud"] = torch.from_numpy(garment)[None]
             observation["workspace_cloud"] = torch.from_numpy(around)[None]
         return observation

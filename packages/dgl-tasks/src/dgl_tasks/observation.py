@@ -21,7 +21,7 @@ class Observation:
     image: np.ndarray
     """Environment camera, RGB, shape (480, 640, 3), uint8."""
     env_point_cloud: np.ndarray
-    """Position [m] and colour in [0, 1] of garment and objects, shape (2048, 6)."""
+    """Position [m] and colour in [0, 1] of what `CloudKind` says, shape (2048, 6)."""
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """Give the arrays by the keys of episode files."""

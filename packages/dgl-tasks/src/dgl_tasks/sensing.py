@@ -12,6 +12,7 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.observation import Observation
 from dgl_tasks.perception import (
+    CloudKind,
     Segments,
     get_environment_cloud,
     get_garment_cloud,
@@ -44,6 +45,8 @@ class Sensed:
     """Known frames of the objects, by object and name [m], shape (3,), world frame."""
     workspace: Workspace
     """Box that environment clouds are cropped to."""
+    cloud: CloudKind = "segmented"
+    """Kind of environment clouds."""
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     """Pictures by camera, of the cameras that were asked for."""
     segments: Segments | None = None
@@ -62,7 +65,7 @@ class Sensed:
             ee_pose=self.ee_pose.astype(np.float32),
             image=picture.rgb,
             env_point_cloud=get_environment_cloud(
-                picture, segments, self.workspace, seed=self._cloud_seed
+                picture, segments, self.workspace, kind=self.cloud, seed=self._cloud_seed
             ),
         )
 
