@@ -41,16 +41,14 @@ def episodes(tmp_path, fakes):
 
 
 def test_the_reader_finds_every_window_of_the_successful_episodes(tmp_path, episodes):
-    dataset = dgl_sadp.EpisodeDataset(
-        tmp_path, stage=2, horizon=8, observation_steps=3, action_steps=4
-    )
+    dataset = dgl_sadp.EpisodeDataset(tmp_path, horizon=8, observation_steps=3, action_steps=4)
     assert [episode.path.name for episode in dataset.episodes] == ["0.h5", "2.h5"]
     assert [path.name for path in dataset.failed] == ["1.h5"]
     assert {episode.cloud for episode in dataset.episodes} == {"scene"}
     windows_each = FRAMES + 2
-    assert len(dataset) == 2 * windows_each
+    assert dataset.counts.tolist() == [windows_each] * 4
     stage = episodes[2].stages[1]
-    window = dataset[windows_each + 2]  # two windows begin before the stage: this one is at frame 0
+    window = dataset[3 * windows_each + 2]  # two windows begin before a stage: this is at frame 0
     for key in ("joint_state", "ee_pose", "env_point_cloud"):
         np.testing.assert_array_equal(window[key], getattr(stage, key)[:3], strict=True)
     np.testing.assert_array_equal(window["action"], stage.action[:8], strict=True)
@@ -59,7 +57,7 @@ def test_the_reader_finds_every_window_of_the_successful_episodes(tmp_path, epis
 
 
 def test_pictures_arrive_too(tmp_path, episodes):
-    dataset = dgl_sadp.EpisodeDataset(tmp_path, stage=1, observation_keys=("image",))
+    dataset = dgl_sadp.EpisodeDataset(tmp_path, observation_keys=("image",))
     np.testing.assert_array_equal(dataset[0]["image"][0], episodes[0].stages[0].image[0])
 
 
@@ -67,7 +65,7 @@ def test_the_reader_refuses_what_the_writer_does_not_write(tmp_path, episodes):
     with h5py.File(tmp_path / "0.h5", "r+") as file:
         file.attrs["format_version"] = 2
     with pytest.raises(dgl_sadp.DamagedEpisodeError, match="format version 2"):
-        dgl_sadp.EpisodeDataset(tmp_path, stage=1)
+        dgl_sadp.EpisodeDataset(tmp_path)
 
 
 def test_the_documented_keys_are_the_written_ones(tmp_path, episodes):

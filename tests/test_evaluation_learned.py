@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dexgarmentlab.learned_methods import METHODS, count_chunks, make_evaluation_runner
+from dexgarmentlab.learned_methods import METHODS, make_evaluation_runner
 from dgl_collect import AttemptRequest
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import check_method, make_method
@@ -34,16 +34,15 @@ COLLECT_TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
 
 
 @functools.cache
-def make_policy(method):
-    return DiffusionPolicy.make(get_policy_config(method, "small"), seed=0)
+def make_policy(method, stages=1):
+    config = dataclasses.replace(get_policy_config(method, "small"), stages=stages)
+    return DiffusionPolicy.make(config, seed=0)
 
 
-def save(folder, *, method="sadp-g", stages=3, **card):
-    """Policies that have learnt nothing."""
-    policy = make_policy(method)
-    for number in range(1, stages + 1):
-        whole = {"stage": number, "tasks": ["FoldTops-v1"], **card}
-        save_policy(folder / f"stage_{number}/policy.safetensors", policy, whole)
+def save(folder, *, method="sadp-g", longest=(26, 28, 29), **card):
+    """Write a policy that has learnt nothing."""
+    whole = {"tasks": ["FoldTops-v1"], "longest": longest, **card}
+    save_policy(folder / "policy.safetensors", make_policy(method, len(longest)), whole)
     return folder
 
 
@@ -60,29 +59,22 @@ def load(folder, *, method="halo", **changes):
 # Which policies ---------------------------------------------------------------------------------
 
 
-def test_a_stage_gets_enough_chunks_for_the_longest_recording():
-    config = get_policy_config("sadp-g", "small")
-    assert count_chunks(config, {"longest": 26}) == 7  # of 4 actions: 26 frames are 6.5
-    assert count_chunks(config, {"longest": 28}) == 7
-    with pytest.raises(ValueError, match="must tell the longest recording; got None"):
-        count_chunks(config, {})
-
-
 def test_policies_must_be_there_and_of_the_task(tmp_path):
     check(save(tmp_path / "good"))
-    with pytest.raises(ValueError, match=r"policy for stage 3; no .*stage_3/policy.safetensors"):
-        check(save(tmp_path / "few", stages=2))
-    with pytest.raises(ValueError, match="must be of stage 1; got 2"):
-        check(save(tmp_path / "stage", stage=2))
+    check(tmp_path / "good" / "policy.safetensors")
+    with pytest.raises(CheckpointError, match=r"none/policy\.safetensors"):
+        check(tmp_path / "none")
+    with pytest.raises(ValueError, match=r"of each of the 3 stages; got \[26, 28\]"):
+        check(save(tmp_path / "few", longest=(26, 28)))
     with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
         check(save(tmp_path / "task", tasks=["FoldDress-v1"]))
     with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
         check(None)
 
 
-def test_damaged_policies_are_refused_before_they_are_loaded(tmp_path):
+def test_a_damaged_policy_is_refused_before_it_is_loaded(tmp_path):
     folder = save(tmp_path)
-    path = folder / "stage_2/policy.safetensors"
+    path = folder / "policy.safetensors"
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(CheckpointError):
         check(folder)
@@ -123,8 +115,8 @@ def scripted_first(monkeypatch):
 
 
 @pytest.mark.usefixtures("scripted_first")
-def test_there_is_a_policy_for_each_stage_that_is_learned_and_for_no_other(tmp_path):
-    folder = save(tmp_path, stages=2)
+def test_a_policy_acts_in_each_stage_that_is_learned_and_in_no_other(tmp_path):
+    folder = save(tmp_path, longest=(26, 28))
     check(folder)
     actor = load(folder, chunks=2)
     assert list(actor.policies) == ["right_sleeve", "bottom_up"]
@@ -159,8 +151,11 @@ def test_methods_are_halo_with_parts_taken_away(tmp_path, name, method, use_gam)
 
 
 def test_policies_act_as_long_as_the_longest_recording(tmp_path):
-    actor = load(save(tmp_path, longest=26))
-    assert [learned.chunks for learned in actor.policies.values()] == [7, 7, 7]
+    actor = load(save(tmp_path))  # in chunks of 4 actions: 26 frames are 6.5
+    assert [learned.chunks for learned in actor.policies.values()] == [7, 7, 8]
+    runners = [learned.policy for learned in actor.policies.values()]
+    assert [runner.stage for runner in runners] == [1, 2, 3]
+    assert len({id(runner.policy) for runner in runners}) == 1
 
 
 def make_setup_of(task_id, options):
@@ -177,7 +172,7 @@ def make_setup_of(task_id, options):
 
 def test_rounds_are_those_of_the_demonstration_unless_another_number_is_asked_for(tmp_path):
     stages = load_demonstration("FoldTrousers-v1").stages
-    folder = save(tmp_path, stages=len(stages), tasks=["FoldTrousers-v1"])
+    folder = save(tmp_path, longest=[20] * len(stages), tasks=["FoldTrousers-v1"])
     options = EvaluationOptions(policy="halo", checkpoints=folder, chunks=1)
     setup = make_setup_of("FoldTrousers-v1", options)
     made = make_method(setup, options, METHODS)

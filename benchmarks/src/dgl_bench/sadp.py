@@ -152,7 +152,6 @@ def _measure_training(
                 Path(folder) / "run",
                 policy,
                 dataclasses.replace(config, epochs=_WARM_UP + repeats + 1),
-                stage=1,
                 device=device,
                 keep_bytes=2**40,
                 on_progress=note_time,

@@ -9,9 +9,9 @@ from pathlib import Path
 from dgl_sadp import EpisodeDataset, split_episodes
 
 
-def main(directory: Path, stage: int = 1) -> dict[str, object]:
+def main(directory: Path) -> dict[str, object]:
     """Return how many episodes and windows there are, and the shape of a window's actions."""
-    dataset = EpisodeDataset(directory, stage)
+    dataset = EpisodeDataset(directory)
     train, validation = (
         dataset.select(part) for part in split_episodes(len(dataset.episodes), seed=0)
     )

@@ -16,9 +16,7 @@ def main(out: Path, *, episodes: int = 40, epochs: int = 30, runs: int = 10) -> 
     frames, points = 16, 512
     write_synthetic_episodes(out / "episodes", episodes, frames=frames, points=points)
     training = dataclasses.replace(get_train_config("sadp-g"), epochs=epochs)
-    result = train_policy(
-        out / "episodes", out / "run", get_policy_config("sadp-g"), training, stage=1
-    )
+    result = train_policy(out / "episodes", out / "run", get_policy_config("sadp-g"), training)
 
     # The demonstration: one sheet, and where its hands went.
     environment = SyntheticEnvironment(frames=frames, points=points)

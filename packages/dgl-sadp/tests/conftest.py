@@ -131,6 +131,7 @@ def make_random_batch(config: PolicyConfig, count: int = 2, seed: int = 0) -> di
 
     image = rng.integers(0, 256, (count, steps, 40, 48, 3), dtype=np.uint8)
     return {
+        "stage": torch.from_numpy(rng.integers(0, config.stages, count)),
         "joint_state": draw(steps, config.joints),
         "start_joint_state": draw(config.joints),
         "env_point_cloud": draw(steps, 50, 6),

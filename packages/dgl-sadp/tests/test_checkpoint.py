@@ -185,11 +185,11 @@ def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy):
 
 def test_a_card_of_wrong_types_is_refused(path, policy):
     for card, message in (
-        ({"stage": "1"}, r"card\.stage should be a valid integer; got '1'"),
-        ({"stage": 0}, r"card\.stage should be greater than or equal to 1; got 0"),
         ({"tasks": "FoldTops-v1"}, r"card\.tasks should be a valid list"),
         ({"tasks": [1]}, r"card\.tasks\[0\] should be a valid string; got 1"),
-        ({"longest": 10**9}, r"card\.longest should be less than or equal to 1000000"),
+        ({"longest": 12}, r"card\.longest should be a valid list; got 12"),
+        ({"longest": []}, "should have at least 1 item"),
+        ({"longest": [10**9]}, r"card\.longest\[0\] should be less than or equal to 1000000"),
         ({"training": []}, r"card\.training should be a valid dictionary"),
         (
             {"training": {"with_approach": "no"}},

@@ -85,9 +85,7 @@ def test_training_learns_resumes_and_leaves_a_policy_for_the_cpu(
             validation_share=0.3,
             precision=precision,
         )
-        return train_policy(
-            episodes, tmp_path / out, policy, config, stage=1, device="cuda", **options
-        )
+        return train_policy(episodes, tmp_path / out, policy, config, device="cuda", **options)
 
     short, whole = train("short", epochs=1), train("whole", epochs=20)
     assert whole.validation.loss < 0.7 * short.validation.loss

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import torch
 
@@ -44,9 +45,7 @@ def episodes(tmp_path_factory):
 @pytest.fixture
 def train(episodes, tmp_path, tiny_config):
     def call(out="run", directory=episodes, config=CONFIG, **options):
-        return train_policy(
-            directory, tmp_path / out, tiny_config("sadp"), config, stage=1, **options
-        )
+        return train_policy(directory, tmp_path / out, tiny_config("sadp"), config, **options)
 
     return call
 
@@ -56,7 +55,7 @@ def pair(episodes, tmp_path_factory, tiny_config, one_thread):
     """A whole run of two processes: its folder, result, and what it told."""
     out, told = tmp_path_factory.mktemp("pair") / "run", []
     result = train_policy(
-        episodes, out, tiny_config("sadp"), CONFIG, stage=1, devices=2, on_progress=told.append
+        episodes, out, tiny_config("sadp"), CONFIG, devices=2, on_progress=told.append
     )
     return out, result, told
 
@@ -134,17 +133,35 @@ def test_gradients_of_the_shares_make_that_of_the_batch(
 
 
 def test_processes_read_the_batches_of_one_and_go_on_where_they_stopped():
-    whole = list(Batches(windows=WINDOWS, config=CONFIG).iterate(0))
+    counts = np.array([WINDOWS])
+    whole = list(Batches(counts=counts, config=CONFIG).iterate(0))
     assert [len(batch) for batch in whole] == [14, 13, 14, 13]
-    parts = [Batches(windows=WINDOWS, config=CONFIG, process=p, processes=2) for p in range(2)]
+    parts = [Batches(counts=counts, config=CONFIG, process=p, processes=2) for p in range(2)]
     read = list(zip(*(part.iterate(0) for part in parts), strict=True))
     assert [first + second for first, second in read] == whole
     assert list(parts[1].iterate(3)) == [read[3][1]]
 
 
+def test_windows_come_in_groups_of_one_stage_and_each_at_least_once():
+    counts = np.array([10, 3, 7, 1])
+    config = dataclasses.replace(CONFIG, batch=8, group=4, epochs=2)
+    batches = list(Batches(counts=counts, config=config).iterate(0))
+    assert [len(batch) for batch in batches] == [8, 8, 8, 4] * 2
+    parts = [Batches(counts=counts, config=config, process=p, processes=2) for p in range(2)]
+    read = [first + second for first, second in zip(*(p.iterate(0) for p in parts), strict=True)]
+    assert read[:3] == batches[:3]
+    part_of = np.repeat(np.arange(4), counts)
+    for epoch in (batches[:4], batches[4:]):
+        groups = np.concatenate(epoch).reshape(-1, 4)
+        assert set(groups.ravel().tolist()) == set(range(21))
+        assert (part_of[groups] == part_of[groups[:, :1]]).all()
+        assert np.unique(groups, return_counts=True)[1].max() == 4  # The one window of the last.
+    assert batches[:4] != batches[4:]
+
+
 def test_devices_that_do_not_fit_are_refused_before_anything_is_read(train, monkeypatch, tmp_path):
     for options, message in (
-        ({"devices": 3}, "batch must be a multiple of the 3 devices; got 14"),
+        ({"devices": 3}, "batch must be a multiple of the 3 devices x group = 1; got 14"),
         ({"devices": 0}, "devices must be at least 1, or 'auto'; got 0"),
         ({"devices": "all"}, "devices must be at least 1, or 'auto'; got 'all'"),
         ({"devices": "auto"}, "devices 'auto' is for 'cuda'"),
@@ -155,7 +172,7 @@ def test_devices_that_do_not_fit_are_refused_before_anything_is_read(train, monk
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
     for devices, message in (
         (4, r"devices must be at most the 3 CUDA device\(s\) here; got 4"),
-        ("auto", "batch must be a multiple of the 3 devices; got 14"),
+        ("auto", "batch must be a multiple of the 3 devices x group = 1; got 14"),
     ):
         with pytest.raises(ValueError, match=message):
             train(directory=tmp_path / "nothing", device="cuda", devices=devices)
@@ -255,7 +272,7 @@ def test_processes_of_torchrun_train_as_those_that_are_started_here(pair, episod
         "from dgl_sadp import TrainConfig, load_policy, train_policy\n"
         "episodes, out, policy, devices = sys.argv[1:]\n"
         "train_policy(\n"
-        "    episodes, out, load_policy(policy).config, stage=1, devices=int(devices),\n"
+        "    episodes, out, load_policy(policy).config, devices=int(devices),\n"
         "    config=TrainConfig(epochs=2, batch=14, learning_rate=1e-3, validation_share=0.3, "
         "validate_every=1),\n"
         "    on_progress=lambda progress: print(progress.step),\n"
@@ -281,6 +298,6 @@ def test_processes_of_torchrun_train_as_those_that_are_started_here(pair, episod
 @pytest.mark.slow
 def test_policies_of_pictures_train_on_two_processes_in_bfloat16(episodes, tmp_path, tiny_config):
     config = dataclasses.replace(CONFIG, epochs=1, precision="bf16")
-    result = train_policy(episodes, tmp_path, tiny_config("dp"), config, stage=1, devices=2)
+    result = train_policy(episodes, tmp_path, tiny_config("dp"), config, devices=2)
     assert math.isfinite(result.loss)
     assert load_policy(result.policy).config.method == "dp"

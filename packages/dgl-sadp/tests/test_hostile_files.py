@@ -181,8 +181,7 @@ def test_a_card_of_any_values_is_refused_or_of_the_right_types(tmp_path, whole, 
         except CheckpointError:
             continue
         assert found == new
-        assert isinstance(found.get("stage", 1), int)
-        assert isinstance(found.get("longest", 1), int)
+        assert all(isinstance(frames, int) for frames in found.get("longest", []))
         assert all(isinstance(task, str) for task in found.get("tasks", []))
 
 
@@ -233,7 +232,7 @@ EPISODES = {libver: make_episode(libver) for libver in ("v110", "earliest")}
 
 def read_all(folder: Path) -> list[dict[str, np.ndarray]]:
     keys = ("joint_state", "ee_pose", "env_point_cloud", "image")
-    dataset = EpisodeDataset(folder, 1, observation_keys=keys, keep_bytes=10_000)
+    dataset = EpisodeDataset(folder, observation_keys=keys, keep_bytes=10_000)
     measured = measure_episodes(dataset, ("action", "joint_state", "garment_point_cloud"))
     assert not measured.refused
     return list(measured.dataset)
@@ -255,7 +254,7 @@ def check_episode_file(
     path.write_bytes(content)
     keys = ("joint_state", "ee_pose", "env_point_cloud", "image")
     try:
-        dataset = EpisodeDataset(folder, 1, observation_keys=keys)
+        dataset = EpisodeDataset(folder, observation_keys=keys)
         windows = list(dataset)
     except DamagedEpisodeError as error:
         check_told(error, path)
@@ -302,7 +301,7 @@ def test_arbitrary_bytes_are_no_episode(tmp_path, content, is_signed):
     path.unlink(missing_ok=True)
     path.write_bytes((b"\x89HDF\r\n\x1a\n" if is_signed else b"") + content)
     with pytest.raises(DamagedEpisodeError, match=r"0\.h5"):
-        EpisodeDataset(tmp_path, 1)
+        EpisodeDataset(tmp_path)
 
 
 ATTRIBUTES = (
@@ -328,7 +327,7 @@ def test_attributes_of_any_type_are_refused_or_right(tmp_path, name, value):
     with h5py.File(path, "a") as file:
         (file["stage_1"] if name == "approach_frames" else file).attrs[name] = value
     try:
-        dataset = EpisodeDataset(tmp_path, 1)
+        dataset = EpisodeDataset(tmp_path)
     except DamagedEpisodeError as error:
         check_told(error, path)
         return

@@ -50,10 +50,10 @@ def test_four_episodes_are_learned_to_less_than_a_degree(tmp_path, tiny_config):
         ema_decay=0.97,
         augmentation=None,
     )
-    result = train_policy(tmp_path / "episodes", tmp_path / "run", config, training, stage=1)
+    result = train_policy(tmp_path / "episodes", tmp_path / "run", config, training)
     found = compute_validation(
         load_policy(result.policy),
-        EpisodeDataset(tmp_path / "episodes", 1),
+        EpisodeDataset(tmp_path / "episodes"),
         epoch=800,
         windows=96,
         seed=0,

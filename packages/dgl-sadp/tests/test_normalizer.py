@@ -64,7 +64,7 @@ def test_missing_and_short_ranges_are_refused(tiny_config):
 def test_ranges_of_a_dataset_are_those_of_all_its_values(tmp_path, make_episode):
     for number in range(3):
         make_episode(tmp_path / f"{number}.h5", frames=40 + number, offset=10.0 * number)
-    dataset = EpisodeDataset(tmp_path, 1)
+    dataset = EpisodeDataset(tmp_path)
     measured = measure_episodes(dataset, ["action", "env_point_cloud", "garment_point_cloud"])
     found = join_ranges(measured.ranges)
     assert (found["action"].low.tolist(), found["action"].high.tolist()) == (
@@ -79,7 +79,7 @@ def test_ranges_of_a_dataset_are_those_of_all_its_values(tmp_path, make_episode)
 def test_relative_actions_are_measured_from_where_the_stage_began(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5", frames=40, offset=7.0, approach_frames=3)
     for with_approach, first in ((False, 10.0), (True, 7.0)):
-        dataset = EpisodeDataset(tmp_path, 1, with_approach=with_approach)
+        dataset = EpisodeDataset(tmp_path, with_approach=with_approach)
         assert (dataset[0]["start_joint_state"] == first).all()
         measured = measure_episodes(dataset, ["action"], relative_joints=[2, 31])
         found = measured.ranges[0]["action"]
@@ -97,7 +97,7 @@ def test_values_that_are_not_finite_are_refused_by_name_and_the_rest_goes_on(
         make_episode(tmp_path / f"{number}.h5", offset=number)
     with h5py.File(tmp_path / "1.h5", "a") as file:
         file[f"stage_1/{key}"][3, 1] = value
-    measured = measure_episodes(EpisodeDataset(tmp_path, 1), ["action", "garment_point_cloud"])
+    measured = measure_episodes(EpisodeDataset(tmp_path), ["action", "garment_point_cloud"])
     assert [episode.path.name for episode in measured.dataset.episodes] == ["0.h5", "2.h5"]
     assert len(measured.ranges) == 2
     (error,) = measured.refused
@@ -111,10 +111,10 @@ def test_a_dataset_without_a_whole_episode_is_refused(tmp_path, make_episode):
     with h5py.File(tmp_path / "0.h5", "a") as file:
         file["stage_1/action"][0] = np.nan
     with pytest.raises(ValueError, match=r"none of the 1 episode\(s\) is whole.*0\.h5"):
-        measure_episodes(EpisodeDataset(tmp_path, 1), ["action"])
+        measure_episodes(EpisodeDataset(tmp_path), ["action"])
 
 
 def test_a_cloud_that_was_not_recorded_is_named(tmp_path, make_episode):
     make_episode(tmp_path / "0.h5")
     with pytest.raises(ValueError, match=r"0\.h5 has no object_point_cloud"):
-        measure_episodes(EpisodeDataset(tmp_path, 1), ["object_point_cloud"])
+        measure_episodes(EpisodeDataset(tmp_path), ["object_point_cloud"])

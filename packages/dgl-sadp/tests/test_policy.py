@@ -168,3 +168,38 @@ def test_colour_is_seen_where_it_is_asked_for(tiny_config, random_batch):
         )
         policy = DiffusionPolicy.make(changed, seed=0)
         assert torch.equal(predict(policy, batch), predict(policy, grey)) != use_color
+
+
+def test_a_garment_is_encoded_once_for_the_windows_of_its_group(tiny_config, random_batch, seeded):
+    config = tiny_config("sadp")
+    policy = DiffusionPolicy.make(config, seed=0)
+    batch = random_batch(config, count=6)
+    grouped = {k: v[::3] if k in config.stage_keys else v for k, v in batch.items()}
+    repeated = {
+        k: v[::3].repeat_interleave(3, dim=0) if k in config.stage_keys else v
+        for k, v in batch.items()
+    }
+    sizes = []
+    policy.encoder.garment.register_forward_pre_hook(lambda _, args: sizes.append(len(args[0])))
+    torch.testing.assert_close(policy(grouped, seeded()), policy(repeated, seeded()))
+    assert sizes == [2, 6]
+
+
+def test_a_policy_of_several_stages_learns_what_only_the_stage_says(
+    tiny_config, random_batch, seeded
+):
+    config = tiny_config("dp3", stages=2)
+    policy = DiffusionPolicy.make(config, seed=0)
+    batch = random_batch(config, count=8)
+    batch = {key: values[:1].expand_as(values) for key, values in batch.items()}
+    batch["stage"] = torch.arange(8) % 2
+    batch["start_joint_state"] = torch.zeros_like(batch["start_joint_state"])
+    batch["action"] = (2.0 * batch["stage"] - 1.0).reshape(8, 1, 1).expand(8, config.horizon, 60)
+    optimizer = torch.optim.AdamW(policy.parameters(), lr=5e-3)
+    for step in range(100):
+        optimizer.zero_grad()
+        policy(batch, seeded(step)).backward()
+        optimizer.step()
+    policy.eval()
+    actions = policy.predict(batch, policy.encode_stage(batch, seeded()), seeded())
+    torch.testing.assert_close(actions.sign(), batch["action"])

@@ -69,7 +69,7 @@ def test_windows_are_those_of_training(queue, tmp_path, make_episode):
     runner, seen = queue
     run_chunks(runner, 3)
     make_episode(tmp_path / "0.h5", frames=20)  # Its joint states count the frames too.
-    known = [window["joint_state"][:, 0].tolist() for window in EpisodeDataset(tmp_path, 1)]
+    known = [window["joint_state"][:, 0].tolist() for window in EpisodeDataset(tmp_path)]
     assert all(window in known for window in seen)
 
 

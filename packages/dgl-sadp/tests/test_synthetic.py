@@ -46,7 +46,7 @@ def test_a_seed_gives_the_same_episode(tmp_path):
 @pytest.mark.parametrize("has_object", [False, True])
 def test_episodes_are_of_the_format_and_hold_the_commanded_targets(tmp_path, has_object):
     (path,) = write_synthetic_episodes(tmp_path, 1, frames=10, points=40, has_object=has_object)
-    dataset = EpisodeDataset(tmp_path, 1)
+    dataset = EpisodeDataset(tmp_path)
     assert len(dataset) == 10 + 2
     assert ("object_point_cloud" in dataset[0]) == has_object
     with h5py.File(path) as file:

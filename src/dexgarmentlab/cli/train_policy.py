@@ -1,4 +1,4 @@
-"""`dgl train sadp`, `sadp-g`, `dp3` and `dp`: train a policy for one stage of a task."""
+"""`dgl train sadp`, `sadp-g`, `dp3` and `dp`: train a policy for all stages of a task."""
 
 import dataclasses
 import math
@@ -34,8 +34,6 @@ class TrainPolicyOptions:
     """Folder of collected episodes (*.h5); some are kept for validation if there are several."""
     out: Path
     """Folder of the run: policy.safetensors, the state to go on from, and logs for TensorBoard."""
-    stage: int = 1
-    """Stage of the task, from 1; each has a policy of its own."""
     gam: bool = True
     """Bring the hands to matched grasp points before the policy acts. --no-gam: the policy learns
     the approach, too, from episodes collected with --record approaches, and sees no affordance."""
@@ -74,7 +72,7 @@ class TrainSadpOptions(TrainPolicyOptions):
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
 
-    Example: dgl train sadp --data out/hang_trousers/episodes --out runs/hang_trousers --stage 1
+    Example: dgl train sadp --data out/hang_trousers/episodes --out runs/hang_trousers
     """
 
     method: ClassVar[str] = "sadp"
@@ -87,7 +85,7 @@ class TrainSadpGOptions(TrainPolicyOptions):
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
 
-    Example: dgl train sadp-g --data out/fold_tops/episodes --out runs/fold_tops --stage 1
+    Example: dgl train sadp-g --data out/fold_tops/episodes --out runs/fold_tops
     """
 
     method: ClassVar[str] = "sadp-g"
@@ -100,7 +98,7 @@ class TrainDp3Options(TrainPolicyOptions):
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
 
-    Example: dgl train dp3 --data out/fold_tops/episodes --out runs/fold_tops_dp3 --stage 1
+    Example: dgl train dp3 --data out/fold_tops/episodes --out runs/fold_tops_dp3
     """
 
     method: ClassVar[str] = "dp3"
@@ -113,7 +111,7 @@ class TrainDpOptions(TrainPolicyOptions):
     Ctrl-C finishes the step and saves; --resume goes on from there, to the same weights. Episodes
     that are damaged are named and left out.
 
-    Example: dgl train dp --data out/fold_tops/episodes --out runs/fold_tops_dp --stage 1
+    Example: dgl train dp --data out/fold_tops/episodes --out runs/fold_tops_dp
     """
 
     method: ClassVar[str] = "dp"
@@ -145,7 +143,6 @@ def train_policy(options: TrainPolicyOptions) -> int:
             options.out,
             policy,
             config,
-            stage=options.stage,
             is_resumed=options.resume,
             device=options.device,
             devices=options.devices,
@@ -217,7 +214,6 @@ def _as_json(options: TrainPolicyOptions, result: "TrainResult") -> dict[str, ob
     return {
         "method": options.method,
         "preset": options.preset,
-        "stage": options.stage,
         "gam": options.gam,
         "policy": str(result.policy),
         "steps": result.steps,

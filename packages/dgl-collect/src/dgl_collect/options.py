@@ -115,8 +115,8 @@ class EvaluationOptions(RunOptions):
     """A factor on the garment's friction and adhesion: at 0 no hand can hold it, and no method must
     succeed."""
     checkpoints: Path | None = None
-    """Trained policies of a learned method: a folder with stage_1/policy.safetensors and so on; of
-    primitive and blind, the folder of a training. Default of these: what comes with dgl-sadp."""
+    """Trained policies of a learned method: the folder of a training, or its file. Default
+    of primitive and blind: what comes with dgl-sadp."""
     chunks: Annotated[int, Ge(1)] | None = None
     """Predictions in each stage. Default: enough for the longest recording."""
     actions: Annotated[int, Ge(1)] = 600

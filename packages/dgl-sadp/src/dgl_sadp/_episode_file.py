@@ -7,7 +7,7 @@ needs the other.
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -21,13 +21,14 @@ __all__ = [
     "FORMAT_VERSION",
     "FRAME_KEYS",
     "JOINTS",
+    "STATIC_KEYS",
+    "EpisodeFile",
     "FrameSlice",
-    "MissingStageError",
     "StageFile",
     "measure_frames",
     "read_frames",
     "read_static",
-    "scan_stage",
+    "scan_episode",
     "take_frames",
 ]
 
@@ -45,7 +46,7 @@ FRAME_KEYS: dict[str, tuple[tuple[int | None, ...], str]] = {
     "env_point_cloud": ((None, 6), "float32"),
 }
 # Key -> shape and dtype of what is stored once in a stage.
-_STATIC_KEYS: dict[str, tuple[tuple[int | None, ...], str]] = {
+STATIC_KEYS: dict[str, tuple[tuple[int | None, ...], str]] = {
     "garment_point_cloud": ((None, 3), "float32"),
     "points_affordance_feature": ((None, 2), "float32"),
     "object_point_cloud": ((None, 3), "float32"),
@@ -83,7 +84,7 @@ _HDF5_ERRORS = (
 
 @dataclass(frozen=True, kw_only=True)
 class StageFile:
-    """One stage of one whole, successful episode."""
+    """One stage of an episode."""
 
     path: Path
     """The file."""
@@ -95,22 +96,20 @@ class StageFile:
     """First used frame; the frames before it are the approach."""
     static_keys: tuple[str, ...]
     """Names of the arrays stored once in the stage."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeFile:
+    """One whole, successful episode."""
+
+    path: Path
+    """The file."""
     task: str
     """Environment id, such as `FoldTops-v1`; empty if it was not recorded."""
     cloud: str
     """Kind of `env_point_cloud`, as the file's attribute says."""
-
-
-class MissingStageError(UnsuitableEpisodeError):
-    """A whole, successful episode lacks a stage."""
-
-    def __init__(self, path: Path, stage: int, stages: tuple[int, ...], task: str) -> None:
-        super().__init__(path, f"no stage_{stage}; it has {[f'stage_{each}' for each in stages]}")
-        self.stage, self.stages, self.task = stage, stages, task
-
-    def __reduce__(self) -> tuple[type, tuple]:
-        """Keep all arguments, as the base does its own."""
-        return type(self), (self.path, self.stage, self.stages, self.task)
+    stages: tuple[StageFile, ...]
+    """The stages, at least one, in order."""
 
 
 @dataclass(frozen=True)
@@ -121,20 +120,18 @@ class FrameSlice:
     stop: int
 
 
-def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageFile | None:
-    """Check one stage of a file without reading its arrays.
+def scan_episode(path: Path, *, with_approach: bool = False) -> EpisodeFile | None:
+    """Check the stages of a file without reading their arrays.
 
     Args:
         path: The file.
-        stage: Number of the stage, from 1.
         with_approach: Whether the hands' way to the grasp points is wanted, too.
 
     Returns:
         What is there, or None if the episode did not succeed.
 
     Raises:
-        DamagedEpisodeError: If the file is not a whole episode of the known format, or lacks the
-            stage.
+        DamagedEpisodeError: If the file is not a whole episode of the known format.
         ValueError: If the approach is wanted and was not recorded.
     """
     try:
@@ -153,36 +150,39 @@ def scan_stage(path: Path, stage: int, *, with_approach: bool = False) -> StageF
                 )
             task = _read_text(path, file, "task", "")
             cloud = _read_text(path, file, "cloud", CLOUD)
-            if f"stage_{stage}" not in file:
-                stages = _list_stages(file)
-                if not stages:
-                    raise DamagedEpisodeError(path, f"no stage_{stage}; it has no stages")
-                raise MissingStageError(path, stage, stages, task)
-            group = _find_group(path, file, f"stage_{stage}")
-            frames = _check_frames(path, group)
-            approach = _read_integer(path, group, "approach_frames", 0)
-            if not 0 <= approach < frames:
-                raise DamagedEpisodeError(
-                    path,
-                    f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}",
-                )
-            static_keys = _check_static(path, group)
+            count = max((n for n in range(1, _MAX_STAGES) if f"stage_{n}" in file), default=0)
+            if not count:
+                raise DamagedEpisodeError(path, "it has no stages")
+            stages = [_scan_stage(path, file, number) for number in range(1, count + 1)]
     except FileNotFoundError as error:
         raise DamagedEpisodeError(path, "there is no such file, or it is a link to none") from error
-    if with_approach and approach == 0:
-        raise ValueError(
-            f"{path.name}: stage {stage} must have its approach recorded; it has not: "
-            "collect with --record approaches"
+    if with_approach:
+        for part in stages:
+            if part.first == 0:
+                raise ValueError(
+                    f"{path.name}: stage {part.stage} must have its approach recorded; it has not: "
+                    "collect with --record approaches"
+                )
+        stages = [replace(part, frames=part.frames + part.first, first=0) for part in stages]
+    return EpisodeFile(path=path, task=task, cloud=cloud, stages=tuple(stages))
+
+
+def _scan_stage(path: Path, file: h5py.File, number: int) -> StageFile:
+    if f"stage_{number}" not in file:
+        raise DamagedEpisodeError(path, f"no stage_{number}")
+    group = _find_group(path, file, f"stage_{number}")
+    frames = _check_frames(path, group)
+    approach = _read_integer(path, group, "approach_frames", 0)
+    if not 0 <= approach < frames:
+        raise DamagedEpisodeError(
+            path, f"approach_frames of {group.name} must lie in [0, {frames}); got {approach}"
         )
-    first = 0 if with_approach else approach
     return StageFile(
         path=path,
-        stage=stage,
-        frames=frames - first,
-        first=first,
-        static_keys=static_keys,
-        task=task,
-        cloud=cloud,
+        stage=number,
+        frames=frames - approach,
+        first=approach,
+        static_keys=_check_static(path, group),
     )
 
 
@@ -257,10 +257,6 @@ def _open(path: Path) -> Iterator[h5py.File]:
         raise DamagedEpisodeError(path, f"cannot be read as an episode ({reason})") from error
 
 
-def _list_stages(file: h5py.File) -> tuple[int, ...]:
-    return tuple(number for number in range(1, _MAX_STAGES) if f"stage_{number}" in file)
-
-
 def _check_frames(path: Path, group: h5py.Group) -> int:
     found = {key: _find_dataset(path, group, key) for key in FRAME_KEYS}
     for key, (shape, dtype) in FRAME_KEYS.items():
@@ -289,7 +285,7 @@ def _check_frames(path: Path, group: h5py.Group) -> int:
 
 def _check_static(path: Path, group: h5py.Group) -> tuple[str, ...]:
     points: dict[str, int] = {}
-    for key, (shape, dtype) in _STATIC_KEYS.items():
+    for key, (shape, dtype) in STATIC_KEYS.items():
         if key in _OPTIONAL_KEYS and key not in group:
             continue
         dataset = _find_dataset(path, group, key)

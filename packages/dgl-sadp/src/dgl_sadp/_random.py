@@ -1,5 +1,6 @@
 """Seeds and random numbers of a training, independent of how batches are divided."""
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -43,6 +44,18 @@ class Share:
         start, stop = (total * number // processes for number in (process, process + 1))
         weight = (stop - start) * processes / total
         return cls(start=start, stop=max(stop, start + 1), total=total, weight=weight)
+
+    def multiply(self, by: int) -> "Share":
+        """Return the share where each row becomes several."""
+        return dataclasses.replace(
+            self, start=self.start * by, stop=self.stop * by, total=self.total * by
+        )
+
+    def divide(self, by: int) -> "Share":
+        """Return the share where several rows become one: the reverse of `multiply`."""
+        return dataclasses.replace(
+            self, start=self.start // by, stop=self.stop // by, total=self.total // by
+        )
 
 
 class Draws:

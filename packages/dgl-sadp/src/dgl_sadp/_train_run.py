@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from torch.utils.data import DataLoader
 
 from dgl_files.whole import write_text
 from dgl_sadp._random import STEP, draw_seed
-from dgl_sadp._train_data import Batches, TrainData
+from dgl_sadp._train_data import Batches, TrainData, collate_windows
 from dgl_sadp._train_result import TrainProgress, TrainResult
 from dgl_sadp._train_state import TrainState
 from dgl_sadp.checkpoint import save_policy
@@ -94,7 +95,7 @@ class TrainRun:
                 f"has started; got {job.devices}"
             )
         self.batches = Batches(
-            windows=len(job.data.train),
+            counts=job.data.train.counts,
             config=config,
             process=self.accelerator.process_index,
             processes=job.devices,
@@ -153,6 +154,7 @@ class TrainRun:
         loader = DataLoader(
             self.data.train,  # type: ignore[arg-type] - has the methods of a map-style dataset
             batch_sampler=self.batches.iterate(state.step),
+            collate_fn=partial(collate_windows, group=self.config.group),
             num_workers=self.workers,
             pin_memory=self.accelerator.device.type == "cuda",
             generator=torch.Generator().manual_seed(self.config.seed),

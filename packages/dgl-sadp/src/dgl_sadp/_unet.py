@@ -60,8 +60,11 @@ class ConditionalUNet(nn.Module):
         # Scales and biases of all blocks, linear in (step, condition), as one product each.
         self.film_sizes = [2 * each.channels for each in blocks]
         self.film_step = nn.Sequential(nn.Mish(), nn.Linear(embedding, sum(self.film_sizes)))
+        squeezed = [] if config.film is None else [nn.Linear(condition, config.film)]
         self.film_condition = nn.Sequential(
-            nn.Mish(), nn.Linear(condition, sum(self.film_sizes), bias=False)
+            *squeezed,
+            nn.Mish(),
+            nn.Linear(config.film or condition, sum(self.film_sizes), bias=False),
         )
 
     def project(self, condition: Tensor) -> Tensor:

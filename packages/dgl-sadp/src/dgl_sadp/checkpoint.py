@@ -21,11 +21,10 @@ MAX_WEIGHTS = 2**29
 
 _KIND = "dgl_sadp.policy"
 _CARD: Mapping[str, Any] = {
-    "stage": Annotated[int, Interval(ge=1, le=1000)],
     "tasks": list[Annotated[str, Len(0, 200)]],
     "cloud": Annotated[str, Len(0, 200)],
     "windows": Annotated[int, Interval(ge=1, le=2**40)],
-    "longest": Annotated[int, Interval(ge=1, le=10**6)],
+    "longest": Annotated[list[Annotated[int, Interval(ge=1, le=10**6)]], Len(1, 1000)],
     "episodes": list[str],
     "validation_episodes": list[str],
     "training": dict[str, Any],
@@ -46,7 +45,7 @@ def save_policy(
     Args:
         path: The file, ending in .safetensors; its folder is made.
         policy: What to write.
-        card: How it was made: task, stage, data, epochs, seed, versions. Plain values.
+        card: How it was made: task, data, epochs, seed, versions. Plain values.
 
     Raises:
         ValueError: If the path has another ending.

@@ -50,6 +50,9 @@ class UNetConfig:
     """Length of the convolutions [frames], odd."""
     groups: Annotated[int, Interval(ge=1, le=1024)] = 8
     """Groups of the group norms."""
+    film: Width | None = None
+    """Width of a layer between the condition and the scales and biases of all blocks; None for
+    none, as published. They are half of all weights without it."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -225,6 +228,8 @@ class PolicyConfig:
     """Picture, in every observation."""
     joints: Annotated[int, Interval(ge=1, le=1024)] = 60
     """Joints of the robot, and length of an action."""
+    stages: Annotated[int, Interval(ge=1, le=1000)] = 1
+    """Stages of the task that the policy acts in; if there are several, it is told which one."""
     horizon: Annotated[int, Interval(ge=1, le=1024)] = 8
     """Predicted actions. Source: paper."""
     observation_steps: Annotated[int, Interval(ge=1, le=64)] = 3
@@ -409,7 +414,8 @@ def _small_presets() -> Mapping[str, PolicyConfig]:
             features=features,
         )
 
-    unet = UNetConfig(widths=(64, 128, 256), step_embedding=64)
+    # The deepest level has two frames: a longer kernel would see padding.
+    unet = UNetConfig(widths=(64, 128, 192), step_embedding=64, kernel=3, film=96)
     paper = _paper_presets()
     return {
         "sadp": dataclasses.replace(

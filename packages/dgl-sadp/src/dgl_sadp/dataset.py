@@ -10,13 +10,13 @@ import numpy as np
 from dgl_files.fields import tell
 from dgl_sadp._episode_file import (
     FRAME_KEYS,
+    EpisodeFile,
     FrameSlice,
-    MissingStageError,
     StageFile,
     measure_frames,
     read_frames,
     read_static,
-    scan_stage,
+    scan_episode,
     take_frames,
 )
 from dgl_sadp.errors import DamagedEpisodeError
@@ -29,19 +29,22 @@ _OBSERVATION_KEYS = ("joint_state", "ee_pose", "env_point_cloud")
 
 
 class EpisodeDataset:
-    """All windows of one stage over a folder of episode files.
+    """All windows of all stages over a folder of episode files.
 
-    A window is `horizon` consecutive frames of one episode. Its first `observation_steps` frames
+    A window is `horizon` consecutive frames of one stage. Its first `observation_steps` frames
     are observed; the `action_steps` actions from the last observed frame on are executed. Windows
     begin up to `observation_steps - 1` frames before a stage and at most with its last frame, where
     the edge frame is repeated: a policy also learns the first steps and to stay at the end.
 
     Frames are read from disk when needed; `keep_bytes` of them stay in memory. Arrays that do not
-    change within a stage are read once and kept (about 65 kB an episode). The dataset is map-style
+    change within a stage are read once and kept (about 65 kB a stage). The dataset is map-style
     and works with PyTorch's data loaders and workers; it needs no PyTorch, and no file stays open.
 
     Attributes:
         episodes: The successful episodes, by file name.
+        stages: Number of their stages.
+        parts: The stages of all episodes, in the order of the windows.
+        counts: Number of windows of each part, shape (P,), int64.
         failed: Files of episodes that did not succeed; they are left out.
         refused: Errors of the files that were left out because of `skip_corrupt`.
 
@@ -52,7 +55,6 @@ class EpisodeDataset:
     def __init__(
         self,
         directory: str | Path,
-        stage: int,
         horizon: int = 8,
         observation_steps: int = 3,
         action_steps: int = 4,
@@ -66,7 +68,6 @@ class EpisodeDataset:
 
         Args:
             directory: Folder of episode files (`*.h5`).
-            stage: Number of the stage, from 1.
             horizon: Frames in a window.
             observation_steps: Observed frames.
             action_steps: Executed actions; with the observed frames they must fit into the horizon.
@@ -79,27 +80,27 @@ class EpisodeDataset:
                 than when they have reached the grasp points.
 
         Raises:
-            ValueError: If an argument is out of range, no episode succeeded or has the stage, only
-                some episodes have an object's cloud, their environment clouds are of several kinds,
-                or an approach is wanted and was not recorded.
+            ValueError: If an argument is out of range, no episode succeeded, they differ in their
+                stages, in having an object's cloud or in the kind of their environment clouds, or
+                an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             DamagedEpisodeError: If a file is damaged or of another format.
         """
         if keep_bytes < 0:
             raise ValueError(f"keep_bytes must be at least 0; got {keep_bytes}")
-        _check_steps(stage, horizon, observation_steps, action_steps)
+        _check_steps(horizon, observation_steps, action_steps)
         allowed = [key for key in FRAME_KEYS if key != "action"]
         if not set(observation_keys) <= set(allowed):
             raise ValueError(f"observation_keys must be of {allowed}; got {list(observation_keys)}")
-        self.stage = stage
         self.horizon = horizon
         self.observation_steps = observation_steps
         self.action_steps = action_steps
         self.observation_keys = tuple(observation_keys)
         self.keep_bytes = keep_bytes
         episodes, self.failed, self.refused = _scan(
-            Path(directory), stage, skip_corrupt=skip_corrupt, with_approach=with_approach
+            Path(directory), skip_corrupt=skip_corrupt, with_approach=with_approach
         )
+        self.stages = len(episodes[0].stages)
         self._use(episodes)
 
     def __len__(self) -> int:
@@ -120,6 +121,7 @@ class EpisodeDataset:
             With To = `observation_steps`, T = `horizon`, N and M numbers of points, float32 where
             not stated:
 
+            * `stage`, from 0, int64;
             * `start_joint_state` [rad], where the stage began, shape (60,); `joint_state` [rad],
               shape (To, 60); `ee_pose` (left, right) [m] and quaternion wxyz, world frame, shape
               (To, 2, 7); `env_point_cloud` xyz [m], world frame, and colour, shape (To, N, 6); and
@@ -143,16 +145,17 @@ class EpisodeDataset:
         before = int(self._ends[number - 1]) if number else 0
         start = index - before - (self.observation_steps - 1)
 
-        episode = self.episodes[number]
+        part = self.parts[number]
         observed = FrameSlice(start, start + self.observation_steps)
         wanted = dict.fromkeys(self.observation_keys, observed)
         wanted["action"] = FrameSlice(start, start + self.horizon)
-        kept = self._keep(episode)
+        kept = self._keep(part)
         if kept is None:
-            window = read_frames(episode, wanted)
+            window = read_frames(part, wanted)
         else:
-            window = {key: take_frames(kept[key], part) for key, part in wanted.items()}
-        window.update((key, array.copy()) for key, array in self._read_static(episode).items())
+            window = {key: take_frames(kept[key], frames) for key, frames in wanted.items()}
+        window.update((key, array.copy()) for key, array in self._read_static(part).items())
+        window["stage"] = np.array(part.stage - 1)
         return window
 
     def select(self, episodes: Sequence[int] | np.ndarray) -> "EpisodeDataset":
@@ -174,33 +177,35 @@ class EpisodeDataset:
         part._use(tuple(self.episodes[number] for number in chosen))  # noqa: SLF001 - our own class
         return part
 
-    def _use(self, episodes: tuple[StageFile, ...]) -> None:
+    def _use(self, episodes: tuple[EpisodeFile, ...]) -> None:
         """Draw windows from these episodes."""
         self.episodes = episodes
-        self._static: dict[Path, dict[str, np.ndarray]] = {}
-        self._kept: dict[Path, dict[str, np.ndarray]] = {}
+        self.parts = tuple(part for episode in episodes for part in episode.stages)
+        self._static: dict[StageFile, dict[str, np.ndarray]] = {}
+        self._kept: dict[StageFile, dict[str, np.ndarray]] = {}
         self._kept_bytes = 0
-        counts = [episode.frames + self.observation_steps - 1 for episode in episodes]
-        self._ends = np.cumsum(counts, dtype=np.int64)  # Windows up to and with each episode.
+        counts = [part.frames + self.observation_steps - 1 for part in self.parts]
+        self.counts = np.array(counts, dtype=np.int64)
+        self._ends = np.cumsum(self.counts)  # Windows up to and with each part.
 
-    def _keep(self, episode: StageFile) -> dict[str, np.ndarray] | None:
-        """Return all frames of an episode if they are in memory or fit into it."""
-        kept = self._kept.get(episode.path)
+    def _keep(self, part: StageFile) -> dict[str, np.ndarray] | None:
+        """Return all frames of a stage if they are in memory or fit into it."""
+        kept = self._kept.get(part)
         if kept is None and self._kept_bytes < self.keep_bytes:
             keys = (*self.observation_keys, "action")
-            size = measure_frames(episode, keys)
+            size = measure_frames(part, keys)
             if self._kept_bytes + size <= self.keep_bytes:
-                whole = FrameSlice(0, episode.frames)
-                kept = read_frames(episode, dict.fromkeys(keys, whole))
-                self._kept[episode.path] = kept
+                whole = FrameSlice(0, part.frames)
+                kept = read_frames(part, dict.fromkeys(keys, whole))
+                self._kept[part] = kept
                 self._kept_bytes += size
         return kept
 
-    def _read_static(self, episode: StageFile) -> dict[str, np.ndarray]:
-        if episode.path not in self._static:
-            start = read_frames(episode, {"joint_state": FrameSlice(0, 1)})["joint_state"][0]
-            self._static[episode.path] = {"start_joint_state": start, **read_static(episode)}
-        return self._static[episode.path]
+    def _read_static(self, part: StageFile) -> dict[str, np.ndarray]:
+        if part not in self._static:
+            start = read_frames(part, {"joint_state": FrameSlice(0, 1)})["joint_state"][0]
+            self._static[part] = {"start_joint_state": start, **read_static(part)}
+        return self._static[part]
 
 
 def split_episodes(n: int, fraction: float = 0.02, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -232,9 +237,8 @@ def split_episodes(n: int, fraction: float = 0.02, seed: int = 0) -> tuple[np.nd
     return np.flatnonzero(~is_validation), np.flatnonzero(is_validation)
 
 
-def _check_steps(stage: int, horizon: int, observation_steps: int, action_steps: int) -> None:
+def _check_steps(horizon: int, observation_steps: int, action_steps: int) -> None:
     for name, value in (
-        ("stage", stage),
         ("observation_steps", observation_steps),
         ("action_steps", action_steps),
     ):
@@ -249,45 +253,41 @@ def _check_steps(stage: int, horizon: int, observation_steps: int, action_steps:
 
 
 def _scan(
-    directory: Path,
-    stage: int,
-    *,
-    skip_corrupt: bool,
-    with_approach: bool,
-) -> tuple[tuple[StageFile, ...], tuple[Path, ...], tuple[DamagedEpisodeError, ...]]:
+    directory: Path, *, skip_corrupt: bool, with_approach: bool
+) -> tuple[tuple[EpisodeFile, ...], tuple[Path, ...], tuple[DamagedEpisodeError, ...]]:
     # Hidden files are those that a writer has not finished.
     paths = sorted(path for path in directory.glob("*.h5") if not path.name.startswith("."))
     if not paths:
         below = sorted({path.parent for path in directory.glob("*/*.h5")})
         hint = f"; did you mean {below[0]}?" if below else ""
         raise FileNotFoundError(f"no episode files (*.h5) in {directory}{hint}")
-    episodes: list[StageFile] = []
+    episodes: list[EpisodeFile] = []
     failed: list[Path] = []
     refused: list[DamagedEpisodeError] = []
     for path in paths:
         try:
-            episode = scan_stage(path, stage, with_approach=with_approach)
+            episode = scan_episode(path, with_approach=with_approach)
         except DamagedEpisodeError as error:
-            # That no episode has the stage is said once, below.
-            if not skip_corrupt and not isinstance(error, MissingStageError):
+            if not skip_corrupt:
                 raise
+            logger.warning("left out: %s", error)
             refused.append(error)
             continue
         if episode is None:
             failed.append(path)
         else:
             episodes.append(episode)
-    lacking = [error for error in refused if isinstance(error, MissingStageError)]
-    if lacking and not episodes:
-        raise ValueError(_describe_stages(directory, stage, lacking))
-    for error in refused:
-        if not skip_corrupt:
-            raise error
-        logger.warning("left out: %s", error)
     if not episodes:
         also = f", and {len(refused)} are refused: {refused[0]}" if refused else ""
         raise ValueError(f"none of the {len(failed)} episode(s) in {directory} succeeded{also}")
-    kinds = {episode.static_keys: episode.path for episode in episodes}
+    numbers = {len(episode.stages): episode.path for episode in episodes}
+    if len(numbers) > 1:
+        raise ValueError(
+            "the episodes must agree in the number of their stages; "
+            + " but ".join(f"{path.name} has {count}" for count, path in numbers.items())
+        )
+    parts = [part for episode in episodes for part in episode.stages]
+    kinds = {part.static_keys: part.path for part in parts}
     if len(kinds) > 1:
         raise ValueError(
             "the episodes must agree in having an object_point_cloud or not; "
@@ -300,13 +300,3 @@ def _scan(
             + " but ".join(f"{path.name} has {tell(kind)}" for kind, path in clouds.items())
         )
     return tuple(episodes), tuple(failed), tuple(refused)
-
-
-def _describe_stages(directory: Path, stage: int, lacking: list[MissingStageError]) -> str:
-    """Say which stages there are where no episode has the one that is asked for."""
-    numbers = sorted({number for error in lacking for number in error.stages})
-    tasks = " and ".join(sorted({tell(error.task) for error in lacking if error.task}))
-    return (
-        f"stage must be one of {numbers}, which the {len(lacking)} episode(s)"
-        f"{f' of {tasks}' if tasks else ''} in {directory} have; got {stage}"
-    )

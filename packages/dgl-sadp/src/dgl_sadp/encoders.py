@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from dgl_sadp._clouds import Augmentation, thin_cloud
 from dgl_sadp._pointnet import GarmentNet, PointsNet
@@ -59,8 +60,9 @@ class ObservationEncoder(nn.Module):
 
     @property
     def features(self) -> int:
-        """Length of the condition: of all observations that a prediction sees."""
-        return self.config.observation_steps * self.frame_features
+        """Length of the condition: of all observations that a prediction sees, and the stage."""
+        stages = self.config.stages if self.config.stages > 1 else 0
+        return self.config.observation_steps * self.frame_features + stages
 
     def encode_stage(
         self,
@@ -113,8 +115,8 @@ class ObservationEncoder(nn.Module):
         Args:
             observation: `joint_state` [rad], shape (B, To, D); `start_joint_state` [rad], where the
                 stage began, shape (B, D); `env_point_cloud` [m], world frame, with colour, shape
-                (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; as far as the policy
-                observes them.
+                (B, To, N, 3 or 6); `image`, shape (B, To, H, W, 3), uint8; `stage`, from 0, shape
+                (B,), int64; as far as the policy observes them.
             stage: What `encode_stage` returned, shape (B, S).
             normalizer: Ranges of the data.
             draws: Draws which points are looked at.
@@ -140,4 +142,8 @@ class ObservationEncoder(nn.Module):
         travelled = normalizer.of("action").normalize(travelled)
         relative = travelled[..., list(self.config.relative_joints)]
         parts.append(self.state(torch.cat([states, relative], dim=2)))
-        return torch.cat(parts, dim=2).flatten(1)
+        condition = torch.cat(parts, dim=2).flatten(1)
+        if self.config.stages == 1:
+            return condition
+        which = functional.one_hot(observation["stage"], self.config.stages)
+        return torch.cat([condition, which.to(condition.dtype)], dim=1)

@@ -9,10 +9,15 @@ __all__ = ["make_optimizers"]
 
 
 def make_optimizers(model: nn.Module, config: TrainConfig) -> list[torch.optim.Optimizer]:
-    """Make AdamW for all parameters, or Muon for matrices and AdamW for the rest."""
-    has_muon = config.muon_learning_rate is not None
-    matrices = [each for each in model.parameters() if has_muon and each.ndim == 2]
-    others = [each for each in model.parameters() if not (has_muon and each.ndim == 2)]
+    """Make AdamW for all parameters, or Muon for matrices and AdamW for the rest.
+
+    AdamW also has the matrices of FiLM: wide as they are, they would take half of Muon's time.
+    """
+    matrices, others = [], []
+    for name, parameter in model.named_parameters():
+        is_muons = parameter.ndim == 2 and ".film" not in f".{name}"
+        has_muon = config.muon_learning_rate is not None
+        (matrices if has_muon and is_muons else others).append(parameter)
     optimizers: list[torch.optim.Optimizer] = [
         torch.optim.AdamW(
             others,

@@ -71,7 +71,9 @@ class DiffusionPolicy(nn.Module):
 
         Args:
             window: Batch of windows: what the configuration's `frame_keys` and `stage_keys` name,
-                `start_joint_state` [rad], shape (B, D), and `action` [rad], shape (B, T, D).
+                `start_joint_state` [rad], shape (B, D), `stage`, shape (B,), and `action` [rad],
+                shape (B, T, D). Arrays of `stage_keys` may have a row for each G consecutive
+                windows, of which one is encoded for all.
             generator: Draws points, noise and its levels.
             augmentation: How clouds are varied.
             share: Which rows of a batch these are; all of them when None. What is drawn for a row
@@ -81,7 +83,11 @@ class DiffusionPolicy(nn.Module):
             Scalar.
         """
         draws = Draws(generator, share)
-        stage = self.encoder.encode_stage(window, self.normalizer, draws, augmentation)
+        rows = len(window["action"])
+        repeats = rows // min([rows, *(len(window[key]) for key in self.config.stage_keys)])
+        shared = Draws(generator, share and share.divide(repeats))
+        stage = self.encoder.encode_stage(window, self.normalizer, shared, augmentation)
+        stage = stage.repeat_interleave(rows // len(stage), dim=0)
         condition = self.encoder.encode(window, stage, self.normalizer, draws, augmentation)
         origin = self.encoder.find_origin(window).unsqueeze(1)
         clean = self.normalizer.of("action").normalize(window["action"] - origin)

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dgl_sadp._episode_file import FRAME_KEYS, FrameSlice, StageFile, read_frames, read_static
+from dgl_sadp._episode_file import (
+    FRAME_KEYS,
+    EpisodeFile,
+    FrameSlice,
+    StageFile,
+    read_frames,
+    read_static,
+)
 from dgl_sadp.dataset import EpisodeDataset
 from dgl_sadp.errors import DamagedEpisodeError, UnsuitableEpisodeError
 from dgl_sadp.normalizer import Range
@@ -41,7 +48,7 @@ def measure_episodes(
     """Read every episode once; leave out damaged ones and copies of others.
 
     Args:
-        dataset: Episodes of one stage.
+        dataset: The episodes.
         keys: Arrays to measure, of frames and of the stage; `image` is read, but has no range.
         relative_joints: Joints whose actions are measured relative to where they were when the
             stage began.
@@ -56,12 +63,10 @@ def measure_episodes(
     refused: list[DamagedEpisodeError] = []
     for number, episode in enumerate(dataset.episodes):
         try:
-            found, digest = _measure_episode(episode, keys)
+            found, digest = _measure_episode(episode, keys, list(relative_joints))
             first = names.setdefault(digest, episode.path.name)
             if first != episode.path.name:
                 raise UnsuitableEpisodeError(episode.path, f"it is the same episode as {first}")
-            if relative_joints and "action" in keys:
-                found["action"] = _measure_relative(episode, list(relative_joints))
             ranges.append(found)
             whole.append(number)
         except DamagedEpisodeError as error:
@@ -84,46 +89,58 @@ def join_ranges(ranges: Sequence[dict[str, Range]]) -> dict[str, Range]:
     return joined
 
 
-def _measure_episode(episode: StageFile, keys: Sequence[str]) -> tuple[dict[str, Range], bytes]:
-    """Measure the ranges of arrays, and the digest of their values."""
-    found: dict[str, Range] = {}
+def _measure_episode(
+    episode: EpisodeFile, keys: Sequence[str], relative_joints: list[int]
+) -> tuple[dict[str, Range], bytes]:
+    """Measure the ranges of arrays over all stages, and the digest of their values."""
     digest = hashlib.blake2b()
+    found = [_measure_stage(part, keys, digest) for part in episode.stages]
+    if relative_joints and "action" in keys:
+        for part, ranges in zip(episode.stages, found, strict=True):
+            ranges["action"] = _measure_relative(part, relative_joints)
+    return join_ranges(found), digest.digest()
+
+
+def _measure_stage(
+    part: StageFile, keys: Sequence[str], digest: "hashlib.blake2b"
+) -> dict[str, Range]:
+    found: dict[str, Range] = {}
 
     def measure(key: str, values: np.ndarray) -> None:
         digest.update(np.ascontiguousarray(values).data)
         if key == "image":
             return
         if values.size == 0:
-            raise DamagedEpisodeError(episode.path, f"stage_{episode.stage}/{key} is empty")
+            raise DamagedEpisodeError(part.path, f"stage_{part.stage}/{key} is empty")
         if not np.isfinite(values).all():
             raise DamagedEpisodeError(
-                episode.path, f"stage_{episode.stage}/{key} has values that are not finite"
+                part.path, f"stage_{part.stage}/{key} has values that are not finite"
             )
-        part = Range.of(values)
-        found[key] = found[key].join(part) if key in found else part
+        measured = Range.of(values)
+        found[key] = found[key].join(measured) if key in found else measured
 
     of_frames = [key for key in keys if key in FRAME_KEYS]
-    for start in range(0, episode.frames, _FRAMES):
-        part = FrameSlice(start, min(start + _FRAMES, episode.frames))
-        for key, values in read_frames(episode, dict.fromkeys(of_frames, part)).items():
+    for start in range(0, part.frames, _FRAMES):
+        frames = FrameSlice(start, min(start + _FRAMES, part.frames))
+        for key, values in read_frames(part, dict.fromkeys(of_frames, frames)).items():
             measure(key, values)
-    static = read_static(episode)
+    static = read_static(part)
     for key in keys:
         if key in FRAME_KEYS:
             continue
         if key not in static:
             raise ValueError(
-                f"{episode.path.name} has no {key}, which this policy observes; it has "
+                f"{part.path.name} has no {key}, which this policy observes; it has "
                 f"{sorted(static)}"
             )
         measure(key, static[key])
-    return found, digest.digest()
+    return found
 
 
-def _measure_relative(episode: StageFile, joints: list[int]) -> Range:
+def _measure_relative(part: StageFile, joints: list[int]) -> Range:
     """Measure actions, some joints relative to the start of the stage."""
-    whole, first = FrameSlice(0, episode.frames), FrameSlice(0, 1)
-    frames = read_frames(episode, {"action": whole, "joint_state": first})
+    whole, first = FrameSlice(0, part.frames), FrameSlice(0, 1)
+    frames = read_frames(part, {"action": whole, "joint_state": first})
     actions = frames["action"]
     actions[:, joints] -= frames["joint_state"][:, joints]
     return Range.of(actions)

@@ -25,7 +25,7 @@ _SHAPES: Mapping[str, tuple[int | None, ...]] = {
 
 
 class PolicyRunner:
-    """Runs one policy in one environment.
+    """Runs one stage of a policy in one environment.
 
     `reset` begins a stage; `act` returns the joint targets to execute. Each executed target gives
     one observation: `observe` takes all but the last, the next `act` takes the last. The policy
@@ -42,14 +42,21 @@ class PolicyRunner:
     dimension; other keys are ignored. Clouds may have any number of points.
     """
 
-    def __init__(self, policy: DiffusionPolicy, *, seed: int = 0) -> None:
+    def __init__(self, policy: DiffusionPolicy, *, stage: int = 1, seed: int = 0) -> None:
         """Take a policy, on the device where it is.
 
         Args:
             policy: Used in evaluation mode.
+            stage: Number of the stage, from 1.
             seed: Of everything drawn, unless `reset` is given another.
+
+        Raises:
+            ValueError: If the policy has no such stage.
         """
+        if not 1 <= stage <= policy.config.stages:
+            raise ValueError(f"stage must lie in 1 ... {policy.config.stages}; got {stage}")
         self.policy = policy.eval()
+        self.stage = stage
         self.seed = seed
         self._frames: deque[dict[str, Tensor]] = deque(maxlen=policy.config.observation_steps)
         self._generator = torch.Generator()
@@ -136,6 +143,7 @@ class PolicyRunner:
         stacked = self._stack(frames)
         assert self._start is not None
         stacked["start_joint_state"] = self._start.unsqueeze(0)
+        stacked["stage"] = torch.tensor([self.stage - 1], device=self.policy.device)
         actions = self.policy.predict(stacked, self._stage, self._generator)[0, config.executed]
         self._since_act, self._has_acted = 0, True
         return actions.cpu().numpy()

@@ -1,5 +1,6 @@
 """Training: a run is a folder with configuration, log, state and result."""
 
+import dataclasses
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +27,6 @@ def train_policy(
     policy: PolicyConfig,
     config: TrainConfig,
     *,
-    stage: int,
     is_resumed: bool = False,
     device: str = "cpu",
     devices: int | Literal["auto"] = 1,
@@ -35,7 +35,7 @@ def train_policy(
     on_progress: Callable[[TrainProgress], None] | None = None,
     stop_after: int | None = None,
 ) -> TrainResult:
-    """Train a policy for one stage.
+    """Train a policy for all stages of a task.
 
     Damaged episodes, episodes with values that are not finite, and copies of other episodes are
     left out, logged and listed in the result.
@@ -53,9 +53,8 @@ def train_policy(
         directory: Folder of episode files.
         out: Folder of the run; made if missing. It holds `policy.safetensors` (averaged weights),
             `state.safetensors`, `config.json`, `logs` for TensorBoard, and kept policies.
-        policy: Configuration of the policy.
+        policy: Configuration of the policy; its `stages` become those of the episodes.
         config: Settings of the training.
-        stage: Number of the stage, from 1.
         is_resumed: Continue the run in `out`. It ends as without the interruption, bitwise on a
             CPU with the same numbers of devices and threads.
         device: "cpu" or "cuda".
@@ -78,8 +77,11 @@ def train_policy(
     """
     out = Path(out)
     count = _count_devices(device, devices)
-    if config.batch % count:
-        raise ValueError(f"batch must be a multiple of the {count} devices; got {config.batch}")
+    if config.batch % (count * config.group):
+        raise ValueError(
+            f"batch must be a multiple of the {count} devices x group = {config.group}; "
+            f"got {config.batch}"
+        )
     if workers < 0:
         raise ValueError(f"workers must be at least 0; got {workers}")
     if (out / CONFIG_FILE).exists() != is_resumed:
@@ -87,11 +89,12 @@ def train_policy(
             raise CheckpointError(f"{out} holds no run to resume")
         raise FileExistsError(f"{out} holds a run already; resume it or choose another folder")
     readers = count * max(1, workers)
+    data = TrainData.open(directory, policy, config, keep_bytes=keep_bytes // readers)
     job = TrainJob(
         out=out,
-        policy=policy,
+        policy=dataclasses.replace(policy, stages=data.train.stages),
         config=config,
-        data=TrainData.open(directory, policy, config, stage, keep_bytes=keep_bytes // readers),
+        data=data,
         device=device,
         devices=count,
         workers=workers,

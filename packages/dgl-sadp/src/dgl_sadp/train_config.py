@@ -28,6 +28,9 @@ class TrainConfig:
     """Passes over all windows."""
     batch: Positive
     """Windows in a batch."""
+    group: Positive = 1
+    """Windows, a divisor of `batch`, that are drawn from one stage of one episode at a time: its
+    garment is encoded once for all of them."""
     learning_rate: float = 1e-4
     """Largest learning rate, of AdamW. Source: paper."""
     muon_learning_rate: float | None = None
@@ -67,6 +70,8 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.batch % self.group:
+            raise ValueError(f"group must divide batch = {self.batch}; got {self.group}")
         for name in ("learning_rate", "muon_learning_rate"):
             value = getattr(self, name)
             if value is not None and not value > 0:
@@ -87,6 +92,7 @@ _PAPER: Mapping[str, TrainConfig] = {
 _SMALL = TrainConfig(
     epochs=60,
     batch=64,
+    group=4,
     learning_rate=1e-3,
     muon_learning_rate=0.02,
     warmup_steps=100,
