@@ -68,8 +68,8 @@ def test_policies_must_be_there_and_of_the_task(tmp_path):
         check(save(tmp_path / "few", longest=(26, 28)))
     with pytest.raises(ValueError, match="must be of task FoldTops-v1; got FoldDress-v1"):
         check(save(tmp_path / "task", tasks=["FoldDress-v1"]))
-    with pytest.raises(ValueError, match="--policy halo needs --checkpoints"):
-        check(None)
+    with pytest.raises(ValueError, match="--policy gam-dp3 needs --checkpoints"):
+        check(None, method="gam-dp3")
 
 
 def test_a_damaged_policy_is_refused_before_it_is_loaded(tmp_path):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dexgarmentlab.primitives import PrimitiveMethod
 from dgl_collect.attempt import Attempts
@@ -13,17 +13,18 @@ from dgl_collect.evaluation.methods import LearnedMethod, make_evaluation_attemp
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.stage_runner import StageRunner
-from dgl_sadp import PolicyRunner, load_policy, read_card
+from dgl_sadp import DiffusionPolicy, PolicyRunner, find_policy, load_policy, read_card
+from dgl_sadp.checkpoint import POLICY_FILE
 
 if TYPE_CHECKING:
     from dgl_collect.setup import Setup
+    from dgl_collect.steps import Demonstration
     from dgl_tasks.declaration import Task
 
-__all__ = ["FACTORY", "METHODS", "CheckpointMethod", "make_evaluation_runner"]
+__all__ = ["FACTORY", "METHODS", "CheckpointMethod", "make_actor", "make_evaluation_runner"]
 
 FACTORY = "dexgarmentlab.learned_methods:make_evaluation_runner"
 """Builds the attempts of an evaluation in each worker; see `CollectConfig.attempt_factory`."""
-POLICY_FILE = "policy.safetensors"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,8 @@ class CheckpointMethod:
     """Methods of `dgl train` whose policies it takes."""
     use_gam: bool
     """Hands are sent to matched points first; otherwise the policy begins at the parked arms."""
+    is_shipped: bool = False
+    """Takes what comes with `dgl_sadp` where no checkpoints are named."""
 
     def check(self, task: "Task", options: EvaluationOptions) -> None:
         """Check, without loading weights, that there is a fitting policy.
@@ -42,17 +45,12 @@ class CheckpointMethod:
             ValueError: If it is missing, of other stages, another task, start or cloud.
             CheckpointError: If the file is damaged.
         """
-        path = _locate(options)
+        path = self._locate(task, options)
         card = read_card(path)
         tasks = card.get("tasks", [task.id])
         if task.id not in tasks:
             raise ValueError(f"{path}: it must be of task {task.id}; got {', '.join(tasks)}")
-        stages = load_demonstration(task, options.demonstration).learned_stages
-        if len(card.get("longest", ())) != len(stages):
-            raise ValueError(
-                f"{path}: its card must tell the longest recording of each of the {len(stages)} "
-                f"stages; got {card.get('longest')}"
-            )
+        _check_stages(card, load_demonstration(task, options.demonstration))
         if (cloud := card.get("cloud", "segmented")) != options.cloud:
             raise ValueError(
                 f"{path}: its training saw {cloud} clouds; evaluate it with --cloud {cloud}; "
@@ -74,28 +72,32 @@ class CheckpointMethod:
             CheckpointError: If it is missing or damaged.
         """
         self.check(task, options)
-        path = _locate(options)
+        path = self._locate(task, options)
         policy = load_policy(path, device=options.device)
         if policy.config.method not in self.policies:
             raise ValueError(
                 f"{path}: {options.policy} takes a policy of {' or '.join(self.policies)}; "
                 f"got {policy.config.method}"
             )
-        stages = load_demonstration(task, options.demonstration).learned_stages
-        # A policy stays where it is after the longest recording of a stage.
-        longest = read_card(path)["longest"]
-        policies = {
-            stage.name: Learned(
-                policy=PolicyRunner(policy, stage=number),
-                chunks=options.chunks or math.ceil(frames / policy.config.action_steps),
+        demonstration = load_demonstration(task, options.demonstration)
+        return make_actor(
+            policy, read_card(path), demonstration, is_sent=self.use_gam, chunks=options.chunks
+        )
+
+    def _locate(self, task: "Task", options: EvaluationOptions) -> Path:
+        """Find the policy's file."""
+        path = options.checkpoints
+        if path is None and self.is_shipped:
+            return find_policy(task.id)
+        if path is None:
+            raise ValueError(
+                f"--policy {options.policy} needs --checkpoints, the folder of a trained policy"
             )
-            for number, (stage, frames) in enumerate(zip(stages, longest, strict=True), start=1)
-        }
-        return PolicyActor(policies=policies, is_sent=self.use_gam)
+        return path if path.is_file() else path / POLICY_FILE
 
 
 METHODS: Mapping[str, LearnedMethod] = {
-    "halo": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=True),
+    "halo": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=True, is_shipped=True),
     "sadp": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=False),
     "gam-dp3": CheckpointMethod(policies=("dp3",), use_gam=True),
     "dp3": CheckpointMethod(policies=("dp3",), use_gam=False),
@@ -111,11 +113,45 @@ def make_evaluation_runner(task: str, options: EvaluationOptions) -> Attempts:
     return make_evaluation_attempts(task, options, METHODS)
 
 
-def _locate(options: EvaluationOptions) -> Path:
-    """Find the policy's file."""
-    path = options.checkpoints
-    if path is None:
+def make_actor(
+    policy: DiffusionPolicy,
+    card: Mapping[str, Any],
+    demonstration: "Demonstration",
+    *,
+    is_sent: bool = True,
+    chunks: int | None = None,
+) -> PolicyActor:
+    """Make the actor of a policy in the stages of a demonstration that are learned.
+
+    Args:
+        policy: The policy.
+        card: Its card, which tells the longest recording of each stage.
+        demonstration: The demonstration.
+        is_sent: Hands are sent to matched points first.
+        chunks: Predictions in each stage; None for as many as cover its longest recording.
+
+    Raises:
+        ValueError: If the card does not fit the stages.
+    """
+    _check_stages(card, demonstration)
+    stages, longest = demonstration.learned_stages, card["longest"]
+    return PolicyActor(
+        policies={
+            stage.name: Learned(
+                policy=PolicyRunner(policy, stage=number),
+                chunks=chunks or math.ceil(frames / policy.config.action_steps),
+            )
+            for number, (stage, frames) in enumerate(zip(stages, longest, strict=True), start=1)
+        },
+        is_sent=is_sent,
+    )
+
+
+def _check_stages(card: Mapping[str, Any], demonstration: "Demonstration") -> None:
+    """Compare the recordings of a policy's training with the stages of a demonstration."""
+    stages, longest = demonstration.learned_stages, card.get("longest", ())
+    if len(longest) != len(stages):
         raise ValueError(
-            f"--policy {options.policy} needs --checkpoints, the folder of a trained policy"
+            "the policy's card must tell the longest recording of each of the "
+            f"{len(stages)} stages; got {list(longest)}"
         )
-    return path if path.is_file() else path / POLICY_FILE

@@ -207,14 +207,12 @@ def test_a_card_of_numbers_that_are_not_finite_is_not_written(tmp_path, policy):
         save_policy(tmp_path / "policy.safetensors", policy, {"loss": float("nan")})
 
 
-@pytest.mark.parametrize(
-    "dtype", [torch.int64, torch.float64, torch.float16, torch.float8_e4m3fn, torch.bool]
-)
+@pytest.mark.parametrize("dtype", [torch.int64, torch.float64, torch.float8_e4m3fn, torch.bool])
 def test_weights_of_other_types_are_refused(path, dtype):
     tensors = load_file(path)
     name = next(iter(tensors))
     rewrite(path, tensors={**tensors, name: torch.zeros(tensors[name].shape).to(dtype)})
-    with pytest.raises(CheckpointError, match=f"{name} must be of type F32; got"):
+    with pytest.raises(CheckpointError, match=f"{name} must be of type F16 or F32; got"):
         load_policy(path)
 
 
@@ -268,3 +266,18 @@ def test_what_is_no_file_is_refused(tmp_path):
     for path, message in ((pipe, "it is no file"), (link, "cannot be read"), (tmp_path, "no file")):
         with pytest.raises(CheckpointError, match=message):
             load_policy(path)
+
+
+def test_weights_are_written_in_16_bits_where_that_is_asked_for(tmp_path, policy):
+    path = tmp_path / "half.safetensors"
+    save_policy(path, policy, is_half=True)
+    kept, found = load_file(path), load_policy(path).state_dict()
+    learned = dict(policy.named_parameters())
+    for name, tensor in policy.state_dict().items():
+        assert kept[name].dtype == (torch.float16 if name in learned else torch.float32)
+        assert found[name].dtype == torch.float32
+        assert torch.equal(found[name], tensor.half().float() if name in learned else tensor)
+    with torch.no_grad():
+        next(policy.parameters()).view(-1)[0] = 1e5
+    with pytest.raises(ValueError, match="must lie within the range of float16"):
+        save_policy(path, policy, is_half=True)

@@ -82,12 +82,15 @@ def make_env(task: Task, options: RunOptions) -> GarmentEnv:
     )
 
 
-def make_setup(task: str | Task, options: RunOptions | None = None) -> Setup:
+def make_setup(
+    task: str | Task, options: RunOptions | None = None, *, env: GarmentEnv | None = None
+) -> Setup:
     """Build the environment and the demonstration of a task.
 
     Args:
         task: Environment id, file or module of a task of your own, or a declaration.
         options: Options of the run; the defaults when None.
+        env: The task's environment; built when None.
     """
     options = options or RunOptions()
     declared = task if isinstance(task, Task) else load_task(task)
@@ -99,7 +102,7 @@ def make_setup(task: str | Task, options: RunOptions | None = None) -> Setup:
     robot = load_robot(options.robot, options.robots)
     return Setup(
         options=options,
-        env=make_env(declared, options),
+        env=env or make_env(declared, options),
         demonstration=demonstration,
         matcher=matcher,
         find_matcher=find_matcher,

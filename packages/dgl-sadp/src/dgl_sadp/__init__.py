@@ -1,5 +1,6 @@
 """Structure-aware diffusion policies for garments, baselines, and their data."""
 
+from dgl_sadp.checkpoint import find_policy as find_policy
 from dgl_sadp.checkpoint import load_policy as load_policy
 from dgl_sadp.checkpoint import read_card as read_card
 from dgl_sadp.checkpoint import save_policy as save_policy
@@ -39,6 +40,7 @@ __all__ = [
     "TrainingDivergedError",
     "TrainingProcessError",
     "UnsuitableEpisodeError",
+    "find_policy",
     "get_policy_config",
     "get_train_config",
     "load_policy",

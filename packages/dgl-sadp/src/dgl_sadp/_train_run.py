@@ -22,7 +22,7 @@ from dgl_sadp._random import STEP, draw_seed
 from dgl_sadp._train_data import Batches, TrainData, collate_windows
 from dgl_sadp._train_result import TrainProgress, TrainResult
 from dgl_sadp._train_state import TrainState
-from dgl_sadp.checkpoint import save_policy
+from dgl_sadp.checkpoint import POLICY_FILE, save_policy
 from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import TrainingDivergedError
 from dgl_sadp.optimizers import make_optimizers
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CONFIG_FILE", "PATIENCE", "TrainJob", "run_job"]
 
-POLICY_FILE = "policy.safetensors"
 STATE_FILE = "state.safetensors"
 CONFIG_FILE = "config.json"
 LOG_FOLDER = "logs"

@@ -68,11 +68,12 @@ def open_values(path: Path, *, kind: str) -> Iterator[tuple[TensorFile, dict[str
 
 
 def check_shapes(file: TensorFile, wanted: Mapping[str, Tensor], *, has_more: bool = False) -> None:
-    """Compare a file with float32 tensors, which may be on the meta device."""
+    """Compare a file with tensors, which may be on the meta device."""
     file.check_shapes({name: tuple(t.shape) for name, t in wanted.items()}, has_more=has_more)
-    file.check_types(("F32",), max_bytes=_MAX_BYTES)
+    file.check_types(("F16", "F32"), max_bytes=_MAX_BYTES)
 
 
 def read_tensors(file: TensorFile) -> dict[str, Tensor]:
-    """Read all tensors, on the CPU, which must be finite."""
-    return {name: torch.from_numpy(array) for name, array in file.read(is_finite=True).items()}
+    """Read all tensors, which must be finite, in float32 on the CPU."""
+    arrays = file.read(is_finite=True)
+    return {name: torch.from_numpy(array).float() for name, array in arrays.items()}

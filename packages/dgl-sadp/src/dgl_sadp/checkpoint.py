@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,8 +15,10 @@ from dgl_sadp.config import PolicyConfig
 from dgl_sadp.errors import CheckpointError
 from dgl_sadp.policy import DiffusionPolicy
 
-__all__ = ["load_policy", "read_card", "save_policy"]
+__all__ = ["POLICY_FILE", "find_policy", "load_policy", "read_card", "save_policy"]
 
+POLICY_FILE = "policy.safetensors"
+"""Name of the file in the folder of a training."""
 MAX_WEIGHTS = 2**29
 """Of a policy: twice as many as the largest preset has; 2 GiB."""
 
@@ -38,7 +41,11 @@ _CARD: Mapping[str, Any] = {
 
 
 def save_policy(
-    path: str | Path, policy: DiffusionPolicy, card: Mapping[str, Any] | None = None
+    path: str | Path,
+    policy: DiffusionPolicy,
+    card: Mapping[str, Any] | None = None,
+    *,
+    is_half: bool = False,
 ) -> None:
     """Write a policy with its normalisers: beside its place, then renamed.
 
@@ -46,12 +53,19 @@ def save_policy(
         path: The file, ending in .safetensors; its folder is made.
         policy: What to write.
         card: How it was made: task, data, epochs, seed, versions. Plain values.
+        is_half: Write the weights in 16 bits (float16). Ranges of the data stay in 32.
 
     Raises:
-        ValueError: If the path has another ending.
+        ValueError: If the path has another ending, or a weight does not fit into 16 bits.
     """
+    state = policy.state_dict()
+    if is_half:
+        for name, _ in policy.named_parameters():
+            state[name] = state[name].half()
+            if not state[name].isfinite().all():
+                raise ValueError(f"{name} must lie within the range of float16")
     values = {"policy": dataclasses.asdict(policy.config), "card": dict(card or {})}
-    write_values(Path(path), policy.state_dict(), kind=_KIND, values=values)
+    write_values(Path(path), state, kind=_KIND, values=values)
 
 
 def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> DiffusionPolicy:
@@ -93,6 +107,24 @@ def read_card(path: str | Path) -> dict[str, Any]:
     """
     with open_values(Path(path), kind=_KIND) as (_, values):
         return _read_card(Path(path), values)
+
+
+def find_policy(task: str) -> Path:
+    """Find the policy of a task that comes with this package.
+
+    Raises:
+        CheckpointError: If there is none; the message tells how to make one.
+    """
+    path = Path(
+        str(resources.files("dgl_sadp") / "policies" / f"{task.partition('-')[0]}.safetensors")
+    )
+    if not path.is_file():
+        raise CheckpointError(
+            f"no policy of {task} comes with this package; collect episodes with `dgl collect "
+            f"{task} --matcher gam --episodes 104 --out DIR`, and train one with `dgl train sadp-g "
+            f"--data DIR/episodes --out RUN`"
+        )
+    return path
 
 
 def _read_card(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
