@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from dexgarmentlab import HALO
+from dexgarmentlab.halo import HALO
 from dgl_collect.demonstration import load_demonstration
 from dgl_sadp import CheckpointError, DiffusionPolicy, get_policy_config
 from dgl_tasks import get_task

@@ -1,10 +1,3 @@
-"""The `dgl` command line and HALO: composes the packages of this workspace."""
+"""The `dgl` command line: composes the packages of this workspace and contains no algorithm."""
 
-from typing import TYPE_CHECKING
-
-from dgl_files.lazy import export_lazily
-
-if TYPE_CHECKING:
-    from dexgarmentlab.halo import HALO as HALO
-
-__all__, __getattr__ = export_lazily(__name__, __file__)
+__all__: list[str] = []

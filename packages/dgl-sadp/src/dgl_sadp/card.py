@@ -32,7 +32,7 @@ Affordance Model it is HALO: the model finds the grasp points, the policy does t
 | made with | {versions} |
 
 ```python
-from dexgarmentlab import HALO
+from dexgarmentlab.halo import HALO
 
 halo = HALO.load("{task}")
 ```
