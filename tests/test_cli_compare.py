@@ -50,6 +50,57 @@ def test_figures_by_hand(tmp_path, capsys):
     assert "0.039" in shown
 
 
+def place(folder, errors):
+    """Give the episodes of an evaluation their placement errors [m]."""
+    path = folder / "results.json"
+    content = json.loads(path.read_text())
+    for run, error in zip(content["runs"], errors, strict=True):
+        run["placement_error_m"] = error
+    path.write_text(json.dumps(content))
+
+
+def test_placement_errors_are_compared_episode_by_episode(tmp_path, capsys):
+    """Of seven differences all are negative: p is 2 / 2^7; the eighth episode has no pair."""
+    count = 8
+    first = write(tmp_path / "a", [True] * count)
+    second = write(tmp_path / "b", [True] * count, policy="dp3")
+    ours = [0.01 * (k + 1) for k in range(count)]
+    place(tmp_path / "a", ours)
+    place(tmp_path / "b", [error + 0.02 + 0.001 * k for k, error in enumerate(ours[:-1])] + [None])
+    assert main(["compare", first, second, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    placed = [method["placement_error_m"] for method in found["methods"]]
+    assert [item["count"] for item in placed] == [8, 7]
+    assert placed[0]["median"] == pytest.approx(0.045)
+    assert placed[0]["interval"] == pytest.approx([0.01, 0.08])  # 1 - 2 / 2^8 of certainty
+    (pair,) = found["pairs"]
+    difference = pair["placement_error_m"]
+    assert difference["count"] == 7
+    assert difference["median"] == pytest.approx(-0.023)
+    assert difference["p_value"] == pytest.approx(2 / 2**7)
+    assert pair["p"] == 1.0
+
+    assert main(["compare", first, second]) == 0
+    shown = capsys.readouterr().out
+    assert "4.5 cm (1.0 to 8.0)" in shown
+    assert "-2.3 cm (-2.6 to -2.0)" in shown
+    assert "0.016" in shown
+
+
+def test_placement_errors_that_are_missing_or_equal(tmp_path, capsys):
+    first, second = (write(tmp_path / name, [True, False]) for name in "ab")
+    assert main(["compare", first, second, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [method["placement_error_m"] for method in found["methods"]] == [None, None]
+    assert found["pairs"][0]["placement_error_m"] is None
+    for name in "ab":
+        place(tmp_path / name, [0.1, 0.2])
+    assert main(["compare", first, second, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["methods"][0]["placement_error_m"]["interval"] is None  # of two episodes
+    assert found["pairs"][0]["placement_error_m"]["p_value"] == 1.0
+
+
 def test_equal_methods_are_not_told_apart(tmp_path, capsys):
     folders = [write(tmp_path / name, [True, False]) for name in "abc"]
     assert main(["compare", *folders, "--json"]) == 0

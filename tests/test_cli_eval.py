@@ -26,7 +26,7 @@ from dgl_collect.attempt import choose_split, draw_garment
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.evaluation.methods import SCRIPTED, check_method, make_method
-from dgl_collect.evaluation.results import Run, summarize
+from dgl_collect.evaluation.results import Run, summarize, to_json
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.setup import Setup
 from dgl_physics import MeshError
@@ -212,6 +212,21 @@ def test_figures_by_hand():
     assert results.seconds_median == 11.5
 
 
+def test_placement_errors_have_a_median_where_they_are_measured():
+    run = make_run(0, [True] * 4)
+    assert summarize([run]).placement_error is None
+    placed = [
+        dataclasses.replace(result, measurements={"placement_error_m": 0.01 * k})
+        for k, result in enumerate(run.results[1:])
+    ]
+    run = dataclasses.replace(run, results=[run.results[0], *placed])
+    results = summarize([run])
+    assert (results.placement_error.count, results.placement_error.median) == (3, 0.01)
+    content = to_json(results, [run], asked={}, status="complete", versions={})
+    assert content["placement_error_m"] == {"count": 3, "median": 0.01, "interval": None}
+    assert [record["placement_error_m"] for record in content["runs"]] == [None, 0.0, 0.01, 0.02]
+
+
 def test_one_seed_has_no_spread_and_no_episode_no_rate():
     assert summarize([make_run(0, [True])]).std is None
     empty = summarize([make_run(0, [])])
@@ -332,6 +347,12 @@ class FakeEnv:
 
     def film(self):
         return np.full((4, 4, 3), 7, np.uint8)
+
+    def get_particles(self):
+        return np.zeros((1, 3))
+
+    def get_frames(self):
+        return {}
 
     def close(self):
         self.is_closed = True

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dgl_collect import AttemptResult
-from dgl_collect.attempt import describe_episode
+from dgl_collect.attempt import Attempts, describe_episode
 from dgl_collect.stage_runner import StageRunner
 from dgl_collect.steps import Approach, Demonstration, Grasp, HandPose, Stage
 from dgl_physics import PhysicsError
@@ -185,7 +185,9 @@ def make_result(value, **changes):
 
 
 def describe(ended):
-    return describe_episode(ended, index=2, seed=7, garment_id="Tops_LongSleeve/000001")
+    placed = {"placement_error_m": 0.03}
+    garment = "Tops_LongSleeve/000001"
+    return describe_episode(ended, measurements=placed, index=2, seed=7, garment_id=garment)
 
 
 def test_a_result_follows_the_verdict_and_keeps_the_beliefs_beside():
@@ -199,7 +201,11 @@ def test_a_result_follows_the_verdict_and_keeps_the_beliefs_beside():
         assert result.value == value
         assert result.beliefs == believed
         assert [criterion.name for criterion in result.criteria] == ["share", "speed"]
-        assert result.measurements == {"max_strain_mean": 0.02, "steps": 7.0}
+        assert result.measurements == {
+            "max_strain_mean": 0.02,
+            "steps": 7.0,
+            "placement_error_m": 0.03,
+        }
         assert (result.index, result.seed) == (2, 7)
         assert AttemptResult.from_line(result.to_line()) == result
         assert json.loads(result.to_line())["beliefs"] == believed
@@ -221,6 +227,21 @@ def test_what_went_wrong_on_the_way_says_more_than_the_result():
     assert (done.success, done.reason, done.detail) == (True, None, "")
 
 
+def test_the_placement_error_is_measured_where_a_task_has_a_place():
+    def measure(task, middle):
+        env = SimpleNamespace(
+            task=get_task(task),
+            get_particles=lambda: np.array([middle, middle]),
+            get_frames=lambda: {"hook": {"target": np.array([0.1, 0.8, 1.1])}},
+        )
+        attempts = Attempts(SimpleNamespace(env=env, options=None), None, recorded=None)
+        return attempts._measure_placement()
+
+    assert measure("HangCoat-v1", [0.1, 0.7, 0.9]) == {"placement_error_m": pytest.approx(0.1)}
+    assert measure("HangCoat-v1", [np.nan, 0.7, 0.9]) == {}
+    assert measure("FoldTops-v1", [0.1, 0.7, 0.9]) == {}
+
+
 @pytest.mark.parametrize(
     ("error", "reason"),
     [
@@ -235,5 +256,6 @@ def test_an_error_that_ends_an_episode_is_its_reason(error, reason):
     assert not result.success
     assert not result.first_try
     assert (result.reason, result.detail) == (reason, str(error))
+    assert result.measurements == {"placement_error_m": 0.03}  # where the garment was left
     assert result.value is None
     assert result.beliefs == {}

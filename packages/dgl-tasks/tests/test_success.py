@@ -205,6 +205,18 @@ def test_the_middle_of_what_hangs_may_not_be_too_low(z, reason):
     assert HangsOver(frame="bar.target", sideways=0.05)(Scene(points, frames=PLACES)).success
 
 
+def test_the_placement_error_is_the_horizontal_distance_of_the_middle():
+    target = PLACES["bar"]["target"]
+    points = target + np.array([[0.0, 0.0, -0.9], [0.06, 0.08, -0.1]])
+    for rule in (
+        HangsOver(frame="bar.target", sideways=0.05),
+        RestsOn(frame="bar.target", within=0.1),
+        SitsOn(frame="bar.target", within=0.1, leaning=0.5),
+    ):
+        assert rule.measure_placement(points, PLACES) == pytest.approx(0.05)
+    assert CoversFlatArea().measure_placement(points, PLACES) is None
+
+
 @pytest.mark.parametrize(
     ("x", "lower", "reason"),
     [

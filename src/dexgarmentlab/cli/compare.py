@@ -1,7 +1,7 @@
 """Verb `dgl compare`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +11,7 @@ from dexgarmentlab.cli import EXIT_OK, console
 
 if TYPE_CHECKING:
     from dgl_collect.evaluation.comparison import Comparison
-    from dgl_collect.evaluation.results import ResultsRecord
+    from dgl_collect.evaluation.results import Median, ResultsRecord
 
 __all__ = ["CompareOptions", "run"]
 
@@ -21,8 +21,9 @@ class CompareOptions:
     """Compare evaluations of one task on the episodes that all of them have run.
 
     Every method of `dgl eval` meets the same garments at the same places, so what tells two methods
-    apart are the
-    episodes that one of them does and the other does not: p is the exact test of McNemar.
+    apart are the episodes that one of them does and the other does not: p is the exact test of
+    McNemar. Where the garment has a place, such as a hook, its distance from it at the end is
+    compared episode by episode: the difference is first minus second, p is Wilcoxon's.
 
     Example: dgl compare out/halo out/gam_dp3 out/dp3
     """
@@ -56,6 +57,7 @@ def _show(evaluations: Mapping[Path, "ResultsRecord"], comparison: "Comparison")
     for folder, score in comparison.scores.items():
         low, high = score.count.interval
         median = "-" if score.value_median is None else f"{score.value_median:.3f}"
+        placement = describe_cm(score.placement_error)
         rows.append(
             (
                 folder,
@@ -64,12 +66,26 @@ def _show(evaluations: Mapping[Path, "ResultsRecord"], comparison: "Comparison")
                 f"{score.count.rate:.3f}",
                 f"{low:.1%} to {high:.1%}",
                 median,
+                placement,
             )
         )
-    console.out_table(("", "method", "succeeded", "rate", "95 % interval", "median value"), rows)
+    console.out_table(
+        ("", "method", "succeeded", "rate", "95 % interval", "median value", "placement error"),
+        rows,
+    )
     console.out("")
     console.out_table(
-        ("first", "second", "both", "first alone", "second alone", "neither", "p"),
+        (
+            "first",
+            "second",
+            "both",
+            "first alone",
+            "second alone",
+            "neither",
+            "McNemar p",
+            "placement difference",
+            "Wilcoxon p",
+        ),
         [
             (
                 pair.first,
@@ -79,10 +95,23 @@ def _show(evaluations: Mapping[Path, "ResultsRecord"], comparison: "Comparison")
                 len(pair.second_alone),
                 len(pair.neither),
                 f"{pair.p_value:.2g}",
+                describe_cm(pair.placement_error),
+                "-" if pair.placement_error is None else f"{pair.placement_error.p_value:.2g}",
             )
             for pair in comparison.pairs
         ],
     )
+
+
+def describe_cm(found: "Median | None") -> str:
+    """Put a median of lengths [m] and its 95 % interval into words [cm]."""
+    if found is None:
+        return "-"
+    text = f"{100 * found.median:.1f} cm"
+    if found.interval is not None:
+        low, high = found.interval
+        text += f" ({100 * low:.1f} to {100 * high:.1f})"
+    return text
 
 
 def _to_json(
@@ -99,6 +128,7 @@ def _to_json(
                 "rate": score.count.rate,
                 "interval": list(score.count.interval),
                 "value_median": score.value_median,
+                "placement_error_m": _plain(score.placement_error),
             }
             for folder, score in comparison.scores.items()
         ],
@@ -111,7 +141,12 @@ def _to_json(
                 "second_alone": [list(key) for key in pair.second_alone],
                 "neither": [list(key) for key in pair.neither],
                 "p": pair.p_value,
+                "placement_error_m": _plain(pair.placement_error),
             }
             for pair in comparison.pairs
         ],
     }
+
+
+def _plain(found: "Median | None") -> dict[str, object] | None:
+    return None if found is None else asdict(found)

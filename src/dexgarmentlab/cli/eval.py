@@ -9,6 +9,7 @@ import tyro  # noqa: TID253 - marks the positional argument; the command line im
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
 from dexgarmentlab.cli.collect import describe_failures, format_duration, prepare_run
+from dexgarmentlab.cli.compare import describe_cm
 from dexgarmentlab.cli.flags import (
     Flags,
     WorkerFlags,
@@ -193,6 +194,8 @@ def _show(options: EvalOptions, results: "Results") -> None:
             f"value: median {results.value_median:.3f}, "
             f"from {results.value_least:.3f} to {results.value_largest:.3f}"
         )
+    if results.placement_error is not None:
+        console.out(f"placement error: median {describe_cm(results.placement_error)}")
     for line in describe_failures(results.reasons, results.details):
         console.out(line)
     if results.seconds_median is not None:

@@ -98,6 +98,8 @@ def _list_facts(results: Results, asked: Mapping[str, object]) -> list[tuple[str
         facts.append((f"{results.mean:.3f} ± {results.std:.3f}", f"mean and deviation {seeds}"))
     if results.value_median is not None:
         facts.append((format_number(results.value_median), "median value"))
+    if results.placement_error is not None:
+        facts.append((f"{100 * results.placement_error.median:.1f} cm", "median placement error"))
     facts.append((str(asked["matcher"]), "finds the points"))
     if results.seconds_median is not None:
         facts.append((format_duration(results.seconds_median), "median per episode"))

@@ -24,11 +24,12 @@ MEASURED: Mapping[str, Words] = {
     "max_strain_mean": Words("largest mean strain of the edges", "%", 100.0),
     "max_strain_p999": Words("strain that 99.9 % of the edges stay below", "%", 100.0),
     "max_penetration_m": Words("deepest penetration", "mm", 1000.0),
+    "placement_error_m": Words("horizontal distance from its place at the end", "cm", 100.0),
     "steps": Words("control steps"),
     "further_tries": Words("retries of a stage"),
     "further_rounds": Words("retries from the first stage"),
 }
-"""Measurements of an attempt; see `dgl_tasks.driver`."""
+"""Measurements of an attempt; see `dgl_tasks.driver` and `dgl_collect.results`."""
 
 DRAWN: Mapping[str, Words] = {
     "x": Words("garment, x", "m"),

@@ -1,6 +1,7 @@
 """Attempts: one method in one environment, filmed, judged and recorded."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -13,7 +14,7 @@ from dgl_collect.attempt_jobs import AttemptRequest
 from dgl_collect.episodes import FINAL_PARTICLES, Episode, write_episode
 from dgl_collect.options import GarmentChoice, RecordOptions
 from dgl_collect.recording import EpisodeRecorder
-from dgl_collect.results import AttemptResult, package_versions
+from dgl_collect.results import PLACEMENT_ERROR, AttemptResult, package_versions
 from dgl_collect.setup import Setup, make_setup
 from dgl_collect.skill import follow_recordings
 from dgl_collect.video import VideoWriter, save_png
@@ -102,10 +103,19 @@ class Attempts:
             seed=request.seed,
             garment_id=str(env.draws["garment"]) if "garment" in env.draws else None,
             files=files,
+            measurements=self._measure_placement(),
             randomisation={**env.draws, **drawn},
             frames=sum(record.frame_count for record in records),
             stage_seconds=recorder.seconds if recorder is not None else {},
         )
+
+    def _measure_placement(self) -> dict[str, float]:
+        """Measure how far the garment is from its place, where the task has one."""
+        env = self.env
+        error = env.task.success.measure_placement(env.get_particles(), env.get_frames())
+        if error is None or not np.isfinite(error):  # not after a simulation that failed
+            return {}
+        return {PLACEMENT_ERROR: error}
 
     def _choose_garment(self, request: AttemptRequest) -> tuple[str | None, dict[str, str]]:
         """Return the garment, None for one that the environment draws, and the drawn split."""
@@ -152,12 +162,17 @@ def draw_garment(category: str, split: Split, seed: int) -> str:
     return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
 
 
-def describe_episode(ended: EpisodeResult | Exception | None, **common: object) -> AttemptResult:
+def describe_episode(
+    ended: EpisodeResult | Exception | None, *, measurements: Mapping[str, float], **common: object
+) -> AttemptResult:
     """Make the result of an attempt, finished or ended by an error."""
+    common["measurements"] = measurements
     if not isinstance(ended, EpisodeResult):
         kind = type(ended).__name__.removesuffix("Error")
         words = "".join(f" {c.lower()}" if c.isupper() else c for c in kind).strip()
         return AttemptResult(success=False, reason=words, detail=str(ended), **common)  # pyright: ignore[reportArgumentType]
+    steps = float(len(ended.commands))
+    common["measurements"] = {**ended.measurements, "steps": steps, **measurements}
     return AttemptResult(
         success=ended.success,
         first_try=ended.first_try.success,
@@ -166,6 +181,5 @@ def describe_episode(ended: EpisodeResult | Exception | None, **common: object) 
         detail=ended.detail,
         criteria=ended.verdict.criteria,
         beliefs=ended.beliefs,
-        measurements={**ended.measurements, "steps": float(len(ended.commands))},
         **common,  # pyright: ignore[reportArgumentType]
     )

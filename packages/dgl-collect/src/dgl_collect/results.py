@@ -24,6 +24,8 @@ from dgl_tasks.success import Criterion
 logger = logging.getLogger(__name__)
 
 ATTEMPTS_FILE = "attempts.jsonl"
+PLACEMENT_ERROR = "placement_error_m"
+"""Measurement: horizontal distance from the garment's middle to its place at the end [m]."""
 VERSIONED_PACKAGES = (
     "dexgarmentlab", "dgl-physics", "dgl-assets", "dgl-gam", "dgl-sadp", "dgl-tasks", "dgl-collect",
     "h5py", "mani-skill", "numpy", "sapien", "torch", "warp-lang",

@@ -142,6 +142,25 @@ class SuccessRule(ABC):
     def __call__(self, view: SceneView) -> Verdict:
         """Judge the scene."""
 
+    def measure_placement(
+        self, points: np.ndarray, frames: Mapping[str, Mapping[str, np.ndarray]]
+    ) -> float | None:
+        """Measure how far the garment is from its place; it does not decide success.
+
+        Args:
+            points: Points all over the garment [m], shape (N, 3), N >= 1, world frame.
+            frames: As in `SceneView`.
+
+        Returns:
+            Horizontal distance from the garment's middle to its place [m]; None for rules without
+            a place.
+
+        Limitations:
+            The height has no part in it: a garment on the ground below its place is near.
+        """
+        del points, frames
+        return None
+
 
 def get_frame(frames: Mapping[str, Mapping[str, np.ndarray]], name: str) -> np.ndarray:
     """Look up a frame of an object, such as "stand.top" [m], shape (3,).
@@ -268,6 +287,13 @@ class AtFrame(SuccessRule):
     def frames(self) -> tuple[str, ...]:
         """The one frame."""
         return (self.frame,)
+
+    def measure_placement(
+        self, points: np.ndarray, frames: Mapping[str, Mapping[str, np.ndarray]]
+    ) -> float:
+        """Measure the horizontal distance from the garment's middle to the frame [m]."""
+        points = _check_points(points)
+        return float(np.linalg.norm((points.mean(axis=0) - get_frame(frames, self.frame))[:2]))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,18 +5,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 from dgl_collect.evaluation.results import (
     RESULTS_FILE,
     Count,
     EpisodeRecord,
     Key,
+    Median,
     ResultsRecord,
     count,
+    find_median,
 )
 from dgl_files.fields import read_json_file
 
-__all__ = ["Comparison", "Pair", "Score", "compare", "read_evaluation"]
+__all__ = ["Comparison", "Difference", "Pair", "Score", "compare", "read_evaluation"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,17 @@ class Score:
     """Its successes."""
     value_median: float | None
     """Median value of the rule; None without a judged episode."""
+    placement_error: Median | None
+    """Distance of the garment from its place at the end [m]; None in tasks without a place."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference(Median):
+    """Median of the paired differences, first minus second."""
+
+    p_value: float
+    """Two-sided p of Wilcoxon's signed-rank test, "Individual comparisons by ranking methods",
+    1945; equal pairs are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +62,8 @@ class Pair:
     p_value: float
     """Two-sided p of the exact test of McNemar, "Note on the sampling error of the difference
     between correlated proportions", 1947."""
+    placement_error: Difference | None
+    """Difference of the placement errors [m], on the episodes where both have one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +156,9 @@ def _score(episodes: Sequence[EpisodeRecord]) -> Score:
     return Score(
         count=count(episodes),
         value_median=statistics.median(values) if values else None,
+        placement_error=find_median(
+            [each.placement_error_m for each in episodes if each.placement_error_m is not None]
+        ),
     )
 
 
@@ -161,7 +180,26 @@ def _pair(
         second_alone=groups[False, True],
         neither=groups[False, False],
         p_value=compute_mcnemar(len(groups[True, False]), len(groups[False, True])),
+        placement_error=_compare_placement(first[1], second[1]),
     )
+
+
+def _compare_placement(
+    first: Sequence[EpisodeRecord], second: Sequence[EpisodeRecord]
+) -> Difference | None:
+    """Compare the placement errors of the same episodes."""
+    from scipy.stats import wilcoxon
+
+    differences = [
+        ours.placement_error_m - theirs.placement_error_m
+        for ours, theirs in zip(first, second, strict=True)
+        if ours.placement_error_m is not None and theirs.placement_error_m is not None
+    ]
+    found = find_median(differences)
+    if found is None:
+        return None
+    result: Any = wilcoxon(differences) if any(differences) else None
+    return Difference(**vars(found), p_value=1.0 if result is None else float(result.pvalue))
 
 
 def compute_mcnemar(first_alone: int, second_alone: int) -> float:

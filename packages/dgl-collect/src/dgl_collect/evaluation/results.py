@@ -1,5 +1,6 @@
 """Figures of an evaluation: success by seed and by split, with their spread."""
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -8,15 +9,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from dgl_collect.results import AttemptResult, count_reasons, wilson_interval
+from dgl_collect.results import PLACEMENT_ERROR, AttemptResult, count_reasons, wilson_interval
 from dgl_files.fields import STRICT_PART
 
 __all__ = [
     "RESULTS_FILE",
     "Count",
+    "Median",
     "Results",
     "Run",
     "count",
+    "find_median",
     "summarize",
     "to_json",
 ]
@@ -54,6 +57,18 @@ class Count:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Median:
+    """Median of a sample."""
+
+    count: int
+    """Size of the sample."""
+    median: float
+    """The median."""
+    interval: tuple[float, float] | None
+    """95 % interval of the population's median, from order statistics; None for fewer than six."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Results:
     """The figures of an evaluation."""
 
@@ -73,6 +88,8 @@ class Results:
     """Its smallest value; the best one where the rule has an upper threshold."""
     value_largest: float | None
     """Its largest value."""
+    placement_error: Median | None
+    """Distance of the garment from its place at the end [m]; None in tasks without a place."""
     seconds_median: float | None
     """Median wall-clock time of an episode [s]."""
     reasons: Mapping[str, int]
@@ -105,6 +122,8 @@ class EpisodeRecord:
     """Success before any retry."""
     value: float | None
     """Value of the rule; None if it was not judged."""
+    placement_error_m: float | None = None
+    """Distance of the garment from its place at the end [m]; None if it was not measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +167,21 @@ def count(results: Sequence[AttemptResult] | Sequence[EpisodeRecord]) -> Count:
     )
 
 
+def find_median(values: Sequence[float]) -> Median | None:
+    """Compute the median of a sample and its interval; None without values."""
+    from scipy.stats import quantile_test
+
+    if not values:
+        return None
+    found = quantile_test(values, p=0.5).confidence_interval(0.95)
+    low, high = float(found.low), float(found.high)
+    return Median(
+        count=len(values),
+        median=statistics.median(values),
+        interval=(low, high) if math.isfinite(low) and math.isfinite(high) else None,
+    )
+
+
 def summarize(runs: Sequence[Run]) -> Results:
     """Compute the figures of the runs of all seeds."""
     everything = [result for run in runs for result in run.results]
@@ -155,6 +189,7 @@ def summarize(runs: Sequence[Run]) -> Results:
     rates = [item.rate for item in by_seed.values() if item.rate is not None]
     values = [result.value for result in everything if result.value is not None]
     splits = sorted({_split(result) for result in everything})
+    placed = [result.measurements.get(PLACEMENT_ERROR) for result in everything]
     reasons, details = count_reasons(everything)
     return Results(
         total=count(everything),
@@ -165,6 +200,7 @@ def summarize(runs: Sequence[Run]) -> Results:
         value_median=statistics.median(values) if values else None,
         value_least=min(values, default=None),
         value_largest=max(values, default=None),
+        placement_error=find_median([error for error in placed if error is not None]),
         seconds_median=statistics.median(r.seconds for r in everything) if everything else None,
         reasons=reasons,
         details=details,
@@ -192,6 +228,7 @@ def to_json(
             "least": results.value_least,
             "largest": results.value_largest,
         },
+        PLACEMENT_ERROR: None if (found := results.placement_error) is None else asdict(found),
         "seconds_median": results.seconds_median,
         "reasons": dict(results.reasons),
         "runs": [_record(run, result) for run in runs for result in run.results],
@@ -210,6 +247,7 @@ def _record(run: Run, result: AttemptResult) -> dict[str, object]:
         "success": result.success,
         "beliefs": dict(result.beliefs),
         "value": result.value,
+        PLACEMENT_ERROR: result.measurements.get(PLACEMENT_ERROR),
         "reason": result.reason,
         "detail": result.detail,
         "steps": None if (steps := result.measurements.get("steps")) is None else int(steps),
