@@ -1,0 +1,124 @@
+"""Make the table and the picture of all tasks and methods from finished evaluations.
+
+    python benchmarks/scripts/method_table.py out/table --picture docs/images/methods.png
+
+The folder holds TASK/METHOD, the folders of `dgl eval TASK-v1 --policy METHOD`. The table counts
+successes at the first try and with retries, with the exact p (McNemar) of the pairs of the expert
+and the primitive, with retries.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from scipy.stats import binomtest
+
+from dgl_collect.results import wilson_interval
+from dgl_tasks import get_task, task_ids
+
+METHODS = {"expert": "#8f96a3", "primitive": "#e86b3f", "halo": "#2d7fd1", "blind": "#d8dbe1"}
+"""Methods in the order of the table, with the colours of their bars."""
+
+
+def read(folder: Path) -> dict[str, dict[str, dict]]:
+    """Read the results of each method of each task that is there."""
+    found: dict[str, dict[str, dict]] = {}
+    for task in task_ids():
+        for method in METHODS:
+            path = folder / task.partition("-")[0] / method / "results.json"
+            if path.is_file():
+                found.setdefault(task, {})[method] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def count(results: dict, key: str) -> int:
+    """Count the episodes that succeeded."""
+    return sum(each[key] for each in results["runs"])
+
+
+def compare(one: dict, other: dict) -> float:
+    """Compute McNemar's exact p of two methods on the episodes that both have run."""
+    pairs = [
+        {(each["seed"], each["episode"]): each["success"] for each in results["runs"]}
+        for results in (one, other)
+    ]
+    both = [(pairs[0][key], pairs[1][key]) for key in pairs[0].keys() & pairs[1].keys()]
+    first, second = both.count((True, False)), both.count((False, True))
+    return binomtest(first, first + second).pvalue if first + second else 1.0
+
+
+def format_table(found: dict[str, dict[str, dict]]) -> str:
+    """Write the table in Markdown: successes at the first try; with retries."""
+    lines = [
+        f"| task | {' | '.join(f'`{method}`' for method in METHODS)} | p |",
+        "|---|" + "--:|" * (len(METHODS) + 1),
+    ]
+    for task, methods in found.items():
+        cells = []
+        for method in METHODS:
+            results = methods.get(method)
+            cells.append(
+                ""
+                if results is None
+                else f"{count(results, 'first_try')}; {count(results, 'success')} of "
+                f"{len(results['runs'])}"
+            )
+        is_paired = "expert" in methods and "primitive" in methods
+        p = f"{compare(methods['expert'], methods['primitive']):.2g}" if is_paired else ""
+        lines.append(f"| {get_task(task).title} | {' | '.join(cells)} | {p} |")
+    return "\n".join(lines)
+
+
+def draw(found: dict[str, dict[str, dict]], path: Path) -> None:
+    """Draw success with retries, with Wilson's intervals, and at the first try as a line."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(11, 3.6), layout="constrained")
+    width = 0.8 / len(METHODS)
+    for number, (method, colour) in enumerate(METHODS.items()):
+        places, rates, errors, firsts = [], [], [], []
+        for place, methods in enumerate(found.values()):
+            if method in methods:
+                results = methods[method]
+                total, good = len(results["runs"]), count(results, "success")
+                low, high = wilson_interval(good, total)
+                places.append(place + (number - (len(METHODS) - 1) / 2) * width)
+                rates.append(100 * good / total)
+                errors.append((rates[-1] - 100 * low, 100 * high - rates[-1]))
+                firsts.append(100 * count(results, "first_try") / total)
+        if places:
+            axes.bar(places, rates, 0.9 * width, color=colour, label=method)
+            axes.errorbar(places, rates, list(zip(*errors, strict=True)), fmt="none",
+                          ecolor="#444", elinewidth=0.8)  # fmt: skip
+            half = 0.4 * width
+            left, right = [x - half for x in places], [x + half for x in places]
+            axes.hlines(firsts, left, right, colors="black", linewidths=1.6)
+    axes.set_xticks(
+        range(len(found)), [get_task(task).title.replace(" ", "\n", 1) for task in found]
+    )
+    axes.set_ylabel("episodes that succeed [%]")
+    axes.set_ylim(0, 101)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, ncols=len(METHODS), loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Print the table, and draw the picture if asked to."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--picture", type=Path)
+    arguments = parser.parse_args()
+    found = read(arguments.folder)
+    print(format_table(found))
+    if arguments.picture is not None:
+        draw(found, arguments.picture)
+
+
+if __name__ == "__main__":
+    main()
