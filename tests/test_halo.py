@@ -67,7 +67,10 @@ def test_what_is_pushed_is_what_comes_back(tmp_path, halo, monkeypatch):
 def test_a_policy_acts_in_an_environment_of_its_task_alone(halo):
     with pytest.raises(ValueError, match=r"must be of HangCoat-v1; got FoldTops-v1"):
         halo.make_method(SimpleNamespace(task=get_task("FoldTops-v1")))
-    env = SimpleNamespace(task=get_task("HangCoat-v1"))
+    env = SimpleNamespace(task=get_task("HangCoat-v1"), cloud="scene")
+    with pytest.raises(ValueError, match="must have segmented clouds; got scene"):
+        halo.make_method(env)
+    env.cloud = "segmented"
     method = halo.make_method(env)
     assert [p.chunks for p in method.actor.policies.values()] == [10]
 

@@ -66,13 +66,15 @@ class HALO(ModelHubMixin):
         """Make the method that acts in a whole episode of an environment of the policy's task.
 
         Raises:
-            ValueError: If the policy is of another task or robot.
+            ValueError: If the policy is of another task or robot, or was trained on other clouds.
         """
         task = env.task
         if task.id not in self.card.get("tasks", [task.id]):
             raise ValueError(
                 f"the environment must be of {', '.join(self.card['tasks'])}; got {task.id}"
             )
+        if (cloud := self.card.get("cloud", "segmented")) != env.cloud:
+            raise ValueError(f"the environment must have {cloud} clouds; got {env.cloud}")
         setup = make_setup(task, RunOptions(matcher="gam"), env=env)
         return setup.make_runner(make_actor(self.policy, self.card, setup.demonstration))
 

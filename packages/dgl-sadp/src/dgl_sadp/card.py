@@ -40,7 +40,7 @@ halo = HALO.load("{task}")
 ## Limits
 
 The policy was trained in simulation, on the scripted demonstration of its task, with clean clouds
-of garment and objects. It knows one robot. Licence: {license}.
+({cloud}, see `--cloud` of `dgl eval`). It knows one robot. Licence: {license}.
 """
 
 
@@ -59,6 +59,7 @@ def format_card(policy: DiffusionPolicy, card: Mapping[str, Any]) -> str:
         task=tasks[0],
         tasks=", ".join(tasks),
         stages=policy.config.stages,
+        cloud=card.get("cloud", "segmented"),
         longest=" + ".join(map(str, card.get("longest", []))) or "unknown",
         parameters=sum(each.numel() for each in policy.parameters()),
         episodes=len(card.get("episodes", [])),
