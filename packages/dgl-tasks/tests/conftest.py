@@ -106,6 +106,7 @@ class FakeEnv:
 
     def __init__(self, *, value=0.9, grasp_points=((-0.4, 0.7, 0.4), (0.4, 0.7, 0.4))):
         self.task = SimpleNamespace(picture_camera="video_camera", workspace=Workspace())
+        self.cloud = "segmented"
         self.agent = SimpleNamespace(
             model=DEFAULT_ROBOT,
             read_joints=lambda: np.array(self.joints),
