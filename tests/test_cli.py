@@ -133,7 +133,8 @@ def test_debug_adds_the_traceback(failing, capsys):
 def test_a_missing_file_is_a_domain_error(failing, capsys):
     failing.run = lambda options: Path("/nonexistent/episode.h5").read_bytes()
     assert main(["fail"]) == 1
-    assert "/nonexistent/episode.h5" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert told == "dgl: No such file or directory: /nonexistent/episode.h5\n"
 
 
 def test_errors_of_our_packages_are_domain_errors(failing, capsys):

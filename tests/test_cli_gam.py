@@ -283,6 +283,15 @@ def test_clouds_in_which_nothing_can_be_found_are_refused_before_the_model_is_lo
             assert not is_read or error.startswith(f"dgl: {which}, {path}, ")
 
 
+def test_a_picture_that_cannot_be_written_is_told_before_the_match(tmp_path, capsys):
+    file = tmp_path / "file"
+    file.touch()
+    for folder in (file, file / "more"):
+        words = ["gam", "match", "Glove/000001", "Glove/000002", "--out", str(folder / "m.png")]
+        assert main(words) == 1
+        assert capsys.readouterr().err == f"dgl: cannot write to {folder}: Not a directory\n"
+
+
 def test_weights_that_are_missing_are_said(tmp_path, capsys):
     words = ["gam", "match", "Glove/000001", "Glove/000002", "--out", str(tmp_path / "m.png")]
     assert main([*words, "--weights", str(tmp_path)]) == 1

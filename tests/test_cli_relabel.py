@@ -2,7 +2,9 @@
 
 import dataclasses
 import json
+import re
 
+import h5py
 import pytest
 
 from dexgarmentlab.cli import main
@@ -16,16 +18,23 @@ class StubRelabeller:
     distance = 0.0
 
     def __init__(self, task, options, *, weights=None):
-        assert (task, options, weights) == ("Synthetic-v1", RunOptions(), None)
+        assert (task, options, weights) == ("FoldTops-v1", RunOptions(), None)
 
     def relabel(self, episode):
         self.distance += 0.1
         return dataclasses.replace(episode, affordance_matcher="gam"), self.distance
 
 
+def name_task(path, task):
+    with h5py.File(path, "r+") as file:
+        file.attrs["task"] = task
+
+
 @pytest.fixture
 def episodes(tmp_path):
     paths = write_synthetic_episodes(tmp_path / "episodes", 3, frames=4, image_size=(480, 640))
+    for path in paths:
+        name_task(path, "FoldTops-v1")
     paths[0].write_bytes(paths[0].read_bytes()[:4000])
     return paths
 
@@ -57,4 +66,19 @@ def test_folders_without_readable_episodes_are_refused(episodes, tmp_path, capsy
         path.unlink()
     assert main([*command, str(episodes[0].parent)]) == 1
     assert "none of 1 episodes can be read" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_used_is_told_before_the_work(episodes, tmp_path, capsys):
+    for task, arguments, message in (
+        ("FoldTops-v1", ["--out", str(episodes[0] / "out")], "Not a directory"),
+        ("FoldScarf-v1", ["--out", str(tmp_path / "out")], "not known; name .* --task FILE"),
+        ("FoldScarf-v1", ["--out", str(tmp_path / "out"), "--task", "FoldTops-v1"],
+         "must declare 'FoldScarf-v1'"),
+    ):  # fmt: skip
+        name_task(episodes[1], task)
+        assert main(["relabel", str(episodes[0].parent), *arguments]) == 1
+        told = capsys.readouterr().err
+        assert re.search(message, told)
+        assert told.count("\n") == 1
     assert not (tmp_path / "out").exists()

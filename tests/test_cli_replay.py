@@ -4,6 +4,7 @@ import importlib
 import json
 from pathlib import Path
 
+import h5py
 import pytest
 
 from dexgarmentlab.cli import replay as verb
@@ -66,6 +67,13 @@ def test_a_tolerance_lets_small_differences_pass(monkeypatch, path):
     assert verb.run(verb.ReplayOptions(episode=path, tolerance=0.05)) == 0
     with pytest.raises(ValueError, match="must be a finite number of at least 0; got -1"):
         verb.run(verb.ReplayOptions(episode=path, tolerance=-1.0))
+
+
+def test_a_task_of_ones_own_is_named_by_its_file(tmp_path, path):
+    with h5py.File(path, "r+") as file:
+        file.attrs["task"] = "FoldScarf-v1"
+    with pytest.raises(ValueError, match=r"'FoldScarf-v1' .* is not known; name .* --task FILE"):
+        verb.run(verb.ReplayOptions(episode=path))
 
 
 def test_an_episode_without_its_commands_is_refused(path):

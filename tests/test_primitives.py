@@ -139,15 +139,20 @@ def test_episodes_that_do_not_fit_are_refused(episodes, trained, tmp_path, capsy
         (["--data", str(few / "none")], "--data must be a folder of episodes"),
         (["--data", str(episodes / "0.h5")], "--data must be a folder of episodes"),
         (["--data", str(episodes), "--episodes", "2"], "needs 3 recordings or more; got 2"),
-        (["--data", str(episodes), "--episodes", "0"], "--episodes must be at least 1; got 0"),
-        (["--data", str(episodes), "--task", "HangTops-v1"], "it must be of HangTops-v1"),
+        (["--data", str(episodes), "--episodes", "0"], "must be from 1 to 6, the number of"),
+        (["--data", str(episodes), "--episodes", "99"], f"episodes in {episodes}; got 99"),
+        (["--data", str(episodes), "--task", "HangTops-v1"], "must declare 'HangCoat-v1'"),
     ):
         code, told = train(*arguments)
         assert code != 0
         assert message in told
     file = tmp_path / "file"
     file.touch()
-    for folder, message in ((trained, "has primitives already"), (file, "is a file")):
+    for folder, message in (
+        (trained, "has primitives already"),
+        (file, "is a file"),
+        (file / "out", f"cannot write to {file / 'out'}: Not a directory"),
+    ):
         assert cli.main(["train", "primitive", "--data", str(episodes), "--out", str(folder)]) != 0
         assert message in capsys.readouterr().err
     for k in range(4):

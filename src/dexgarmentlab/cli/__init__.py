@@ -186,6 +186,9 @@ def _unknown(name: str) -> str:
 
 def _one_line(error: BaseException) -> str:
     text = " ".join(str(error).split())
+    if isinstance(error, OSError) and error.errno is not None and error.strerror:
+        of = "" if error.filename is None else f": {os.fsdecode(error.filename)}"
+        text = error.strerror + of  # without its number
     return text or type(error).__name__
 
 

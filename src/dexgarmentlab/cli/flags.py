@@ -3,6 +3,7 @@
 import dataclasses
 import shlex
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ __all__ = [
     "Flags",
     "WorkerFlags",
     "check_picture",
+    "check_writable",
+    "find_recorded_task",
     "find_task",
     "join_options",
     "run_action",
@@ -111,9 +114,22 @@ def _listed(value: object) -> list[object]:
 
 
 def check_picture(path: Path, *, flag: str = "--out") -> None:
-    """Refuse a file for a picture whose name does not end in .png."""
+    """Refuse a file for a picture that cannot be written, or does not end in .png."""
     if path.suffix.lower() != ".png":
         raise ValueError(f"{flag} must be a file .png; got {path}")
+    check_writable(path.parent)
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder that can neither be written to nor made; nothing is made."""
+    there = folder.absolute()
+    try:
+        while not there.exists():
+            there = there.parent
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as err:
+        raise ValueError(f"cannot write to {folder}: {err.strerror}") from err
 
 
 def find_task(source: str) -> "Task":
@@ -123,6 +139,30 @@ def find_task(source: str) -> "Task":
     if (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)  # as `python -m` has it; workers inherit it
     return load_task(source)
+
+
+def find_recorded_task(task_id: str, source: str | None) -> "Task":
+    """Find the task of episodes by its id, or by the file or module that --task names.
+
+    Raises:
+        ValueError: If there is no such task, or the source declares another one.
+    """
+    from dgl_tasks.errors import UnknownTaskError
+
+    try:
+        task = find_task(source or task_id)
+    except UnknownTaskError as err:
+        if source is not None:
+            raise
+        raise ValueError(
+            f"the task {task_id!r} of the episodes is not known; name the file or module that "
+            "declares it: --task FILE"
+        ) from err
+    if task.id != task_id:
+        raise ValueError(
+            f"--task must declare {task_id!r}, the task of the episodes; got {task.id!r}"
+        )
+    return task
 
 
 @contextmanager

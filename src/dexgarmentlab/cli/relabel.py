@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
-from dexgarmentlab.cli.flags import find_task
+from dexgarmentlab.cli.flags import check_writable, find_recorded_task
 
 if TYPE_CHECKING:
     from dgl_collect.relabel import Relabelling
@@ -51,10 +51,10 @@ def run(options: RelabelOptions) -> int:
     paths = sorted(options.data.glob("*.h5"))
     if not paths:
         raise ValueError(f"no episodes (*.h5) in {options.data}")
-    if options.task is not None:
-        find_task(options.task)
+    check_writable(options.out)
     run_options = RunOptions(demonstration=options.demonstration)
-    relabeller = Relabeller(_read_task(paths), run_options, weights=options.weights)
+    task = find_recorded_task(_read_task(paths), options.task)
+    relabeller = Relabeller(task.id, run_options, weights=options.weights)
     with console.progress("relabelling", len(paths)) as bar:
         result = relabel_episodes(
             paths, options.out, relabeller, within=options.within, on_file=lambda _: bar.advance()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_FAILURE, EXIT_OK, console
-from dexgarmentlab.cli.flags import find_task
+from dexgarmentlab.cli.flags import find_recorded_task
 
 if TYPE_CHECKING:
     from dgl_collect.replay import Replay
@@ -52,9 +52,8 @@ def run(options: ReplayOptions) -> int:
         raise ValueError(
             f"--tolerance must be a finite number of at least 0; got {options.tolerance:g}"
         )
-    if options.task is not None:
-        find_task(options.task)
     episode = read_episode(options.episode)
+    find_recorded_task(episode.task, options.task)
     steps = None if episode.commands is None else len(episode.commands)
     with ExitStack() as stack:
         film = None

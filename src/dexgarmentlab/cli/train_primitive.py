@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dexgarmentlab.cli import EXIT_OK, console
-from dexgarmentlab.cli.flags import find_task
+from dexgarmentlab.cli.flags import check_writable, find_recorded_task
 
 __all__ = ["TrainPrimitiveOptions", "train_primitive"]
 
@@ -50,14 +50,18 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
     if path.exists() or (options.out.exists() and not options.out.is_dir()):
         what = "has primitives already" if path.exists() else "is a file"
         raise ValueError(f"--out must be a new folder; {options.out} {what}")
-    paths = sorted(options.data.glob("*.h5"))[: options.episodes or MOST_EPISODES]
-    if options.episodes is not None and options.episodes < 1:
-        raise ValueError(f"--episodes must be at least 1; got {options.episodes}")
+    check_writable(options.out)
+    paths = sorted(options.data.glob("*.h5"))
     if not paths:
         raise ValueError(f"--data must hold episodes (*.h5); {options.data} has none")
+    if options.episodes is not None and not 1 <= options.episodes <= len(paths):
+        raise ValueError(
+            f"--episodes must be from 1 to {len(paths)}, the number of episodes in {options.data}; "
+            f"got {options.episodes}"
+        )
+    paths = paths[: options.episodes or MOST_EPISODES]
     with opened_episode(paths[0]) as file:
-        name = options.task or str(file.attrs["task"])
-    task = find_task(name)
+        task = find_recorded_task(str(file.attrs["task"]), options.task)
     demonstration = load_demonstration(task, options.demonstration)
     primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
     save_primitives(path, primitives)
