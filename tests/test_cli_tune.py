@@ -2,11 +2,12 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 
 import pytest
 
-from dexgarmentlab.cli import main
+from dexgarmentlab.cli import console, main
 from dgl_collect.tuning import search
 
 TESTS = Path(__file__).parents[1] / "packages/dgl-collect/tests"
@@ -58,7 +59,25 @@ def test_a_search_is_continued_with_the_same_options_alone(tune):
     code, told = tune(*SMALL, "--resume", "--seed", "3")
     assert code != 0
     assert "seed" in told.err
+    code, told = tune(*SMALL, "--resume", "--starts", "3", "--look", "random")
+    assert code != 0
+    assert (
+        "options: its starts is 2, this run's is 3; its look is not given, this run's is 'random'"
+        in told.err
+    )
     assert tune(*SMALL, "--resume")[0] == 0
+
+
+def test_the_least_numbers_and_the_time_left_are_told(tune, capsys, monkeypatch):
+    assert main(["tune", "--help"]) == 0
+    assert "Candidates in a generation, at least 4;" in " ".join(capsys.readouterr().out.split())
+    monkeypatch.setattr(console, "LOG_SECONDS", 0.0)
+    code, told = tune(*SMALL)
+    assert code == 0
+    first, *others, last = re.findall(r"^tuning .*", told.err, re.MULTILINE)
+    assert first.endswith("generation 1 of 2")
+    assert all(line.endswith(" s left") for line in others if "28/28" not in line)
+    assert last.endswith("judgement")
 
 
 def test_what_cannot_be_searched_is_told_in_one_line(tune, tmp_path):

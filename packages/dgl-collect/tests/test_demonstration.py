@@ -94,7 +94,8 @@ def test_every_task_has_a_demonstration_that_fits_it(task_id):
             if isinstance(step, Move):
                 assert set(step.targets) <= set(stage.grasp)
         if not task.objects and all(grasp.points for grasp in stage.grasp.values()):
-            assert compute_targets(stage, demonstration.points)
+            names = {**demonstration.values, **demonstration.points}
+            assert compute_targets(stage, names)
 
 
 @pytest.mark.parametrize("task_id", task_ids())
@@ -512,8 +513,9 @@ def test_definitions_are_worked_out_in_their_order(content):
 
 
 def test_what_is_seen_takes_the_place_of_what_was_expected():
-    stage = load_demonstration("FlingTrousers-v1").stages[0]
-    points = {
+    demonstration = load_demonstration("FlingTrousers-v1")
+    stage = demonstration.stages[0]
+    points = demonstration.values | {
         "left_waistband": np.array([-0.2, 0.8, 0]),
         "right_waistband": np.array([0.2, 0.8, 0]),
     }
@@ -528,13 +530,14 @@ def test_what_is_seen_takes_the_place_of_what_was_expected():
 
 @pytest.mark.parametrize(("length", "pulled"), [(0.8, 0.09), (0.3, 0.036)])
 def test_legs_are_pulled_away_from_the_waist_and_apart(length, pulled):
-    stage = get_stage(load_demonstration("FlingTrousers-v1"), "pull_legs")
+    demonstration = load_demonstration("FlingTrousers-v1")
+    stage = get_stage(demonstration, "pull_legs")
     hems = {"left": np.array([-0.2, 0.35, 0]), "right": np.array([0.1, 0.4, 0])}
     points = {f"{side}_hem_middle": point for side, point in hems.items()}
     up = np.array([0, length, 0])
     points |= {f"{side}_waistband": point + up for side, point in hems.items()}
     before = hems
-    for targets in compute_targets(stage, points):
+    for targets in compute_targets(stage, demonstration.values | points):
         for side, outwards in (("left", -1), ("right", 1)):
             way = targets[side] - before[side]
             assert way[1] < -pulled / 6
@@ -557,7 +560,7 @@ def test_sleeves_turn_outwards_about_their_shoulders(task):
         "left_cuff": np.array([-0.2, 0.7, 0]),
         "right_cuff": np.array([0.2, 0.75, 0]),
     }
-    last = compute_targets(stage, points)[-1]
+    last = compute_targets(stage, demonstration.values | points)[-1]
     for side, outwards in (("left", -1), ("right", 1)):
         before = (points[f"{side}_cuff"] - points[f"{side}_shoulder"])[:2]
         # the hand holds the sleeve 3 cm outside and towards the robots of what it was shown

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -171,7 +172,10 @@ def test_resume_of_a_finished_run_starts_no_worker(run, finished_out):
     [
         ({"seed": 1}, "its seed is 0, this run's is 1"),
         ({"task": "FoldDress-v1"}, "its task is 'FoldTops-v1'"),
-        ({"options": {"seconds": 0.0}}, "its options is"),
+        (
+            {"options": {"seconds": 0.0}},
+            r"options: its seconds is not given, this run's is 0\.0; choose another",
+        ),
     ],
 )
 @pytest.mark.usefixtures("finished_out")
@@ -443,3 +447,14 @@ def test_a_run_goes_on_with_the_same_demonstration_alone(run, tmp_path):
     file.write_text(file.read_text().replace("0.94", "0.95"))
     with pytest.raises(OutputFolderError, match="was begun with another demonstration"):
         run(**settings, episodes=4, resume=True)
+
+
+def test_a_run_goes_on_with_the_same_declaration_alone(run, tmp_path):
+    file = tmp_path / "fold_mine.py"
+    code = Path(find_spec("dgl_tasks.tasks.fold_tops").origin).read_text()
+    file.write_text(code.replace("FoldTops-v1", "FoldMine-v1"))
+    settings = {"task": str(file), "resume": True}
+    assert run(**settings).attempted == 2
+    file.write_text(file.read_text() + "# changed\n")
+    with pytest.raises(OutputFolderError, match="was begun with another declaration; undo"):
+        run(**settings, episodes=3)

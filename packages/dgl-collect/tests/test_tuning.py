@@ -126,6 +126,8 @@ def test_a_search_finds_better_values_and_judges_them_on_other_starts(run, tmp_p
     assert [r.randomisation["split"] for r in judged[::2]] == ["train", "test"] * 10
     assert len({r.seed for r in judged}) == 20  # a pair has one start
     assert told[-1].made == told[-1].wanted == len(results)
+    assert [told[0].resumed, told[-1].resumed] == [0, 0]
+    assert 0 <= told[0].seconds < told[-1].seconds
 
 
 def test_an_interrupted_search_goes_on_to_the_same_winner(run, tmp_path):

@@ -7,7 +7,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
@@ -147,6 +149,20 @@ def test_a_cluster_that_is_not_there_is_told(run, tmp_path, monkeypatch, address
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
     with pytest.raises(EngineError, match=f"there is no Ray cluster at '{re.escape(address)}'"):
         run(workers=Workers(engine="ray", address=address))
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_service_at_the_address_is_told(run, tmp_path):
+    class Refuse(BaseHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Refuse) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"127.0.0.1:{server.server_port}"
+        with pytest.raises(EngineError, match=f"there is no Ray cluster at '{address}'"):
+            run(workers=Workers(engine="ray", address=address))
+        server.shutdown()
     assert not (tmp_path / "out").exists()
 
 

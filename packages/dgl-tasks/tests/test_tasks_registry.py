@@ -91,7 +91,7 @@ TASK = dataclasses.replace(get_task("FoldTops-v1"), id="FoldScarf-v1", title="Fo
 @pytest.fixture
 def forget(monkeypatch):
     """Let what a test registers be forgotten at its end."""
-    for name in ("_TASKS", "_DEMONSTRATIONS"):
+    for name in ("_TASKS", "_FILES"):
         monkeypatch.setattr(tasks, name, dict(getattr(tasks, name)))
     monkeypatch.setattr(gymnasium.envs.registration, "registry", dict(gymnasium.registry))
     monkeypatch.setattr(gymnasium, "registry", gymnasium.envs.registration.registry)
@@ -113,6 +113,7 @@ def test_a_task_comes_from_a_file_a_module_or_an_installed_package(tmp_path, mon
         assert (task.id, task.title) == ("FoldScarf-v1", "Fold Scarf")
         assert tasks.get_task("FoldScarf-v1") is tasks.load_task("FoldScarf-v1") is task
         assert gymnasium.spec("FoldScarf-v1").kwargs["task"] == "FoldScarf-v1"
+        assert tasks.find_declaration("FoldScarf-v1") == file
         assert tasks.find_demonstration("FoldScarf-v1") == file.with_suffix(".json")
         assert pickle.loads(pickle.dumps(task)) == task
     assert tasks.find_demonstration("FoldTops-v1") is None

@@ -29,6 +29,7 @@ __all__ = [
     "collect_with_progress",
     "describe_failures",
     "format_duration",
+    "format_time_left",
     "prepare_run",
     "run",
 ]
@@ -156,6 +157,20 @@ def format_duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
+def format_time_left(made: int, wanted: int, resumed: int, seconds: float) -> str:
+    """Write the time that is left, after a comma; nothing while it is unknown.
+
+    Args:
+        made: Steps made, earlier runs included.
+        wanted: Steps in all.
+        resumed: Steps made by an earlier run.
+        seconds: Time of this run [s].
+    """
+    if made == resumed or made >= wanted:
+        return ""
+    return f", {format_duration(seconds / (made - resumed) * (wanted - made))} left"
+
+
 def _note(progress: "Progress") -> str:
     """Describe how far a run is: successes, time per attempt, and the time that is left."""
     waiting = progress.workers_waiting
@@ -165,10 +180,9 @@ def _note(progress: "Progress") -> str:
     succeeded = sum(result.success for result in progress.results)
     median = statistics.median(result.seconds for result in progress.results)
     note = f"{succeeded} succeeded, {format_duration(median)} each"
-    made = len(progress.results) - progress.resumed
-    left = progress.requested - len(progress.results)
-    if made > 0 and left > 0:
-        note += f", {format_duration(progress.seconds / made * left)} left"
+    note += format_time_left(
+        len(progress.results), progress.requested, progress.resumed, progress.seconds
+    )
     return note + _waiting(waiting)
 
 

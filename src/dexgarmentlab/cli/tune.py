@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
 
 from dexgarmentlab.cli import EXIT_INTERRUPTED, EXIT_OK, console
+from dexgarmentlab.cli.collect import format_time_left, prepare_run
 from dexgarmentlab.cli.flags import Flags, WorkerFlags, find_task, tell_command
 from dgl_collect.options import RunOptions
 
 if TYPE_CHECKING:
-    from dgl_collect.tuning.search import Tuning
+    from dgl_collect.tuning.search import TuneProgress, Tuning
 
 __all__ = ["TuneOptions", "run"]
 
@@ -35,13 +36,13 @@ class TuneOptions:
     out: Path
     """Output folder; it must be empty or missing, unless --resume is given."""
     generations: int = 9
-    """Generations of the search."""
+    """Generations of the search, at least 1."""
     candidates: int = 12
-    """Candidates in a generation; the worse half is dropped after two starts."""
+    """Candidates in a generation, at least 4; the worse half is dropped after two starts."""
     starts: int = 3
-    """New starts in a generation."""
+    """New starts in a generation, at least 1. A search needs 20 trials or more in all."""
     judged: int = 40
-    """Further starts for the comparison of the winner with the demonstration."""
+    """Further starts for the comparison of the winner with the demonstration; 0 for none."""
     seed: int = 0
     """Seed of the search."""
     resume: bool = False
@@ -53,7 +54,6 @@ class TuneOptions:
 
 def run(options: TuneOptions) -> int:
     """Search, write the winner and the report, and tell if it is better."""
-    from dexgarmentlab.cli.collect import prepare_run
     from dexgarmentlab.reports.tuning import write_report
     from dgl_collect.tuning.search import TUNED_FILE, Interrupted, TuneConfig, tune
     from dgl_collect.tuning.trials import read_content
@@ -77,7 +77,8 @@ def run(options: TuneOptions) -> int:
     with console.progress(f"tuning {options.task}") as bar:
         try:
             tuning = tune(
-                config, on_progress=lambda p: bar.reach(p.made, note=p.note, total=p.wanted)
+                config,
+                on_progress=lambda p: bar.reach(p.made, note=_note(p), total=p.wanted),
             )
         except Interrupted:
             console.error(
@@ -94,6 +95,12 @@ def run(options: TuneOptions) -> int:
         console.out(f"winner of the search: {options.out / TUNED_FILE}")
         console.out(f"report: {page}")
     return EXIT_OK
+
+
+def _note(progress: "TuneProgress") -> str:
+    """Describe the part of the search, and the time that is left."""
+    p = progress
+    return p.note + format_time_left(p.made, p.wanted, p.resumed, p.seconds)
 
 
 def _show(tuning: "Tuning") -> None:

@@ -34,7 +34,7 @@ from dgl_files.fields import decode_json, from_plain, show
 from dgl_files.whole import compute_checksum
 from dgl_tasks import get_task
 from dgl_tasks.declaration import Task
-from dgl_tasks.tasks import find_demonstration
+from dgl_tasks.tasks import find_declaration, find_demonstration
 
 FOLDER = Path(__file__).parent / "demonstrations"
 """Demonstrations of this package's tasks."""
@@ -90,10 +90,24 @@ def find_file(task: Task) -> Path:
     return file
 
 
-def compute_own_checksum(task: Task, path: Path | None) -> str:
-    """Compute the SHA-256 of the file of a demonstration of one's own; empty for packaged ones."""
-    file = path or find_demonstration(task.id)
-    return compute_checksum(file) if file is not None and file.is_file() else ""
+def compute_own_checksums(task: Task, path: Path | None) -> dict[str, str]:
+    """Compute the SHA-256 of one's own files of a task; empty for packaged ones.
+
+    Args:
+        task: The declaration.
+        path: File of the demonstration; when None, the one beside the declaration.
+
+    Returns:
+        The checksums of "declaration" and "demonstration".
+    """
+    files = {
+        "declaration": find_declaration(task.id),
+        "demonstration": path or find_demonstration(task.id),
+    }
+    return {
+        name: compute_checksum(file) if file is not None and file.is_file() else ""
+        for name, file in files.items()
+    }
 
 
 def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
@@ -154,7 +168,7 @@ def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> No
     """Check that all names in formulas and grasps exist, and have one meaning each."""
     objects = {item.name: make_prop(item.prop).landmarks for item in task.objects}
     points = demonstration.points
-    names = name_scene(_POINT[None], objects, points)
+    names = {**demonstration.values, **name_scene(_POINT[None], objects, points)}
     try:
         if demonstration.task != task.id:
             raise ValueError(f"task must be {task.id!r}; got {show(demonstration.task)}")
@@ -162,8 +176,10 @@ def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> No
             raise ValueError(
                 f"garment must be of {task.category}; got {show(demonstration.garment)}"
             )
-        if twice := set(objects) & set(points):
-            raise ValueError(f"points must not have the names of objects; got {sorted(twice)}")
+        if twice := set(objects) & {*points, *demonstration.parameters}:
+            raise ValueError(
+                f"points and parameters must not have the names of objects; got {sorted(twice)}"
+            )
         for name in task.success.landmarks:
             if name not in points:
                 raise ValueError(f"the points must have {name!r}, which the rule judges by")

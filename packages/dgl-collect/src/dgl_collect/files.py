@@ -108,8 +108,17 @@ def check_continued(
         OutputFolderError: If an entry differs.
     """
     for key, value in identity.items():
-        if found.get(key) != value:
-            raise OutputFolderError(
-                f"cannot resume {folder}: its {key} is {found.get(key)!r}, this run's is "
-                f"{value!r}; choose another --out"
+        if (was := found.get(key)) == value:
+            continue
+        what = f"its {key} is {was!r}, this run's is {value!r}"
+        if isinstance(was, Mapping) and isinstance(value, Mapping):
+            names = [name for name in {**was, **value} if was.get(name) != value.get(name)]
+            what = f"{key}: " + "; ".join(
+                f"its {name} is {_tell(was, name)}, this run's is {_tell(value, name)}"
+                for name in names
             )
+        raise OutputFolderError(f"cannot resume {folder}: {what}; choose another --out")
+
+
+def _tell(options: Mapping[str, object], name: str) -> str:
+    return repr(options[name]) if name in options else "not given"

@@ -1,7 +1,6 @@
 """Named numbers of a demonstration, which formulas use and `dgl tune` searches."""
 
 import copy
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -46,10 +45,10 @@ class Parameter:
 
 
 def fill_in(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Write the values of its parameters into a demonstration's JSON object.
+    """Compute the numbers of a demonstration's JSON object that are formulas of parameters.
 
-    Formulas keep their form, with a number in the place of each parameter. Fields of numbers and
-    coordinates of points that are formulas become numbers.
+    They are the fields of numbers and the coordinates of points. Formulas of places and conditions
+    stay: they take the parameters by name.
 
     Raises:
         ValueError: If a parameter is damaged, or a formula of parameters cannot be evaluated.
@@ -65,15 +64,6 @@ def fill_in(content: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"parameters.{show(name)}: {err}") from err
     if not values:
         return whole
-    pattern = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, values))})(?!\w)")
-
-    def insert(formula: Any) -> Any:
-        if isinstance(formula, list):
-            return [insert(each) for each in formula]
-        if not isinstance(formula, str):
-            return formula
-        return pattern.sub(lambda match: f"({values[match[1]]!r})", formula)
-
     points = whole.get("points")
     if isinstance(points, dict):
         places: dict[str, Value] = dict(values)
@@ -82,28 +72,8 @@ def fill_in(content: Mapping[str, Any]) -> dict[str, Any]:
                 points[name] = [_compute(each, places) for each in place]
                 if all(isinstance(each, int | float) for each in points[name]):
                     places[name] = dict(zip("xyz", points[name], strict=False))
-    for stage in whole.get("stages") or ():
-        if isinstance(stage, dict):
-            _fill_in_stage(stage, insert, values)
+    _fill_in_numbers(whole.get("stages"), values)
     return whole
-
-
-def _fill_in_stage(stage: dict[str, Any], insert: Any, values: Mapping[str, Value]) -> None:
-    for key in ("when", "definitions", "grasp", "steps"):
-        part = stage.get(key)
-        if key == "when" and part is not None:
-            stage[key] = insert(part)
-        elif key == "definitions" and isinstance(part, dict):
-            stage[key] = {name: insert(formula) for name, formula in part.items()}
-        elif key == "grasp" and isinstance(part, dict):
-            for grasp in part.values():
-                if isinstance(grasp, dict) and "at" in grasp:
-                    grasp["at"] = insert(grasp["at"])
-        elif key == "steps" and isinstance(part, list):
-            for step in part:
-                if isinstance(step, dict) and step.get("step") == "move":
-                    step |= {side: insert(step[side]) for side in ("left", "right") if side in step}
-    _fill_in_numbers(stage, values)
 
 
 def _fill_in_numbers(tree: Any, values: Mapping[str, Value]) -> None:

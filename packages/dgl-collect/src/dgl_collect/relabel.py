@@ -107,7 +107,7 @@ class Relabeller:
     ) -> tuple[StageRecord, float]:
         cloud = record.garment_point_cloud
         points = finder.find_stage_points(stage, cloud, self._matcher)
-        names = name_scene(cloud, frames, points)
+        names = {**self._demonstration.values, **name_scene(cloud, frames, points)}
         grasp, similarity = finder.find_grasps(stage, cloud, self._matcher, names)
         went = cloud[record.points_affordance_feature.argmax(axis=0)]  # (2, 3)
         distances = [np.linalg.norm(went[SIDES.index(s)] - point) for s, point in grasp.items()]

@@ -56,8 +56,10 @@ class RunRecord:
     """Package versions at the last start."""
     commands: tuple[str, ...]
     """Command lines of the run, in order."""
+    declaration: str = ""
+    """SHA-256 of the file of a task of one's own, in hexadecimal digits; empty for others."""
     demonstration: str = ""
-    """SHA-256 of a demonstration of one's own, in hexadecimal digits; empty for others."""
+    """SHA-256 of a demonstration of one's own, likewise."""
     machines: tuple[Machine, ...] = ()
     """Machines of the workers; their processors may round differently."""
 
@@ -178,11 +180,12 @@ def _open_run(path: Path, record: RunRecord, *, resume: bool) -> RunFolder:
             name: getattr(record, name) for name in ("task", "seed", "attempt_factory", "options")
         }
         check_continued(path, asdict(found), identity)
-        if found.demonstration != record.demonstration:
-            raise OutputFolderError(
-                f"{path} was begun with another demonstration; undo its changes, or choose another "
-                "--out"
-            )
+        for name in ("declaration", "demonstration"):
+            if getattr(found, name) != getattr(record, name):
+                raise OutputFolderError(
+                    f"{path} was begun with another {name}; undo its changes, or choose another "
+                    "--out"
+                )
         if found.versions != record.versions:
             logger.warning("%s was begun with other package versions", path)
         commands = (*found.commands, *record.commands)

@@ -72,7 +72,7 @@ class CollectConfig:
 
     def make_record(self, task: Task) -> RunRecord:
         """Make the content of `run.json`."""
-        from dgl_collect.demonstration import compute_own_checksum  # it takes a second to import
+        from dgl_collect.demonstration import compute_own_checksums  # it takes a second to import
 
         named = self.options.demonstration if isinstance(self.options, RunOptions) else None
         return RunRecord(
@@ -83,7 +83,7 @@ class CollectConfig:
             options=json.loads(json.dumps(self._plain_options)),
             versions=package_versions(),
             commands=(self.command,),
-            demonstration=compute_own_checksum(task, named),
+            **compute_own_checksums(task, named),
         )
 
     @property

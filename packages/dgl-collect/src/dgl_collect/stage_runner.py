@@ -147,6 +147,7 @@ class _Course:
         sensed = yield from self.hands.look(*SENSOR_CAMERAS[: "garment" in named])
         cloud = sensed.see_garment() if "garment" in named else np.zeros((1, 3))
         names: dict[str, Value] = {
+            **self.runner.demonstration.values,
             **name_scene(cloud, sensed.frames, self.finder.points),
             "round": self._round,
             "held": float(self._is_held),
@@ -236,7 +237,8 @@ class _Course:
         sensed = yield from self.hands.look(*SENSOR_CAMERAS[: 1 + has_objects])
         cloud = sensed.see_garment()
         points = self.finder.find_stage_points(stage, cloud, matcher)
-        names = name_scene(cloud, sensed.frames, points)
+        values = self.runner.demonstration.values
+        names = {**values, **name_scene(cloud, sensed.frames, points)}
         places, affordance = {}, np.zeros((len(cloud), 2), np.float32)
         if self.runner.actor.is_sent or not stage.is_learned:
             places, similarity = self.finder.find_grasps(stage, cloud, matcher, names)

@@ -384,6 +384,11 @@ class Demonstration:
             raise ValueError("turns_over needs a first stage in which both hands grasp points")
 
     @property
+    def values(self) -> dict[str, float]:
+        """Values of the parameters, as formulas name them."""
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    @property
     def learned_stages(self) -> tuple[Stage, ...]:
         """The stages that a policy learns."""
         return tuple(stage for stage in self.stages if stage.is_learned)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from dgl_collect.attempt_jobs import make_attempt_seed, read_outcome
-from dgl_collect.demonstration import compute_own_checksum
+from dgl_collect.demonstration import compute_own_checksums
 from dgl_collect.evaluation.comparison import compute_mcnemar
 from dgl_collect.options import RunOptions
 from dgl_collect.results import package_versions
@@ -140,6 +141,10 @@ class TuneProgress:
     """Trials made, earlier runs included."""
     wanted: int
     """Trials in all."""
+    resumed: int
+    """Trials made by an earlier run."""
+    seconds: float
+    """Wall-clock time of this run [s]."""
     note: str
     """The present part of the search."""
 
@@ -276,6 +281,7 @@ class _TrialRunner:
         self._space, self._config, self._stop = space, config, stop
         self._on_progress = on_progress
         self._known = {result.index: result for result in folder.results}
+        self._began = time.monotonic()
 
     def run(self, trials: Sequence[_Trial], *, note: str) -> Sequence[_Trial]:
         """Make trials, and give them their results."""
@@ -317,8 +323,15 @@ class _TrialRunner:
 
     def _tell(self, note: str) -> None:
         if self._on_progress is not None:
-            made, wanted = len(self._folder.results), _count_trials(self._config)
-            self._on_progress(TuneProgress(made=made, wanted=wanted, note=note))
+            self._on_progress(
+                TuneProgress(
+                    made=len(self._folder.results),
+                    wanted=_count_trials(self._config),
+                    resumed=len(self._known),
+                    seconds=time.monotonic() - self._began,
+                    note=note,
+                )
+            )
 
 
 @contextmanager
@@ -338,7 +351,7 @@ def _opened(
         options={**config.options.to_plain(), **numbers, "before": space.before},
         versions=package_versions(),
         commands=(config.command,),
-        demonstration=compute_own_checksum(task, config.options.demonstration),
+        **compute_own_checksums(task, config.options.demonstration),
     )
     with opened_run(config.out, record, resume=config.resume) as folder, stop_signals() as stop:
         dispatcher = Dispatcher(

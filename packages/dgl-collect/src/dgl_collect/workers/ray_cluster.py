@@ -245,11 +245,11 @@ def check_reachable(address: str | None) -> None:
     Raises:
         EngineError: If Ray is not installed, or nothing answers.
     """
-    import_ray()
+    ray = import_ray()
     try:
-        if address is not None:
-            _knock(address)
-    except OSError as err:
+        if address is not None and (head := _knock(address)):
+            ray._raylet.GcsClient(address=head)  # noqa: SLF001 - another service may answer there
+    except (OSError, ray.exceptions.RpcError) as err:
         raise EngineError(f"there is no Ray cluster at {address!r}: {_first_line(err)}") from err
 
 
@@ -280,8 +280,11 @@ def _connect(ray: Any, workers: Workers) -> None:
         raise EngineError(f"there is no Ray cluster {place}: {_first_line(err)}") from err
 
 
-def _knock(address: str) -> None:
+def _knock(address: str) -> str | None:
     """Connect to an address once; Ray itself would try for five minutes.
+
+    Returns:
+        The host and port that answered; None for an address of another form.
 
     Raises:
         OSError: If nothing answers, or no address is known for "auto".
@@ -293,6 +296,8 @@ def _knock(address: str) -> None:
     host, _, port = address.rpartition(":")
     if host and port.isdecimal() and "/" not in host:
         socket.create_connection((host, int(port)), timeout=CONNECT_SECONDS).close()
+        return address
+    return None
 
 
 def _is_alive(ray: Any, node: str) -> bool:

@@ -22,7 +22,14 @@ from dgl_files.fields import show
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import DeclarationError, UnknownTaskError
 
-__all__ = ["find_demonstration", "get_task", "load_task", "register_task", "task_ids"]
+__all__ = [
+    "find_declaration",
+    "find_demonstration",
+    "get_task",
+    "load_task",
+    "register_task",
+    "task_ids",
+]
 
 GROUP = "dgl_tasks.tasks"
 """Group of the entry points of installed packages."""
@@ -79,21 +86,27 @@ def load_task(source: str) -> Task:
     raise UnknownTaskError(source, task_ids())
 
 
+def find_declaration(task_id: str) -> Path | None:
+    """Give the Python file that declares a task from outside; None for a task of this package."""
+    return _FILES.get(task_id)
+
+
 def find_demonstration(task_id: str) -> Path | None:
     """Give the demonstration of a task from outside: beside its declaration, with the same stem.
 
     Returns:
         The path, whether or not the file exists; None for a task of this package.
     """
-    return _DEMONSTRATIONS.get(task_id)
+    declaration = find_declaration(task_id)
+    return None if declaration is None else declaration.with_suffix(".json")
 
 
-def register_task(task: Task, *, demonstration: Path | None = None) -> None:
+def register_task(task: Task, *, file: Path | None = None) -> None:
     """Make a task's id known to `get_task` and `gymnasium.make` in this process.
 
     Args:
         task: The declaration; it replaces an earlier one of the same id that came from outside.
-        demonstration: Its JSON file.
+        file: The Python file that declares it.
 
     Raises:
         DeclarationError: If the id is that of a task of this package, or cannot be an id.
@@ -104,9 +117,9 @@ def register_task(task: Task, *, demonstration: Path | None = None) -> None:
         raise DeclarationError(f"the id {task.id!r} is that of a task of dgl_tasks; choose another")
     _register(task.id)
     _TASKS[task.id] = task
-    _DEMONSTRATIONS.pop(task.id, None)
-    if demonstration is not None:
-        _DEMONSTRATIONS[task.id] = demonstration
+    _FILES.pop(task.id, None)
+    if file is not None:
+        _FILES[task.id] = file
 
 
 def _register(task_id: str) -> None:
@@ -183,8 +196,7 @@ def _take_task(run: Callable[[], ModuleType], source: str) -> Task:
         what = str(err).partition("\n")[0]
         raise DeclarationError(f"{source}: {type(err).__name__}: {what}") from err
     try:
-        file = Path(module.__file__ or "")
-        register_task(task, demonstration=file.with_suffix(".json"))
+        register_task(task, file=Path(module.__file__) if module.__file__ else None)
     except DeclarationError as err:
         raise DeclarationError(f"{source}: {err}") from err
     return task
@@ -192,7 +204,7 @@ def _take_task(run: Callable[[], ModuleType], source: str) -> Task:
 
 _TASKS = _find_built_in()
 _BUILT_IN = frozenset(_TASKS)
-_DEMONSTRATIONS: dict[str, Path] = {}
+_FILES: dict[str, Path] = {}
 
 for _id in task_ids():
     _register(_id)
