@@ -200,7 +200,9 @@ def make(task):
 @pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_dgl_collects_an_example_from_a_folder_of_its_own(name, tmp_path, monkeypatch):
+def test_dgl_collects_an_example_from_a_folder_of_its_own(
+    name, tmp_path, monkeypatch, fine_garments
+):
     for end in ("py", "json"):
         shutil.copy(DOCS / f"examples/{name}.{end}", tmp_path)
     monkeypatch.chdir(tmp_path)

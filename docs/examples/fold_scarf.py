@@ -17,7 +17,7 @@ TASK = Task(
         right=("right_quarter",),
         near="lower_centre",
         far="upper_centre",
-        margins=(0.06, 0.08, 0.06, 0.08),  # left, near, right, far [m]
+        margins=(0.06, 0.08, 0.06, 0.08),  # wider at the left, near, right and far side [m]
         threshold=0.85,
     ),
 )

@@ -181,8 +181,8 @@ def check_cuda() -> Check:
         return Check(
             "cuda",
             "optional",
-            "no NVIDIA driver; everything runs on the CPU",
-            "none needed; with an NVIDIA card, install its driver for many environments at once",
+            "no NVIDIA GPU with a driver; everything runs on the CPU",
+            "none needed; with an NVIDIA GPU, its driver makes training faster",
         )
     result = run_probe("cuda")
     if result.error:

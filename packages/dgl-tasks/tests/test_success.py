@@ -186,10 +186,10 @@ def test_what_hangs_over_a_bar_is_off_the_ground_and_in_the_middle(down, x, reas
     ("top", "reason"),
     [
         ((1.0, 0.879), None),
-        ((1.0, 0.881), "not over the bar"),
+        ((1.0, 0.881), "not over its place"),
         ((1.079, 0.8), None),
-        ((0.919, 0.8), "not over the bar"),
-        ((3.0, 0.02), "not over the bar"),  # it lies on something low, far away
+        ((0.919, 0.8), "not over its place"),
+        ((3.0, 0.02), "not over its place"),  # it lies on something low, far away
     ],
 )
 def test_the_top_of_what_hangs_over_a_bar_is_at_the_bar(top, reason):

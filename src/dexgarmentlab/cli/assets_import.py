@@ -129,7 +129,7 @@ def _lines(report: "ImportReport") -> list[str]:
         f"  {report.vertex_count:,} vertices, {report.even_edges:.1%} of edges and "
         f"{report.even_angles:.1%} of "
         "angles even",
-        f"  key points: {', '.join(report.landmarks) or 'none; write them into keypoints.json'}",
+        f"  landmarks: {', '.join(report.landmarks) or 'none; write them into keypoints.json'}",
         f"  licence: {report.licence}",
         *(f"  - {name_flags(text)}" for text in report.assumptions),
     ]

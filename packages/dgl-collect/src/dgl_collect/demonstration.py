@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
@@ -90,24 +91,26 @@ def find_file(task: Task) -> Path:
     return file
 
 
-def compute_own_checksums(task: Task, path: Path | None) -> dict[str, str]:
-    """Compute the SHA-256 of one's own files of a task; empty for packaged ones.
+class OwnFiles(TypedDict):
+    """SHA-256 of one's own files of a task, in hexadecimal digits; empty for packaged ones."""
+
+    declaration: str
+    demonstration: str
+
+
+def compute_own_checksums(task: Task, path: Path | None) -> OwnFiles:
+    """Compute the checksums of one's own files of a task.
 
     Args:
         task: The declaration.
         path: File of the demonstration; when None, the one beside the declaration.
-
-    Returns:
-        The checksums of "declaration" and "demonstration".
     """
-    files = {
-        "declaration": find_declaration(task.id),
-        "demonstration": path or find_demonstration(task.id),
-    }
-    return {
-        name: compute_checksum(file) if file is not None and file.is_file() else ""
-        for name, file in files.items()
-    }
+    declaration, demonstration = find_declaration(task.id), path or find_demonstration(task.id)
+    return {"declaration": _check(declaration), "demonstration": _check(demonstration)}
+
+
+def _check(file: Path | None) -> str:
+    return compute_checksum(file) if file is not None and file.is_file() else ""
 
 
 def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:

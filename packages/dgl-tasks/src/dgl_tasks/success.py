@@ -249,7 +249,7 @@ class ShareInBox(SuccessRule):
         a, b, c, d = self.margins
         box = (left - a, near - b, right + c, far + d)
         share = Criterion(
-            name="share of the garment's visible area inside the box of the key points",
+            name="share of the garment's visible area inside the box of the landmarks",
             value=compute_box_share(view.top, box),
             comparison=">=",
             threshold=self.threshold,
@@ -320,13 +320,13 @@ class HangsOver(AtFrame):
         limits = [
             ("share of the garment on the ground", float((points[:, 2] < self.height).mean()),
              self.on_ground, "", "on the ground"),
-            ("distance of the garment's middle from the bar's, sideways",
+            ("distance of the garment's middle from its place, sideways",
              float(abs(middle[0] - target[0])), self.sideways, " m", "off the middle"),
-            ("distance of the garment's highest part from the bar",
-             float(np.linalg.norm((top - target)[1:])), self.over, " m", "not over the bar"),
+            ("distance of the garment's highest part from its place",
+             float(np.linalg.norm((top - target)[1:])), self.over, " m", "not over its place"),
         ]  # fmt: skip
         if self.below is not None:
-            name = "distance of the garment's middle below the bar"
+            name = "distance of the garment's middle below its place"
             limits.append((name, float(target[2] - middle[2]), self.below, " m", "too low"))
         return _require_at_most(*limits)
 
