@@ -73,6 +73,30 @@ def test_the_way_turns_with_its_anchors():
     assert end == pytest.approx(other.points["left"][-1], abs=5e-3)
 
 
+def carry(rng):
+    """Take a tray by both ends from a table onto a shelf, past things that stand about."""
+    anchors = {n: np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for n in "abcdefgh"}
+    table, shelf = rng.uniform(0.5, 0.6), rng.uniform(1.0, 1.2)
+    anchors |= {"table": np.array([*rng.uniform(-0.1, 0.1, 2), table]),
+                "shelf": np.array([*rng.uniform(-0.1, 0.1, 2), shelf])}  # fmt: skip
+    half = np.array([rng.uniform(0.1, 0.2), 0.0, 0.0])
+    share = np.linspace(0, 1, 21)[:, None]
+    middle = anchors["table"] + share * (anchors["shelf"] - anchors["table"])
+    still = {side: np.zeros((21, 3)) for side in ("left", "right")}
+    return Recording(anchors=anchors, points={"left": middle - half, "right": middle + half},
+                     hands=still, turns=still)  # fmt: skip
+
+
+def test_hands_at_one_height_stay_at_one_height_that_few_recordings_tell():
+    rng = np.random.default_rng(8)
+    primitive = fit_primitive([carry(rng) for _ in range(8)])
+    for _ in range(5):
+        other = carry(rng)
+        left, right = (plan(primitive, other).hands[side].points for side in ("left", "right"))
+        assert left[:, 2] == pytest.approx(right[:, 2], abs=1e-3)
+        assert left[-1, 2] == pytest.approx(other.anchors["shelf"][2], abs=5e-3)
+
+
 def test_longer_ways_take_longer_and_pauses_do_not():
     rng = np.random.default_rng(2)
     primitive = fit_primitive([record(rng) for _ in range(8)])

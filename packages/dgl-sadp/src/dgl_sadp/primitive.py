@@ -2,7 +2,9 @@
 
 Displacements of each hand are affine functions of *anchors*: points on the garment, frames of
 objects, extents of the cloud, the world's origin. Level weights are the same for x and y, so that
-the way turns, moves and grows with the anchors. Heights follow from heights and level distances.
+the way turns, moves and grows with the anchors. Heights follow from heights, and from level
+distances where these help. All hands share their inputs: hands that all recordings keep at one
+height stay at one height.
 
 Source:
     Calinon, "A tutorial on task-parameterized movement learning and retrieval", 2016; the
@@ -12,6 +14,8 @@ Source:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,14 +108,14 @@ class Way:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandModel:
-    """Affine functions for one hand at K knots, of A anchors, the world's origin last."""
+    """Affine functions for one of H hands at K knots, of A anchors, the world's origin last."""
 
     mean: np.ndarray
     """Mean displacement [m], shape (K, 3)."""
     level: np.ndarray
     """Weights of the anchors' level vectors, and constants for x and y, shape (A + 2, K)."""
     height: np.ndarray
-    """Weights of their heights and level distances, and a constant, shape (2 A + 1, K)."""
+    """Weights of the numbers of `_lay_out_height`, shape (2 A + H + 1, K)."""
     turns: np.ndarray
     """Mean rotation vector [rad], shape (K, 3)."""
     poses: np.ndarray
@@ -121,10 +125,15 @@ class HandModel:
     noise: np.ndarray
     """Standard deviation of displacements, from recordings left out [m], shape (K,)."""
 
-    def compute_way(self, vectors: np.ndarray) -> np.ndarray:
-        """Compute the displacements [m], shape (K, 3), for vectors to the anchors (A, 3)."""
+    def compute_way(self, vectors: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """Compute the displacements [m], shape (K, 3).
+
+        Args:
+            vectors: From the hand's start to the anchors [m], shape (A, 3).
+            heights: As of `_lay_out_height`.
+        """
         xy = _lay_out_level(vectors) @ self.level
-        return np.stack([*xy, _lay_out_height(vectors) @ self.height], axis=1)
+        return np.stack([*xy, heights @ self.height], axis=1)
 
     def compute_spread(self, vectors: np.ndarray) -> float:
         """Compute the standard deviation of the last displacement [m]."""
@@ -132,9 +141,9 @@ class HandModel:
         share = np.einsum("ri,ij,rj->r", level, self.leverage, level).mean()
         return float(self.noise[-1] * np.sqrt(1 + share))
 
-    def expect(self, vectors: np.ndarray) -> np.ndarray:
-        """Compute displacements, turns and poses, shape (K, 6 + P)."""
-        return np.concatenate([self.compute_way(vectors), self.turns, self.poses], axis=1)
+    def expect(self, vectors: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """Compute displacements, turns and poses, shape (K, 6 + P); see `compute_way`."""
+        return np.concatenate([self.compute_way(vectors, heights), self.turns, self.poses], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,14 +184,16 @@ class Primitive:
         """
         if set(starts) != set(self.hands):
             raise PrimitiveError(f"starts must be of {sorted(self.hands)}; got {sorted(starts)}")
-        ways, spreads = {}, []
-        for side, model in self.hands.items():
-            if is_blind:
-                ways[side] = model.mean
-                continue
-            vectors = _find_vectors(self.anchors, anchors, np.asarray(starts[side], float))
-            ways[side] = model.compute_way(vectors)
-            spreads.append(model.compute_spread(vectors))
+        if is_blind:
+            ways, spreads = {side: model.mean for side, model in self.hands.items()}, [0.0]
+        else:
+            vectors = {
+                side: _find_vectors(self.anchors, anchors, np.asarray(start, float))
+                for side, start in starts.items()
+            }
+            heights = _lay_out_height(vectors)
+            ways = {s: model.compute_way(vectors[s], heights) for s, model in self.hands.items()}
+            spreads = [model.compute_spread(vectors[s]) for s, model in self.hands.items()]
         at = self._time(ways) * (frames_per_second / FRAMES_PER_SECOND)
         count = max(1, int(np.ceil(at[-1] - 1e-9)))
         frames = at[-1] * np.arange(1, count + 1) / count
@@ -194,9 +205,7 @@ class Primitive:
             )
             for side, model in self.hands.items()
         }
-        return Way(
-            hands=hands, spread=float(np.sqrt(np.mean(np.square(spreads)))) if spreads else 0.0
-        )
+        return Way(hands=hands, spread=float(np.sqrt(np.mean(np.square(spreads)))))
 
     def _time(self, ways: Mapping[str, np.ndarray]) -> np.ndarray:
         """Give each knot its time [frames], shape (K,), at the recordings' speeds."""
@@ -211,8 +220,10 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
     """Learn the way of the hands in one stage.
 
     Displacements are regressed on the anchors by ridge regression, at each time of the common
-    course, with the penalty that predicts recordings best that are left out. Recordings are aligned
-    in time with one of them first, then with the ways that the regression expects.
+    course, with the penalty that predicts recordings best that are left out. In the same way it is
+    chosen if heights depend on level distances, which would otherwise fit a few recordings by
+    chance. Recordings are aligned in time with one of them first, then with the ways that the
+    regression expects.
 
     Args:
         recordings: With the same hands and coordinates; anchors that some lack are left out.
@@ -233,10 +244,9 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
         raise PrimitiveError(f"a hand must move in every recording; got {min(extents):.3f} m")
     sides = sorted(recordings[0].points)
     names = tuple(sorted(set.intersection(*(set(r.anchors) for r in recordings)) - {WORLD}))
-    vectors = {
-        s: np.stack([_find_vectors(names, r.anchors, r.points[s][0]) for r in recordings])
-        for s in sides
-    }
+    vectors = [
+        {s: _find_vectors(names, r.anchors, r.points[s][0]) for s in sides} for r in recordings
+    ]
 
     order = np.argsort([len(table[sides[0]]) for table in tables], kind="stable")
     reference = int(order[(len(order) - 1) // 2])
@@ -245,9 +255,10 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
     ]
     frames = [align(sized[reference], course) for course in sized]
     for _ in range(_ALIGNMENTS):
-        models = {s: _fit_hand(vectors[s], _sample(tables, s, frames)) for s in sides}
+        models = _fit_hands(vectors, {s: _sample(tables, s, frames) for s in sides})
         for k, table in enumerate(tables):
-            expected = {s: models[s].expect(vectors[s][k]) for s in sides}
+            heights = _lay_out_height(vectors[k])
+            expected = {s: models[s].expect(vectors[k][s], heights) for s in sides}
             frames[k] = align(_weigh(expected), _weigh(table))
     samples = {s: _sample(tables, s, frames) for s in sides}
     knots = choose_knots(
@@ -260,7 +271,7 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
         anchors=names,
         durations=np.diff(np.stack(frames)[:, knots], axis=1).mean(axis=0),
         distances=np.mean(distances, axis=0),
-        hands={s: _fit_hand(vectors[s], samples[s][:, knots]) for s in sides},
+        hands=_fit_hands(vectors, {s: sample[:, knots] for s, sample in samples.items()}),
     )
 
 
@@ -288,41 +299,58 @@ def _sample(
     )
 
 
-def _fit_hand(vectors: np.ndarray, sample: np.ndarray) -> HandModel:
-    """Fit one hand to vectors (n, A, 3) and aligned recordings (n, K, 6 + P)."""
-    way = sample[..., :3]
-    level = np.stack([_lay_out_level(v) for v in vectors])  # (n, 2, A + 2)
-    height = np.stack([_lay_out_height(v) for v in vectors])[:, None]  # (n, 1, 2 A + 1)
-    xy = np.moveaxis(way[..., :2], 2, 1)  # (n, 2, K)
-    weights, left_out, leverage, share = _regress(level, xy, constants=2)
-    heights, left_out_z, _, _ = _regress(height, way[..., 2][:, None], constants=1)
-    squares = (left_out**2).sum(axis=1) + (left_out_z**2).sum(axis=1)  # (n, K)
-    return HandModel(
-        mean=way.mean(axis=0),
-        level=weights,
-        height=heights,
-        turns=sample[..., 3:6].mean(axis=0),
-        poses=sample[..., 6:].mean(axis=0),
-        leverage=leverage,
-        noise=np.sqrt(squares.mean(axis=0) / (1 + share)),
-    )
+def _fit_hands(
+    vectors: Sequence[Mapping[str, np.ndarray]], samples: Mapping[str, np.ndarray]
+) -> dict[str, HandModel]:
+    """Fit hands to vectors (A, 3) of n recordings and aligned recordings (n, K, 6 + P) of each."""
+    heights = np.stack([_lay_out_height(v) for v in vectors])[:, None]  # (n, 1, 2 A + H + 1)
+    without_distances = heights.copy()
+    anchors = len(next(iter(vectors[0].values())))
+    without_distances[..., -1 - anchors : -1] = 0.0
+    z = np.concatenate([sample[:, None, :, 2] for sample in samples.values()], axis=2)  # (n, 1, HK)
+    fit_z = _regress([without_distances, heights], z, constants=1)
+    models = {}
+    for k, (side, sample) in enumerate(samples.items()):
+        level = np.stack([_lay_out_level(v[side]) for v in vectors])  # (n, 2, A + 2)
+        fit = _regress([level], np.moveaxis(sample[..., :2], 2, 1), constants=2)
+        count = sample.shape[1]
+        own = slice(k * count, (k + 1) * count)
+        squares = (fit.left_out**2).sum(axis=1) + (fit_z.left_out[..., own] ** 2).sum(axis=1)
+        models[side] = HandModel(
+            mean=sample[..., :3].mean(axis=0),
+            level=fit.weights,
+            height=fit_z.weights[:, own],
+            turns=sample[..., 3:6].mean(axis=0),
+            poses=sample[..., 6:].mean(axis=0),
+            leverage=fit.inverse,
+            noise=np.sqrt(squares.mean(axis=0) / (1 + fit.share)),
+        )
+    return models
 
 
-def _regress(
-    design: np.ndarray, wanted: np.ndarray, *, constants: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Regress with the penalty that predicts recordings best that are left out.
+class _Fit(NamedTuple):
+    """Result of a regression."""
+
+    weights: np.ndarray
+    """Shape (F, K)."""
+    left_out: np.ndarray
+    """Errors of recordings left out, shape (n, r, K)."""
+    inverse: np.ndarray
+    """Of the normal matrix, shape (F, F)."""
+    share: float
+    """Mean leverage of a recording that is left out."""
+
+
+def _regress(designs: Sequence[np.ndarray], wanted: np.ndarray, *, constants: int) -> _Fit:
+    """Regress with the design and the penalty that predict recordings best that are left out.
 
     Args:
-        design: Rows of each recording, shape (n, r, F); the last columns are constants.
+        designs: Rows of each recording, shape (n, r, F), of which one is chosen, the first of
+            equals; the last columns are constants.
         wanted: Shape (n, r, K).
         constants: Number of these columns, which have no penalty.
-
-    Returns:
-        Weights (F, K), errors of recordings left out (n, r, K), the inverse of the normal matrix
-        (F, F), and the mean leverage of a recording that is left out.
     """
-    free = np.ones(design.shape[2])
+    free = np.ones(designs[0].shape[2])
     free[-constants:] = 0.0
 
     def solve(x: np.ndarray, y: np.ndarray, penalty: float) -> tuple[np.ndarray, np.ndarray]:
@@ -330,8 +358,8 @@ def _regress(
         inverse = np.linalg.inv(x.T @ x + np.diag(penalty * len(x) * free + 1e-9))
         return inverse @ x.T @ y, inverse
 
-    best = None
-    for penalty in _PENALTIES:
+    best: tuple[float, _Fit] | None = None
+    for design, penalty in product(designs, _PENALTIES):
         errors, shares = [], []
         for k in range(len(design)):
             rest = np.arange(len(design)) != k
@@ -341,11 +369,10 @@ def _regress(
         error = np.stack(errors)
         score = float((error**2).sum())
         if best is None or score < best[0]:
-            best = score, penalty, error, float(np.mean(shares))
+            weights, inverse = solve(design, wanted, penalty)
+            best = score, _Fit(weights, error, inverse, float(np.mean(shares)))
     assert best is not None
-    _, penalty, error, share = best
-    weights, inverse = solve(design, wanted, penalty)
-    return weights, error, inverse, share
+    return best[1]
 
 
 def _find_vectors(
@@ -364,10 +391,16 @@ def _lay_out_level(vectors: np.ndarray) -> np.ndarray:
     return np.concatenate([vectors[:, :2].T, np.eye(2)], axis=1)
 
 
-def _lay_out_height(vectors: np.ndarray) -> np.ndarray:
-    """Lay out the row of z, shape (2 A + 1,)."""
-    distances = np.linalg.norm(vectors[:, :2], axis=1)
-    return np.concatenate([vectors[:, 2], distances, [1.0]])
+def _lay_out_height(vectors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Lay out the row of z of all hands, shape (2 A + H + 1,), for vectors (A, 3) of each.
+
+    Heights of the anchors above the hands' mean, those of the mean above the hands, mean level
+    distances of the anchors from the hands, and a constant.
+    """
+    each = np.stack([vectors[side] for side in sorted(vectors)])  # (H, A, 3)
+    mean = each[..., 2].mean(axis=0)
+    distances = np.linalg.norm(each[..., :2], axis=2).mean(axis=0)
+    return np.concatenate([mean, each[:, -1, 2] - mean[-1], distances, [1.0]])
 
 
 def _measure_steps(ways: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -120,7 +120,7 @@ def _find_shapes(
         sizes: Mapping[str, tuple[int, ...]] = {
             "mean": (knots, 3),
             "level": (anchors + 2, knots),
-            "height": (2 * anchors + 1, knots),
+            "height": (2 * anchors + len(parts["hands"]) + 1, knots),
             "turns": (knots, 3),
             "poses": (knots, size),
             "leverage": (anchors + 2, anchors + 2),
