@@ -61,7 +61,8 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
         )
     paths = paths[: options.episodes or MOST_EPISODES]
     with opened_episode(paths[0]) as file:
-        task = find_recorded_task(str(file.attrs["task"]), options.task)
+        task_id = str(file.attrs["task"])
+    task = find_recorded_task(task_id, options.task)
     demonstration = load_demonstration(task, options.demonstration)
     primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
     save_primitives(path, primitives)
