@@ -109,24 +109,14 @@ def make_ways(motion, arms, shift, *, count=40):
     return points, turned, dict.fromkeys(SIDES, fingers)
 
 
-def test_ways_are_followed_with_their_fingers_and_begin_and_end_at_rest(motion, arms):
-    points, turned, fingers = make_ways(motion, arms, (0.0, 0.0, 0.4))  # at 0.6 m/s
-    start = motion.target.copy()
+def test_ways_are_followed_a_sample_a_row_with_their_fingers(motion, arms):
+    points, turned, fingers = make_ways(motion, arms, (0.05, 0.1, 0.05))
     rows = motion.follow(points, turned, fingers)
-    assert rows.shape == (40 + RAMP_FRAMES - 1, 60)
-    late = np.arange(RAMP_FRAMES, 40) - RAMP_FRAMES // 2  # a row is the mean of as many samples
+    assert rows.shape == (40, 60)
     for side in SIDES:
-        found = np.stack([grasp_point(arms, row, side) for row in (start, *rows)])
-        for way, targets, error in (
-            (points[side], found[1:], 1e-3),
-            (fingers[side], rows[:, HAND[side]], 1e-12),
-        ):
-            np.testing.assert_allclose(targets[-1], way[-1], atol=error)
-            middle = (way[late] + way[late + 1]) / 2
-            np.testing.assert_allclose(targets[RAMP_FRAMES:40], middle, atol=error)
-        speeds = np.diff(found, axis=0) * CONTROL_FREQUENCY
-        changes = np.diff(speeds, axis=0, prepend=0, append=0) * CONTROL_FREQUENCY
-        assert np.linalg.norm(changes, axis=1).max() < 5.0  # [m/s^2]; of a line, 4.5
+        found = np.stack([grasp_point(arms, row, side) for row in rows])
+        np.testing.assert_allclose(found, points[side], atol=1e-3)
+        np.testing.assert_allclose(rows[:, HAND[side]], fingers[side], atol=1e-12)
     np.testing.assert_array_equal(motion.target, rows[-1])
 
 

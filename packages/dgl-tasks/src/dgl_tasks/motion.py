@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
 from dgl_tasks.control import ArmKinematics, plan_line
@@ -120,8 +119,6 @@ class BimanualMotion:
     ) -> np.ndarray:
         """Follow ways of one sample a control step, slower where the arms are too slow for them.
 
-        Speeds change over `RAMP_FRAMES`, as on lines: a jump would throw what the hands carry.
-
         Args:
             points: Grasp point of each moving hand [m], shape (N, 3), world frame.
             orientations: Of `ee` of each of these hands, wxyz, shape (N, 4).
@@ -130,7 +127,7 @@ class BimanualMotion:
                 reach.
 
         Returns:
-            Joint targets [rad], shape (M + RAMP_FRAMES - 1, D), M >= N.
+            Joint targets [rad], shape (M, D), M >= N.
 
         Raises:
             UnreachableError: If a hand cannot follow its way.
@@ -151,9 +148,7 @@ class BimanualMotion:
                 columns = self.robot.joint_slice(side, part)
                 share = np.linspace(0, 1, len(way))
                 rows[:, columns] = np.stack([np.interp(at, share, c) for c in way.T], axis=1)
-        ends = np.tile(self.target, (RAMP_FRAMES - 1, 1)), np.tile(rows[-1], (RAMP_FRAMES - 1, 1))
-        around = np.concatenate([ends[0], rows, ends[1]])
-        return self._finish(sliding_window_view(around, RAMP_FRAMES, axis=0).mean(axis=-1))
+        return self._finish(rows)
 
     def reach(
         self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
