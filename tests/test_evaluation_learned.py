@@ -94,12 +94,19 @@ def test_a_policy_begins_where_it_was_trained_to(tmp_path):
 def test_a_policy_sees_the_clouds_it_was_trained_on(tmp_path):
     scene = save(tmp_path / "scene", cloud="scene")
     check(scene, cloud="scene")
-    with pytest.raises(ValueError, match="with --cloud scene; got --cloud segmented"):
+    with pytest.raises(ValueError, match=r"scene clouds, .* --cloud scene; got segmented"):
         check(scene)
     plain = save(tmp_path / "plain")  # of a training that noted no kind
     check(plain)
-    with pytest.raises(ValueError, match="with --cloud segmented; got --cloud scene"):
+    with pytest.raises(ValueError, match=r"segmented clouds, .*; got scene"):
         check(plain, cloud="scene")
+
+
+def test_a_policy_moves_the_robot_it_was_trained_on(tmp_path, monkeypatch):
+    other = SimpleNamespace(name="arm+hand")
+    monkeypatch.setattr("dexgarmentlab.learned_methods.load_robot", lambda *_: other)
+    with pytest.raises(ValueError, match=r"are of the robot ur10e\+shadow; got arm\+hand"):
+        check(save(tmp_path), robot="arm+hand")
 
 
 @pytest.fixture

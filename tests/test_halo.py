@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from dexgarmentlab.halo import HALO
+from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_collect.demonstration import load_demonstration
 from dgl_sadp import CheckpointError, DiffusionPolicy, get_policy_config
 from dgl_tasks import get_task
@@ -65,12 +66,17 @@ def test_what_is_pushed_is_what_comes_back(tmp_path, halo, monkeypatch):
 
 
 def test_a_policy_acts_in_an_environment_of_its_task_alone(halo):
-    with pytest.raises(ValueError, match=r"must be of HangCoat-v1; got FoldTops-v1"):
-        halo.make_method(SimpleNamespace(task=get_task("FoldTops-v1")))
-    env = SimpleNamespace(task=get_task("HangCoat-v1"), cloud="scene")
-    with pytest.raises(ValueError, match="must have segmented clouds; got scene"):
+    agent = SimpleNamespace(model=DEFAULT_ROBOT)
+    env = SimpleNamespace(task=get_task("FoldTops-v1"), agent=agent, cloud="segmented")
+    with pytest.raises(ValueError, match="must be of task FoldTops-v1; got HangCoat-v1"):
+        halo.make_method(env)
+    env.task, env.cloud = get_task("HangCoat-v1"), "scene"
+    with pytest.raises(ValueError, match=r"must see segmented clouds.*; got scene"):
         halo.make_method(env)
     env.cloud = "segmented"
+    learned_approach = HALO(halo.policy, {**halo.card, "training": {"with_approach": True}})
+    with pytest.raises(ValueError, match="must be trained with --gam"):
+        learned_approach.make_method(env)
     method = halo.make_method(env)
     assert [p.chunks for p in method.actor.policies.values()] == [10]
 

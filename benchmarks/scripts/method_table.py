@@ -3,73 +3,51 @@
     python benchmarks/scripts/method_table.py out/table --picture docs/images/methods.png
 
 The folder holds TASK/METHOD, the folders of `dgl eval TASK-v1 --policy METHOD`. The table counts
-successes at the first try and with retries, with the exact p (McNemar) of the pairs of the expert
-and the primitive, with retries.
+successes at the first try and with retries, with McNemar's exact p of the expert and the primitive
+on the starts that both have run, with retries.
 """
 
 import argparse
-import json
 from pathlib import Path
 
-from scipy.stats import binomtest
-
-from dgl_collect.results import wilson_interval
+from dgl_collect.evaluation.comparison import compare, read_evaluation
+from dgl_collect.evaluation.results import RESULTS_FILE, ResultsRecord, count
 from dgl_tasks import get_task, task_ids
 
 METHODS = {"expert": "#8f96a3", "primitive": "#e86b3f", "halo": "#2d7fd1", "blind": "#d8dbe1"}
 """Methods in the order of the table, with the colours of their bars."""
 
 
-def read(folder: Path) -> dict[str, dict[str, dict]]:
+def read(folder: Path) -> dict[str, dict[str, ResultsRecord]]:
     """Read the results of each method of each task that is there."""
-    found: dict[str, dict[str, dict]] = {}
+    found: dict[str, dict[str, ResultsRecord]] = {}
     for task in task_ids():
         for method in METHODS:
-            path = folder / task.partition("-")[0] / method / "results.json"
-            if path.is_file():
-                found.setdefault(task, {})[method] = json.loads(path.read_text(encoding="utf-8"))
+            path = folder / task.partition("-")[0] / method
+            if (path / RESULTS_FILE).is_file():
+                found.setdefault(task, {})[method] = read_evaluation(path)
     return found
 
 
-def count(results: dict, key: str) -> int:
-    """Count the episodes that succeeded."""
-    return sum(each[key] for each in results["runs"])
-
-
-def compare(one: dict, other: dict) -> float:
-    """Compute McNemar's exact p of two methods on the episodes that both have run."""
-    pairs = [
-        {(each["seed"], each["episode"]): each["success"] for each in results["runs"]}
-        for results in (one, other)
-    ]
-    both = [(pairs[0][key], pairs[1][key]) for key in pairs[0].keys() & pairs[1].keys()]
-    first, second = both.count((True, False)), both.count((False, True))
-    return binomtest(first, first + second).pvalue if first + second else 1.0
-
-
-def format_table(found: dict[str, dict[str, dict]]) -> str:
+def format_table(found: dict[str, dict[str, ResultsRecord]]) -> str:
     """Write the table in Markdown: successes at the first try; with retries."""
     lines = [
         f"| task | {' | '.join(f'`{method}`' for method in METHODS)} | p |",
         "|---|" + "--:|" * (len(METHODS) + 1),
     ]
     for task, methods in found.items():
-        cells = []
-        for method in METHODS:
-            results = methods.get(method)
-            cells.append(
-                ""
-                if results is None
-                else f"{count(results, 'first_try')}; {count(results, 'success')} of "
-                f"{len(results['runs'])}"
-            )
-        is_paired = "expert" in methods and "primitive" in methods
-        p = f"{compare(methods['expert'], methods['primitive']):.2g}" if is_paired else ""
+        counts = {method: count(results.runs) for method, results in methods.items()}
+        cells = [
+            f"{each.first_try}; {each.succeeded} of {each.episodes}" if each else ""
+            for each in map(counts.get, METHODS)
+        ]
+        two = {Path(name): methods[name] for name in ("expert", "primitive") if name in methods}
+        p = f"{compare(two).pairs[0].p_value:.2g}" if len(two) == 2 else ""
         lines.append(f"| {get_task(task).title} | {' | '.join(cells)} | {p} |")
     return "\n".join(lines)
 
 
-def draw(found: dict[str, dict[str, dict]], path: Path) -> None:
+def draw(found: dict[str, dict[str, ResultsRecord]], path: Path) -> None:
     """Draw success with retries, with Wilson's intervals, and at the first try as a line."""
     import matplotlib as mpl
 
@@ -82,13 +60,12 @@ def draw(found: dict[str, dict[str, dict]], path: Path) -> None:
         places, rates, errors, firsts = [], [], [], []
         for place, methods in enumerate(found.values()):
             if method in methods:
-                results = methods[method]
-                total, good = len(results["runs"]), count(results, "success")
-                low, high = wilson_interval(good, total)
+                counted = count(methods[method].runs)
+                low, high = counted.interval
                 places.append(place + (number - (len(METHODS) - 1) / 2) * width)
-                rates.append(100 * good / total)
+                rates.append(100 * counted.succeeded / counted.episodes)
                 errors.append((rates[-1] - 100 * low, 100 * high - rates[-1]))
-                firsts.append(100 * count(results, "first_try") / total)
+                firsts.append(100 * counted.first_try / counted.episodes)
         if places:
             axes.bar(places, rates, 0.9 * width, color=colour, label=method)
             axes.errorbar(places, rates, list(zip(*errors, strict=True)), fmt="none",

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from huggingface_hub import ModelCard, ModelHubMixin, hf_hub_download
 
-from dexgarmentlab.learned_methods import make_actor
+from dexgarmentlab.learned_methods import check_card, make_actor
+from dgl_collect.demonstration import load_demonstration
 from dgl_collect.options import RunOptions
 from dgl_collect.setup import make_setup
 from dgl_sadp import DiffusionPolicy, find_policy, load_policy, read_card, save_policy
@@ -66,17 +67,12 @@ class HALO(ModelHubMixin):
         """Make the method that acts in a whole episode of an environment of the policy's task.
 
         Raises:
-            ValueError: If the policy is of another task or robot, or was trained on other clouds.
+            ValueError: If the policy was trained on another task, robot, start or cloud.
         """
-        task = env.task
-        if task.id not in self.card.get("tasks", [task.id]):
-            raise ValueError(
-                f"the environment must be of {', '.join(self.card['tasks'])}; got {task.id}"
-            )
-        if (cloud := self.card.get("cloud", "segmented")) != env.cloud:
-            raise ValueError(f"the environment must have {cloud} clouds; got {env.cloud}")
-        setup = make_setup(task, RunOptions(matcher="gam"), env=env)
-        return setup.make_runner(make_actor(self.policy, self.card, setup.demonstration))
+        demonstration = load_demonstration(env.task)
+        check_card(self.card, demonstration, robot=env.agent.model.name, cloud=env.cloud)
+        setup = make_setup(env.task, RunOptions(matcher="gam"), env=env)
+        return setup.make_runner(make_actor(self.policy, self.card, demonstration))
 
     def generate_model_card(self, *args: object, **kwargs: object) -> ModelCard:
         """Write the model card."""

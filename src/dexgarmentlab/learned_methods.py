@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dexgarmentlab.primitives import PrimitiveMethod
+from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_assets.robots.importing import load_robot
 from dgl_collect.attempt import Attempts
 from dgl_collect.demonstration import load_demonstration
+from dgl_collect.episodes import DEFAULT_CLOUD
 from dgl_collect.evaluation.methods import LearnedMethod, make_evaluation_attempts
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
@@ -21,7 +24,14 @@ if TYPE_CHECKING:
     from dgl_collect.steps import Demonstration
     from dgl_tasks.declaration import Task
 
-__all__ = ["FACTORY", "METHODS", "CheckpointMethod", "make_actor", "make_evaluation_runner"]
+__all__ = [
+    "FACTORY",
+    "METHODS",
+    "CheckpointMethod",
+    "check_card",
+    "make_actor",
+    "make_evaluation_runner",
+]
 
 FACTORY = "dexgarmentlab.learned_methods:make_evaluation_runner"
 """Builds the attempts of an evaluation in each worker; see `CollectConfig.attempt_factory`."""
@@ -42,23 +52,17 @@ class CheckpointMethod:
         """Check, without loading weights, that there is a fitting policy.
 
         Raises:
-            ValueError: If it is missing, of other stages, another task, start or cloud.
+            ValueError: If it is missing, or `check_card` refuses it.
             CheckpointError: If the file is damaged.
         """
         path = self._locate(task, options)
         card = read_card(path)
-        tasks = card.get("tasks", [task.id])
-        if task.id not in tasks:
-            raise ValueError(f"{path}: it must be of task {task.id}; got {', '.join(tasks)}")
-        _check_stages(card, load_demonstration(task, options.demonstration))
-        if (cloud := card.get("cloud", "segmented")) != options.cloud:
-            raise ValueError(
-                f"{path}: its training saw {cloud} clouds; evaluate it with --cloud {cloud}; "
-                f"got --cloud {options.cloud}"
-            )
-        if card.get("training", {}).get("with_approach", False) is self.use_gam:
-            wanted, got = ("--gam", "--no-gam") if self.use_gam else ("--no-gam", "--gam")
-            raise ValueError(f"{path}: it must be trained with {wanted}; got one of {got}")
+        demonstration = load_demonstration(task, options.demonstration)
+        robot = load_robot(options.robot, options.robots).name
+        try:
+            check_card(card, demonstration, robot=robot, cloud=options.cloud, is_sent=self.use_gam)
+        except ValueError as err:
+            raise ValueError(f"{path}: {err}") from err
 
     def make(self, setup: "Setup", options: EvaluationOptions) -> StageRunner:
         """Make the method; raises as `load` does."""
@@ -68,7 +72,7 @@ class CheckpointMethod:
         """Load the policy, once for all stages.
 
         Raises:
-            ValueError: If it is of another method, other stages or another task.
+            ValueError: If it is of another method, or `check_card` refuses it.
             CheckpointError: If it is missing or damaged.
         """
         self.check(task, options)
@@ -113,6 +117,46 @@ def make_evaluation_runner(task: str, options: EvaluationOptions) -> Attempts:
     return make_evaluation_attempts(task, options, METHODS)
 
 
+def check_card(
+    card: Mapping[str, Any],
+    demonstration: "Demonstration",
+    *,
+    robot: str,
+    cloud: str,
+    is_sent: bool = True,
+) -> None:
+    """Compare how a policy was trained with what it is to do.
+
+    Args:
+        card: The policy's.
+        demonstration: Its learned stages are those that the policy is to act in.
+        robot: Name of the robot.
+        cloud: Kind of the environment clouds.
+        is_sent: Hands are sent to matched points first.
+
+    Raises:
+        ValueError: If it was trained on another task, other stages, another robot, start or cloud.
+    """
+    tasks = card.get("tasks", [demonstration.task])
+    if demonstration.task not in tasks:
+        raise ValueError(f"the policy must be of task {demonstration.task}; got {', '.join(tasks)}")
+    stages, longest = demonstration.learned_stages, card.get("longest", ())
+    if len(longest) != len(stages):
+        raise ValueError(
+            "the policy's card must tell the longest recording of each of the "
+            f"{len(stages)} stages; got {list(longest)}"
+        )
+    if robot != DEFAULT_ROBOT.name:  # `dgl_sadp` trains on no other
+        raise ValueError(f"policies are of the robot {DEFAULT_ROBOT.name}; got {robot}")
+    if (seen := card.get("cloud", DEFAULT_CLOUD)) != cloud:
+        raise ValueError(
+            f"the policy must see {seen} clouds, as in its training: --cloud {seen}; got {cloud}"
+        )
+    if card.get("training", {}).get("with_approach", False) is is_sent:
+        wanted, got = ("--gam", "--no-gam") if is_sent else ("--no-gam", "--gam")
+        raise ValueError(f"the policy must be trained with {wanted}; got one of {got}")
+
+
 def make_actor(
     policy: DiffusionPolicy,
     card: Mapping[str, Any],
@@ -125,15 +169,11 @@ def make_actor(
 
     Args:
         policy: The policy.
-        card: Its card, which tells the longest recording of each stage.
+        card: Its card, which fits; see `check_card`.
         demonstration: The demonstration.
         is_sent: Hands are sent to matched points first.
         chunks: Predictions in each stage; None for as many as cover its longest recording.
-
-    Raises:
-        ValueError: If the card does not fit the stages.
     """
-    _check_stages(card, demonstration)
     stages, longest = demonstration.learned_stages, card["longest"]
     return PolicyActor(
         policies={
@@ -145,13 +185,3 @@ def make_actor(
         },
         is_sent=is_sent,
     )
-
-
-def _check_stages(card: Mapping[str, Any], demonstration: "Demonstration") -> None:
-    """Compare the recordings of a policy's training with the stages of a demonstration."""
-    stages, longest = demonstration.learned_stages, card.get("longest", ())
-    if len(longest) != len(stages):
-        raise ValueError(
-            "the policy's card must tell the longest recording of each of the "
-            f"{len(stages)} stages; got {list(longest)}"
-        )

@@ -22,7 +22,7 @@ def policy(tiny_config):
 
 @pytest.fixture
 def path(tmp_path, policy):
-    save_policy(tmp_path / "new" / "policy.safetensors", policy, {"stage": 2})
+    save_policy(tmp_path / "new" / "policy.safetensors", policy, {"note": 2})
     return tmp_path / "new" / "policy.safetensors"
 
 
@@ -47,7 +47,7 @@ def test_a_policy_is_read_as_it_was_written(path, policy, random_batch):
         generator = torch.Generator().manual_seed(0)
         chunks.append(each.predict(batch, each.encode_stage(batch, generator), generator))
     assert torch.equal(*chunks)
-    assert read_card(path) == {"stage": 2}
+    assert read_card(path) == {"note": 2}
 
 
 def test_nothing_is_left_beside_the_file(path):
@@ -186,6 +186,9 @@ def test_numbers_and_nesting_of_any_size_are_refused_in_one_line(path, policy):
 def test_a_card_of_wrong_types_is_refused(path, policy):
     for card, message in (
         ({"tasks": "FoldTops-v1"}, r"card\.tasks should be a valid list"),
+        ({"tasks": []}, "should have at least 1 item"),
+        ({"measured": 48}, r"card\.measured should be a valid string; got 48"),
+        ({"license": ["mit"]}, r"card\.license should be a valid string"),
         ({"tasks": [1]}, r"card\.tasks\[0\] should be a valid string; got 1"),
         ({"longest": 12}, r"card\.longest should be a valid list; got 12"),
         ({"longest": []}, "should have at least 1 item"),

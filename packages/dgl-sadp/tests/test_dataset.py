@@ -376,6 +376,17 @@ def test_episodes_agree_in_what_their_environment_clouds_show(tmp_path, make_epi
         EpisodeDataset(tmp_path)
 
 
+def test_episodes_agree_in_their_stages_of_which_none_is_missing(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5", stages=2)
+    path = make_episode(tmp_path / "b.h5", stages=3)
+    with pytest.raises(ValueError, match=r"number of their stages; a\.h5 has 2 but b\.h5 has 3"):
+        EpisodeDataset(tmp_path)
+    with h5py.File(path, "a") as file:
+        del file["stage_2"]
+    with pytest.raises(DamagedEpisodeError, match=r"b\.h5: no stage_2"):
+        EpisodeDataset(tmp_path)
+
+
 def test_episodes_agree_in_having_an_object(tmp_path, make_episode):
     make_episode(tmp_path / "a.h5", has_object=True)
     make_episode(tmp_path / "b.h5", has_object=False)

@@ -108,24 +108,28 @@ def double_precision():
 
 
 @pytest.mark.usefixtures("double_precision")
+@pytest.mark.parametrize("group", [1, 2])
 @pytest.mark.parametrize("processes", [2, 3, 8])
 def test_gradients_of_the_shares_make_that_of_the_batch(
-    method, processes, tiny_config, random_batch, seeded
+    method, processes, group, tiny_config, random_batch, seeded
 ):
     config = tiny_config(method)
     policy = DiffusionPolicy.make(config, seed=0)
-    rows = 5  # Which neither divides nor suffices for eight.
-    batch = random_batch(config, count=rows)
+    groups = 5  # Which neither divides nor suffices for eight.
+    batch = random_batch(config, count=groups * group)
+    batch |= {key: batch[key][::group] for key in config.stage_keys}
     augmentation = Augmentation()
 
     def find_gradients(share):
         policy.zero_grad()
-        part = {key: values[share.start : share.stop] for key, values in batch.items()}
+        rows, encoded = slice(share.start, share.stop), share.divide(group)
+        part = {key: values[rows] for key, values in batch.items()}
+        part |= {key: batch[key][encoded.start : encoded.stop] for key in config.stage_keys}
         (policy(part, seeded(), augmentation, share) * share.weight).backward()
         return [p.grad.clone() for p in policy.parameters() if p.grad is not None]
 
-    whole = find_gradients(Share.of(rows))
-    parts = [find_gradients(each) for each in shares_of(rows, processes)]
+    whole = find_gradients(Share.of(groups).multiply(group))
+    parts = [find_gradients(each.multiply(group)) for each in shares_of(groups, processes)]
     scale = max(gradient.abs().max() for gradient in whole)
     for wanted, *found in zip(whole, *parts, strict=True):
         assert wanted.dtype == torch.float64
@@ -157,6 +161,7 @@ def test_windows_come_in_groups_of_one_stage_and_each_at_least_once():
         assert (part_of[groups] == part_of[groups[:, :1]]).all()
         assert np.unique(groups, return_counts=True)[1].max() == 4  # The one window of the last.
     assert batches[:4] != batches[4:]
+    assert list(Batches(counts=counts, config=config).iterate(6)) == batches[6:]
 
 
 def test_devices_that_do_not_fit_are_refused_before_anything_is_read(train, monkeypatch, tmp_path):

@@ -26,6 +26,7 @@ from dgl_sadp import (
     read_card,
     save_policy,
 )
+from dgl_sadp.card import format_card
 from dgl_sadp.ranges import measure_episodes
 
 FEW = settings(
@@ -36,6 +37,7 @@ FEW = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 MANY = settings(FEW, max_examples=200)
+SHOWN = ("tasks", "longest", "windows", "training", "validation", "measured", "license")
 
 
 def check_told(error: Exception, path: Path | None = None) -> None:
@@ -164,8 +166,8 @@ def test_a_configuration_of_any_values_is_refused_or_builds_a_policy(policy, dat
 
 
 @FEW
-@given(card=JSON, values=st.dictionaries(st.sampled_from(("stage", "tasks", "longest")), JSON))
-def test_a_card_of_any_values_is_refused_or_of_the_right_types(tmp_path, whole, card, values):
+@given(card=JSON, values=st.dictionaries(st.sampled_from(SHOWN), JSON))
+def test_a_card_of_any_values_is_refused_or_can_be_shown(tmp_path, policy, whole, card, values):
     path = tmp_path / "policy.safetensors"
     path.unlink(missing_ok=True)
     path.write_bytes(whole)
@@ -183,6 +185,7 @@ def test_a_card_of_any_values_is_refused_or_of_the_right_types(tmp_path, whole, 
         assert found == new
         assert all(isinstance(frames, int) for frames in found.get("longest", []))
         assert all(isinstance(task, str) for task in found.get("tasks", []))
+        assert format_card(policy, found).startswith("---\nlicense: ")
 
 
 @FEW

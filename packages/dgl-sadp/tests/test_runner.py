@@ -206,6 +206,26 @@ def test_bad_stages_are_refused(tiny_config, change, message):
         runner.reset(observation)
 
 
+def test_a_runner_tells_the_policy_its_stage(tiny_config):
+    policy = DiffusionPolicy.make(tiny_config("dp3", stages=3), seed=0)
+    chunks = []
+    for stage in (1, 2, 3):
+        runner = PolicyRunner(policy, stage=stage)
+        runner.reset({}, seed=5)
+        chunks.append(runner.act(make_observation()))
+    assert len({chunk.tobytes() for chunk in chunks}) == 3
+    seen, predict = [], policy.predict
+    policy.predict = lambda batch, *rest: (
+        seen.append(batch["stage"].tolist()) or predict(batch, *rest)
+    )
+    runner.reset({})
+    runner.act(make_observation())
+    assert seen == [[2]]  # from 0, as in training
+    for stage in (0, 4):
+        with pytest.raises(ValueError, match=rf"stage must lie in 1 ... 3; got {stage}"):
+            PolicyRunner(policy, stage=stage)
+
+
 def test_pictures_must_be_bytes(tiny_config):
     runner = PolicyRunner(DiffusionPolicy.make(tiny_config("dp"), seed=0))
     runner.reset({})

@@ -372,3 +372,22 @@ def test_one_episode_is_trained_on_without_validation(tmp_path, tiny_config):
         dataclasses.replace(CONFIG, epochs=1, validation_share=0.5),
     )
     assert (result.episodes, result.validation_episodes, result.validation) == (1, 0, None)
+
+
+def test_one_policy_learns_all_stages_and_goes_on_to_the_same_weights(train, tmp_path, episodes):
+    folder = tmp_path / "two"
+    shutil.copytree(episodes, folder)
+    for path in folder.glob("*.h5"):
+        with h5py.File(path, "a") as file:
+            file.copy("stage_1", "stage_2")
+            file["stage_2/action"][:] += 1.0
+    config = dataclasses.replace(CONFIG, group=4)
+    result = train("whole", directory=folder, config=config)
+    policy, card = load_policy(result.policy), read_card(result.policy)
+    assert policy.config.stages == 2
+    assert card["longest"] == [FRAMES, FRAMES]
+    assert result.windows == result.episodes * 2 * (FRAMES + 2)
+    train("part", directory=folder, config=config, stop_after=5)
+    again = train("part", directory=folder, config=config, is_resumed=True)
+    found = load_policy(again.policy).state_dict()
+    assert all(torch.equal(found[k], v) for k, v in policy.state_dict().items())

@@ -1,4 +1,4 @@
-"""An actor with one learned policy for each stage."""
+"""An actor of learned policies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

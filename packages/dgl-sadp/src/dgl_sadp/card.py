@@ -49,10 +49,10 @@ def format_card(policy: DiffusionPolicy, card: Mapping[str, Any]) -> str:
 
     Args:
         policy: The policy.
-        card: What its training left; `measured`, where it is there, is a sentence.
+        card: As `read_card` gives it; `measured`, where it is there, says how often it succeeded.
     """
     tasks, training = card.get("tasks", ["unknown"]), card.get("training", {})
-    validation = card.get("validation")
+    error = (card.get("validation") or {}).get("error")
     return _TEMPLATE.format(
         name=f"{policy.config.method.upper()} for {' and '.join(tasks)}",
         method=policy.config.method,
@@ -69,8 +69,8 @@ def format_card(policy: DiffusionPolicy, card: Mapping[str, Any]) -> str:
         seed=training.get("seed", "unknown"),
         held_out=len(card.get("validation_episodes", [])),
         error="unknown"
-        if validation is None
-        else f"{math.degrees(validation['error']):.2f}°, the mean over joints of commanded targets",
+        if error is None
+        else f"{math.degrees(error):.2f}°, the mean over joints of commanded targets",
         measured=card.get("measured", "not measured"),
         versions=", ".join(f"{k} {v}" for k, v in card.get("versions", {}).items()) or "unknown",
         license=card.get("license", "apache-2.0"),

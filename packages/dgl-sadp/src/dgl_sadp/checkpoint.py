@@ -24,7 +24,7 @@ MAX_WEIGHTS = 2**29
 
 _KIND = "dgl_sadp.policy"
 _CARD: Mapping[str, Any] = {
-    "tasks": list[Annotated[str, Len(0, 200)]],
+    "tasks": Annotated[list[Annotated[str, Len(0, 200)]], Len(1, 1000)],
     "cloud": Annotated[str, Len(0, 200)],
     "windows": Annotated[int, Interval(ge=1, le=2**40)],
     "longest": Annotated[list[Annotated[int, Interval(ge=1, le=10**6)]], Len(1, 1000)],
@@ -36,8 +36,10 @@ _CARD: Mapping[str, Any] = {
     "loss": float,
     "validation": dict[str, float] | None,
     "versions": dict[str, str],
+    "measured": Annotated[str, Len(1, 1000)],
+    "license": Annotated[str, Len(1, 200)],
 }
-"""Fields of the card that a training writes; none of them must be there."""
+"""Fields of the card that are read; none of them must be there."""
 
 
 def save_policy(
@@ -122,13 +124,13 @@ def find_policy(task: str) -> Path:
         raise CheckpointError(
             f"no policy of {task} comes with this package; collect episodes with `dgl collect "
             f"{task} --matcher gam --episodes 104 --out DIR`, and train one with `dgl train sadp-g "
-            f"--data DIR/episodes --out RUN`"
+            f"--data DIR/episodes --out RUN`, for --checkpoints RUN"
         )
     return path
 
 
 def _read_card(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Check the fields that a training writes, where they are there; others may be of any kind."""
+    """Check the fields that are read, where they are there; others may be of any kind."""
     card = values.get("card")
     if not isinstance(card, dict):
         raise CheckpointError(f"{path}: it has no card")

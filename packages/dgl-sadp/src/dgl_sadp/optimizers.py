@@ -15,9 +15,8 @@ def make_optimizers(model: nn.Module, config: TrainConfig) -> list[torch.optim.O
     """
     matrices, others = [], []
     for name, parameter in model.named_parameters():
-        is_muons = parameter.ndim == 2 and ".film" not in f".{name}"
-        has_muon = config.muon_learning_rate is not None
-        (matrices if has_muon and is_muons else others).append(parameter)
+        is_muons = config.muon_learning_rate is not None and parameter.ndim == 2
+        (matrices if is_muons and ".film" not in name else others).append(parameter)
     optimizers: list[torch.optim.Optimizer] = [
         torch.optim.AdamW(
             others,
