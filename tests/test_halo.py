@@ -39,6 +39,7 @@ def test_a_folder_gives_back_the_same_policy_in_16_bits(tmp_path, halo, monkeypa
     card = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert card.startswith("---\nlicense: apache-2.0\n")
     assert "SADP-G for HangCoat-v1" in card
+    assert HALO(halo.policy, {}).generate_model_card().data.license == "unknown"
     again = HALO.from_pretrained(tmp_path)
     assert again.card == halo.card
     assert again.policy.config == halo.policy.config

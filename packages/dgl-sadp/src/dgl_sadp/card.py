@@ -49,7 +49,8 @@ def format_card(policy: DiffusionPolicy, card: Mapping[str, Any]) -> str:
 
     Args:
         policy: The policy.
-        card: As `read_card` gives it; `measured`, where it is there, says how often it succeeded.
+        card: As `read_card` gives it; `measured`, where it is there, says how often it succeeded,
+            and `license` is one of the Hub's names.
     """
     tasks, training = card.get("tasks", ["unknown"]), card.get("training", {})
     error = (card.get("validation") or {}).get("error")
@@ -73,5 +74,5 @@ def format_card(policy: DiffusionPolicy, card: Mapping[str, Any]) -> str:
         else f"{math.degrees(error):.2f}°, the mean over joints of commanded targets",
         measured=card.get("measured", "not measured"),
         versions=", ".join(f"{k} {v}" for k, v in card.get("versions", {}).items()) or "unknown",
-        license=card.get("license", "apache-2.0"),
+        license=card.get("license", "unknown"),
     )
