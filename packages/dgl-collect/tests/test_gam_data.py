@@ -309,7 +309,7 @@ def test_a_run_keeps_files_and_failures_and_resumes(tmp_path, monkeypatch):
     run = json.loads((out / "run.json").read_text(encoding="utf-8"))
     run["versions"]["dgl-physics"] = "0.0.0"
     (out / "run.json").write_text(json.dumps(run), encoding="utf-8")
-    with pytest.raises(OutputFolderError, match="its versions is"):
+    with pytest.raises(OutputFolderError, match=r"versions: its dgl-physics is '0\.0\.0'"):
         list(generate_data(config, out, resume=True))
 
 
