@@ -12,18 +12,19 @@ from pathlib import Path
 
 from dgl_sadp import load_policy, read_card, save_policy
 from dgl_sadp.card import format_card
-from dgl_sadp.checkpoint import POLICY_FILE
 
 FOLDER = Path(__file__).parents[1] / "packages/dgl-sadp/src/dgl_sadp/policies"
 
 
 def main(run: Path, evaluation: Path) -> None:
     """Write the policy and its card."""
-    policy, card = load_policy(run / POLICY_FILE), read_card(run / POLICY_FILE)
+    policy, card = load_policy(run), read_card(run)
     found = json.loads((evaluation / "results.json").read_text(encoding="utf-8"))
     (task,) = card["tasks"]
     if (found["task"], found["policy"], found["status"]) != (task, "halo", "complete"):
         raise SystemExit(f"{evaluation} must be a complete evaluation of halo on {task}")
+    if found["checkpoints"] != str(run):
+        raise SystemExit(f"{evaluation} must be of {run}; got one of {found['checkpoints']}")
     count = found["success"]
     card["license"] = "apache-2.0"
     card["measured"] = (

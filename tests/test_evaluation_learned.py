@@ -62,7 +62,7 @@ def load(folder, *, method="halo", **changes):
 def test_policies_must_be_there_and_of_the_task(tmp_path):
     check(save(tmp_path / "good"))
     check(tmp_path / "good" / "policy.safetensors")
-    with pytest.raises(CheckpointError, match=r"none/policy\.safetensors"):
+    with pytest.raises(CheckpointError, match=r"none cannot be read"):
         check(tmp_path / "none")
     with pytest.raises(ValueError, match=r"of each of the 3 stages; got \[26, 28\]"):
         check(save(tmp_path / "few", longest=(26, 28)))

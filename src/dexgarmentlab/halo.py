@@ -59,8 +59,6 @@ class HALO(ModelHubMixin):
         Raises:
             CheckpointError: If the file is missing or damaged.
         """
-        path = Path(path)
-        path = path if path.is_file() else path / POLICY_FILE
         return cls(load_policy(path, device=device), read_card(path))
 
     def make_method(self, env: "GarmentEnv") -> "Method":

@@ -17,7 +17,6 @@ from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
 from dgl_collect.stage_runner import StageRunner
 from dgl_sadp import DiffusionPolicy, PolicyRunner, find_policy, load_policy, read_card
-from dgl_sadp.checkpoint import POLICY_FILE
 
 if TYPE_CHECKING:
     from dgl_collect.setup import Setup
@@ -89,7 +88,7 @@ class CheckpointMethod:
         )
 
     def _locate(self, task: "Task", options: EvaluationOptions) -> Path:
-        """Find the policy's file."""
+        """Find the policy's file, or the folder of its training."""
         path = options.checkpoints
         if path is None and self.is_shipped:
             return find_policy(task.id)
@@ -97,7 +96,7 @@ class CheckpointMethod:
             raise ValueError(
                 f"--policy {options.policy} needs --checkpoints, the folder of a trained policy"
             )
-        return path if path.is_file() else path / POLICY_FILE
+        return path
 
 
 METHODS: Mapping[str, LearnedMethod] = {

@@ -372,7 +372,7 @@ def test_episodes_agree_in_what_their_environment_clouds_show(tmp_path, make_epi
     make_episode(tmp_path / "b.h5", cloud="segmented")
     assert {e.cloud for e in EpisodeDataset(tmp_path).episodes} == {"segmented"}
     make_episode(tmp_path / "c.h5", cloud="scene")
-    with pytest.raises(ValueError, match=r"one kind.*b\.h5 has segmented but c\.h5 has scene"):
+    with pytest.raises(ValueError, match=r"one kind.*b\.h5 has 'segmented' but c\.h5 has 'scene'"):
         EpisodeDataset(tmp_path)
 
 
@@ -384,6 +384,16 @@ def test_episodes_agree_in_their_stages_of_which_none_is_missing(tmp_path, make_
     with h5py.File(path, "a") as file:
         del file["stage_2"]
     with pytest.raises(DamagedEpisodeError, match=r"b\.h5: no stage_2"):
+        EpisodeDataset(tmp_path)
+
+
+def test_episodes_of_several_tasks_are_refused(tmp_path, make_episode):
+    make_episode(tmp_path / "a.h5")
+    with h5py.File(make_episode(tmp_path / "b.h5"), "a") as file:
+        file.attrs["task"] = "FlingTops-v1"
+    with pytest.raises(
+        ValueError, match=r"one task; a\.h5 has 'FoldTops-v1' but b\.h5 has 'FlingTops-v1'"
+    ):
         EpisodeDataset(tmp_path)
 
 

@@ -76,11 +76,15 @@ def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> Diff
     Its configuration is checked, and compared with the shapes of the tensors, before any of them is
     read.
 
+    Args:
+        path: The file, or the folder of a training.
+        device: Where its weights go.
+
     Raises:
         CheckpointError: If the file is missing, damaged, of another format, or does not fit its own
             configuration.
     """
-    path = Path(path)
+    path = _find_file(Path(path))
     with open_values(path, kind=_KIND) as (file, values):
         _read_card(path, values)
         try:
@@ -104,11 +108,15 @@ def load_policy(path: str | Path, *, device: str | torch.device = "cpu") -> Diff
 def read_card(path: str | Path) -> dict[str, Any]:
     """Read how a policy was made, without its weights.
 
+    Args:
+        path: The file, or the folder of a training.
+
     Raises:
         CheckpointError: If the file is no whole policy, or a field of the card is of a wrong type.
     """
-    with open_values(Path(path), kind=_KIND) as (_, values):
-        return _read_card(Path(path), values)
+    path = _find_file(Path(path))
+    with open_values(path, kind=_KIND) as (_, values):
+        return _read_card(path, values)
 
 
 def find_policy(task: str) -> Path:
@@ -127,6 +135,10 @@ def find_policy(task: str) -> Path:
             f"--data DIR/episodes --out RUN`, for --checkpoints RUN"
         )
     return path
+
+
+def _find_file(path: Path) -> Path:
+    return path / POLICY_FILE if path.is_dir() else path
 
 
 def _read_card(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_files.fields import tell
+from dgl_files.fields import show
 from dgl_sadp._episode_file import (
     FRAME_KEYS,
     EpisodeFile,
@@ -81,8 +81,8 @@ class EpisodeDataset:
 
         Raises:
             ValueError: If an argument is out of range, no episode succeeded, they differ in their
-                stages, in having an object's cloud or in the kind of their environment clouds, or
-                an approach is wanted and was not recorded.
+                task, their stages, in having an object's cloud or in the kind of their environment
+                clouds, or an approach is wanted and was not recorded.
             FileNotFoundError: If the folder holds no episode.
             DamagedEpisodeError: If a file is damaged or of another format.
         """
@@ -280,23 +280,20 @@ def _scan(
     if not episodes:
         also = f", and {len(refused)} are refused: {refused[0]}" if refused else ""
         raise ValueError(f"none of the {len(failed)} episode(s) in {directory} succeeded{also}")
-    numbers = {len(episode.stages): episode.path for episode in episodes}
-    if len(numbers) > 1:
-        raise ValueError(
-            "the episodes must agree in the number of their stages; "
-            + " but ".join(f"{path.name} has {count}" for count, path in numbers.items())
-        )
     parts = [part for episode in episodes for part in episode.stages]
-    kinds = {part.static_keys: part.path for part in parts}
-    if len(kinds) > 1:
-        raise ValueError(
-            "the episodes must agree in having an object_point_cloud or not; "
-            + " but ".join(f"{path.name} has {list(keys)}" for keys, path in kinds.items())
-        )
-    clouds = {episode.cloud: episode.path for episode in episodes}
-    if len(clouds) > 1:
-        raise ValueError(
-            "the episodes must have one kind of env_point_cloud (--cloud of dgl collect); "
-            + " but ".join(f"{path.name} has {tell(kind)}" for kind, path in clouds.items())
-        )
+    for wanted, found in {
+        "be of one task": {episode.task: episode.path for episode in episodes},
+        "agree in the number of their stages": {
+            len(episode.stages): episode.path for episode in episodes
+        },
+        "agree in having an object_point_cloud or not": {
+            part.static_keys: part.path for part in parts
+        },
+        "have one kind of env_point_cloud (--cloud of dgl collect)": {
+            episode.cloud: episode.path for episode in episodes
+        },
+    }.items():
+        if len(found) > 1:
+            told = " but ".join(f"{path.name} has {show(value)}" for value, path in found.items())
+            raise ValueError(f"the episodes must {wanted}; {told}")
     return tuple(episodes), tuple(failed), tuple(refused)
