@@ -116,7 +116,7 @@ class EvaluationOptions(RunOptions):
     succeed."""
     checkpoints: Path | None = None
     """Trained policies of a learned method: the folder of a training, or its file. Default
-    of primitive and blind: what comes with dgl-sadp."""
+    of primitive, blind and halo: what comes with dgl-sadp."""
     chunks: Annotated[int, Ge(1)] | None = None
     """Predictions in each stage. Default: enough for the longest recording."""
     actions: Annotated[int, Ge(1)] = 600
