@@ -169,7 +169,7 @@ def load_demonstrated_garment(garment_id: str) -> Garment:
 
 def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> None:
     """Check that all names in formulas and grasps exist, and have one meaning each."""
-    objects = {item.name: make_prop(item.prop).landmarks for item in task.objects}
+    objects = {item.name: make_prop(item.props[0]).landmarks for item in task.objects}
     points = demonstration.points
     names = {**demonstration.values, **name_scene(_POINT[None], objects, points)}
     try:

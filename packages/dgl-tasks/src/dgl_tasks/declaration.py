@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from annotated_types import Ge
+from annotated_types import Ge, Len
 
 from dgl_assets.garments.catalogue import choose_categories
 from dgl_assets.props import PropParameters
@@ -41,8 +41,9 @@ class SceneObject:
 
     name: str
     """Name in the scene, in `GarmentEnv.objects`, in formulas and in the episode's draws."""
-    prop: str | PropParameters
-    """Kind of `dgl_assets.props`, or parameters of one."""
+    prop: str | PropParameters | Annotated[tuple[str | PropParameters, ...], Len(1, 1000)]
+    """Kind of `dgl_assets.props`, or parameters of one. Of several, one is drawn for each episode;
+    their landmarks have the same names."""
     position: Vector3
     """Nominal position of the object's origin [m], world frame; most stand on z = 0."""
     yaw: float = 0.0
@@ -51,6 +52,8 @@ class SceneObject:
     """Random offset in x [m]."""
     y_range: Range = (0.0, 0.0)
     """Random offset in y [m]."""
+    yaw_range: Range = (0.0, 0.0)
+    """Random turn about z, beyond `yaw` [rad]."""
     friction: Factor = 0.5
     """Factor on the garment's friction."""
     solid_to: SolidTo = "robot"
@@ -62,7 +65,12 @@ class SceneObject:
                 f"name of an object must be an identifier other than {', '.join(RESERVED_NAMES)}; "
                 f"got {self.name!r}"
             )
-        _check_ranges(self, "x_range", "y_range")
+        _check_ranges(self, "x_range", "y_range", "yaw_range")
+
+    @property
+    def props(self) -> tuple[str | PropParameters, ...]:
+        """The props of which one is drawn."""
+        return self.prop if isinstance(self.prop, tuple) else (self.prop,)
 
 
 @dataclass(frozen=True, kw_only=True)

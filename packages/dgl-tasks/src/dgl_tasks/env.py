@@ -226,7 +226,10 @@ class GarmentEnv(BaseEnv):
         self.ground = build_floor(self.scene)
         let_robot_pass(self.ground)
         start = self.task.start
-        self.objects = {item.name: PlacedObject(self.scene, item) for item in self.task.objects}
+        rng = np.random.default_rng([int(self._episode_seed[0]), 9])
+        self.objects = {
+            item.name: PlacedObject(self.scene, item, rng) for item in self.task.objects
+        }
         self._appearance = Appearance(
             self.scene,
             self.ground,

@@ -24,10 +24,19 @@ _X_FROM_Z = sapien.Pose(q=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
 class PlacedObject:
     """An object that stands in a scene; it moves only when it is placed."""
 
-    def __init__(self, scene: "ManiSkillScene", declared: SceneObject) -> None:
-        """Add a kinematic body with the object's shapes and, with a renderer, its looks."""
+    def __init__(
+        self, scene: "ManiSkillScene", declared: SceneObject, rng: np.random.Generator
+    ) -> None:
+        """Add a kinematic body with the object's shapes and, with a renderer, its looks.
+
+        Args:
+            scene: Where it is added.
+            declared: The declaration.
+            rng: Draws which of several props it is.
+        """
         self.declared = declared
-        self.prop: Prop = make_prop(declared.prop)
+        self._number = int(rng.integers(len(declared.props)))
+        self.prop: Prop = make_prop(declared.props[self._number])
         self._frames: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
         builder = scene.create_actor_builder()
         builder.initial_pose = _make_pose(declared.position, declared.yaw)  # pyright: ignore[reportAttributeAccessIssue]
@@ -74,12 +83,23 @@ class PlacedObject:
         self.entity.set_pose(_make_pose(position, yaw))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """Place the object at random within its ranges; returns the draws by name [m]."""
+        """Place the object at random within its ranges.
+
+        Returns:
+            The draws by name: place [m]; turn [rad] and number of the prop, where they are drawn.
+        """
         p = self.declared
         dx, dy = float(rng.uniform(*p.x_range)), float(rng.uniform(*p.y_range))
         x, y, z = p.position
-        self.place((x + dx, y + dy, z), p.yaw)
-        return {f"{p.name}_x": x + dx, f"{p.name}_y": y + dy}
+        draws: dict[str, float] = {f"{p.name}_x": x + dx, f"{p.name}_y": y + dy}
+        yaw = p.yaw
+        if p.yaw_range != (0.0, 0.0):
+            yaw += float(rng.uniform(*p.yaw_range))
+            draws[f"{p.name}_yaw"] = yaw
+        if len(p.props) > 1:
+            draws[f"{p.name}_prop"] = self._number
+        self.place((x + dx, y + dy, z), yaw)
+        return draws
 
 
 def compute_frames(task: Task, draws: Mapping[str, object]) -> dict[str, dict[str, np.ndarray]]:
@@ -100,9 +120,15 @@ def compute_frames(task: Task, draws: Mapping[str, object]) -> dict[str, dict[st
         place = [draws.get(f"{item.name}_{axis}") for axis in "xy"]
         if not all(isinstance(number, float) for number in place):
             raise ValueError(f"the draws must tell where {item.name} stands; got {place}")
-        pose = _make_pose((place[0], place[1], item.position[2]), item.yaw)  # pyright: ignore[reportArgumentType]
+        yaw, number = draws.get(f"{item.name}_yaw", item.yaw), draws.get(f"{item.name}_prop", 0)
+        if not isinstance(yaw, float) or number not in range(len(item.props)):
+            raise ValueError(
+                f"the draws must tell the turn of {item.name} and which of its {len(item.props)} "
+                f"props it is; got {yaw} and {number}"
+            )
+        pose = _make_pose((place[0], place[1], item.position[2]), yaw)  # pyright: ignore[reportArgumentType]
         pose = np.concatenate([pose.p, pose.q]).astype(np.float64)
-        frames[item.name] = make_prop(item.prop).compute_landmarks(pose)
+        frames[item.name] = make_prop(item.props[number]).compute_landmarks(pose)  # pyright: ignore[reportArgumentType, reportCallIssue]
     return frames
 
 

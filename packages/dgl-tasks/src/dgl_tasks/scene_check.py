@@ -22,35 +22,47 @@ def check_scene(task: Task) -> None:
             or one may stand in a robot or is out of reach.
     """
     try:
-        props = {item.name: _make_prop(item) for item in task.objects}
-        frames = {name: prop.landmarks for name, prop in props.items()}
+        props = {item.name: _make_props(item) for item in task.objects}
+        frames = {name: made[0].landmarks for name, made in props.items()}
         for name in (*task.success.frames, *([task.start.on] if task.start.on else [])):
             get_frame(frames, name)
         _check_room(task, {item.name: _bound(item, props[item.name]) for item in task.objects})
         for item in task.objects:
-            _check_reach(task, item, props[item.name])
+            for prop in props[item.name]:
+                _check_reach(task, item, prop)
     except ValueError as err:
         raise ValueError(f"task {task.id}: {err}") from err
 
 
-def _make_prop(item: SceneObject) -> Prop:
+def _make_props(item: SceneObject) -> list[Prop]:
     try:
-        return make_prop(item.prop)
+        made = [make_prop(prop) for prop in item.props]
     except ValueError as err:
         raise ValueError(f"object {item.name!r}: {err}") from err
+    if any(set(prop.landmarks) != set(made[0].landmarks) for prop in made):
+        raise ValueError(f"object {item.name!r}: its props must have landmarks of the same names")
+    return made
 
 
-def _bound(item: SceneObject, prop: Prop) -> np.ndarray:
+def _bound(item: SceneObject, props: list[Prop]) -> np.ndarray:
     """Corners of the box that holds an object in all its drawn poses [m], shape (2, 3)."""
-    ends = prop.extent
-    corners = np.array(list(product(*ends[:, :2].T))) @ _make_turn(item).T
-    box = np.column_stack([[corners.min(axis=0), corners.max(axis=0)], ends[:, 2]])
+    ends = np.stack([prop.extent for prop in props])
+    flat = np.concatenate([list(product(*extent[:, :2].T)) for extent in ends])
+    corners = np.concatenate([flat @ _make_turn(yaw).T for yaw in _list_yaws(item)])
+    heights = [ends[:, 0, 2].min(), ends[:, 1, 2].max()]
+    box = np.column_stack([[corners.min(axis=0), corners.max(axis=0)], heights])
     box[:, :2] += np.transpose([item.x_range, item.y_range])
     return box + item.position
 
 
-def _make_turn(item: SceneObject) -> np.ndarray:
-    c, s = np.cos(item.yaw), np.sin(item.yaw)
+def _list_yaws(item: SceneObject) -> np.ndarray:
+    """List turns that an object may have, every 5 degrees or less [rad]."""
+    low, high = item.yaw_range
+    return item.yaw + np.linspace(low, high, 1 + int(np.ceil((high - low) / np.radians(5))))
+
+
+def _make_turn(yaw: float) -> np.ndarray:
+    c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, -s], [s, c]])
 
 
@@ -73,10 +85,10 @@ def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _check_reach(task: Task, item: SceneObject, prop: Prop) -> None:
-    target = prop.landmarks["target"].copy()
-    target[:2] = _make_turn(item) @ target[:2]
     bases = np.array([task.left_base[:3], task.right_base[:3]])
-    for offset in product(item.x_range, item.y_range, [0.0]):
+    for yaw, *offset in product(_list_yaws(item), item.x_range, item.y_range, [0.0]):
+        target = prop.landmarks["target"].copy()
+        target[:2] = _make_turn(yaw) @ target[:2]
         place = target + item.position + offset
         away = float(np.linalg.norm(bases - place, axis=1).min())
         if away > REACH:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from dgl_assets.people.body_plan import BodyPlan, make_plan
 from dgl_assets.people.measures import PEOPLE, PersonMeasures
-from dgl_assets.people.skeleton import Skeleton
+from dgl_assets.people.skeleton import FINGERS, Skeleton
 from dgl_assets.people.skin import compute_weights, make_skin
 from dgl_assets.people.solids import Cone, Ellipsoid
 
@@ -27,6 +27,19 @@ POSES: dict[str, dict[str, float]] = {
             for k in (1, 2, 3)
         },
     },
+    "seated": {
+        f"{side}_{motion}": angle
+        for side in ("left", "right")
+        for motion, angle in {
+            "shoulder_abduction": 0.13,
+            "shoulder_flexion": 0.20,
+            "elbow_flexion": 1.05,
+            "elbow_pronation": 0.9,
+            "hip_flexion": 1.45,
+            "hip_abduction": 0.12,
+            "knee_flexion": 1.45,
+        }.items()
+    },
     "t_pose": {f"{side}_shoulder_abduction": 1.55 for side in ("left", "right")},
     "reach_right": {
         "left_shoulder_abduction": 0.13,
@@ -37,8 +50,8 @@ POSES: dict[str, dict[str, float]] = {
         "right_elbow_pronation": 1.45,
     },
 }
-"""Angles [rad] of named poses. "standing" is for hats and scarves; "reach_right" holds the right
-hand out, palm down, for a glove."""
+"""Angles [rad] of named poses. "standing" and "seated" are for hats and scarves; "reach_right"
+holds the right hand out, palm down, for a glove."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,8 +73,9 @@ class Person:
     frames: dict[str, tuple[int, np.ndarray]]
     """Frames in the rest pose: index of the bone and transform_frame_to_person, shape (4, 4).
 
-    "head_top", "brow", "neck": z up, -y to the front. "left_hand", "right_hand":
-    x along the fingers, y out of the palm, z = x cross y, as the robots' hands.
+    "head_top", "brow", "neck", "left_shoulder", "right_shoulder": z up, -y to the front. "hand",
+    the middle of the palm, "wrist", and tips of fingers such as "thumb_tip", after "left_" or
+    "right_": x along the fingers, y out of the palm, z = x cross y, as the robots' hands.
     """
     capsules: tuple[tuple[int, np.ndarray, float], ...]
     """In the rest pose: index of the bone, both ends [m], shape (2, 3), and the radius [m]."""
@@ -220,8 +234,13 @@ def _make_frames(
         turn = plan.arm_frames[side]
         along, out = turn @ np.array([0.0, 0.0, -1.0]), turn @ np.array([-sign, 0.0, 0.0])
         axes = np.column_stack([along, out, np.cross(along, out)])
+        add(f"{side}_shoulder", f"{side}_clavicle", points[f"{side}_acromion"], np.eye(3))
         origin = 0.5 * (points[f"{side}_palm_centre"] + points[f"{side}_hand_back"])
         add(f"{side}_hand", f"{side}_wrist", origin, axes)
+        wrist = plan.skeleton.positions[names.index(f"{side}_wrist")]
+        add(f"{side}_wrist", f"{side}_wrist", wrist, axes)
+        for finger in FINGERS:
+            add(f"{side}_{finger}_tip", f"{side}_{finger}3", points[f"{side}_{finger}_tip"], axes)
     return frames
 
 

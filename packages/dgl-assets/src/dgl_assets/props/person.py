@@ -1,4 +1,4 @@
-"""A person as a prop, standing still while garments are put on."""
+"""A person as a prop, standing or seated, still while garments are put on."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ import numpy as np
 
 from dgl_assets._archive import get_cache_folder, read_archive, write_archive
 from dgl_assets.people import PEOPLE, POSES, Person, make_person
-from dgl_assets.props.meshes import assemble
+from dgl_assets.people.skeleton import FINGERS
+from dgl_assets.props.meshes import assemble, make_part, make_wood
 from dgl_assets.props.prop import Finish, Prop, PropPart
 from dgl_assets.props.shapes import PropShape
 from dgl_assets.ranges import Measures, measure
+from dgl_assets.robots._solids import cylinder
 
 logger = logging.getLogger(__name__)
 
-GENERATOR_VERSION = 2
+GENERATOR_VERSION = 3
 """Raised whenever the same parameters give another person than before."""
 _DENSITY = 985.0  # of a human body [kg/m^3]
+_STOOL = 0.45  # share of the depth of seat and thighs that sits on it
 FINISHES: dict[str, Finish] = {
     name: Finish(name=name, colour=colour, roughness=roughness, density=_DENSITY)
     for name, colour, roughness in (
@@ -33,6 +36,14 @@ FINISHES: dict[str, Finish] = {
     )
 }
 """Finishes of skin and painted clothes."""
+_FRAMES = (
+    "head_top", "brow", "neck",
+    *(
+        f"{side}_{name}"
+        for side in ("left", "right")
+        for name in ("shoulder", "wrist", "hand", *(f"{finger}_tip" for finger in FINGERS))
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,9 +66,9 @@ class PersonParameters(Measures):
 
 @lru_cache(maxsize=8)
 def make_person_prop(parameters: PersonParameters) -> Prop:
-    """Make a person who stands on z = 0 and faces -y; the target is the top of the head.
+    """Make a person on z = 0 who faces -y; the target is the top of the head.
 
-    The other landmarks are those of `Person.frames`.
+    The other landmarks are those of `Person.frames`. Who is seated has a stool.
     """
     vertices, faces, regions, frames = _load_body(parameters)
     normals = _compute_normals(vertices, faces)
@@ -73,11 +84,16 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
             finish=finish,
         )
         parts.append(part)
+    shapes = [PropShape(kind="mesh", points=vertices, faces=faces)]
+    if parameters.pose == "seated":
+        part, shape = _make_stool(vertices, faces[regions == list(FINISHES).index("trousers")])
+        parts.append(part)
+        shapes.append(shape)
     landmarks = {name: tuple(map(float, origin)) for name, origin in frames.items()}
     return assemble(
         "person",
         parts,
-        [PropShape(kind="mesh", points=vertices, faces=faces)],
+        shapes,
         {"target": landmarks["head_top"], **landmarks},  # pyright: ignore[reportArgumentType]
         asdict(parameters),
     )
@@ -95,20 +111,20 @@ def _load_body(
     """
     text = json.dumps([GENERATOR_VERSION, asdict(parameters)], sort_keys=True)
     path = get_cache_folder("people") / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
-    names = ("head_top", "brow", "neck", "left_hand", "right_hand")
     if path.is_file():
         try:
-            kept = read_archive(path, ("vertices", "faces", "regions", *names))
+            kept = read_archive(path, ("vertices", "faces", "regions", *_FRAMES))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
             logger.warning("%s cannot be read (%s); it is made again", path, err)
         else:
-            frames = {name: kept[name] for name in names}
+            frames = {name: kept[name] for name in _FRAMES}
             return kept["vertices"], kept["faces"], kept["regions"], frames
     person = make_person(parameters.measures, scale=parameters.scale)
     frames = {name: origin for name, (origin, _) in person.compute_frames(parameters.pose).items()}
-    moved = np.array([*frames["head_top"][:2], 0.0])
-    vertices = (person.pose(parameters.pose) - moved).astype(np.float32)
-    frames = {name: frames[name] - moved for name in names}
+    posed = person.pose(parameters.pose)
+    moved = np.array([*frames["head_top"][:2], posed[:, 2].min()])
+    vertices = (posed - moved).astype(np.float32)
+    frames = {name: frames[name] - moved for name in _FRAMES}
     regions = _find_regions(person)
     try:
         arrays = {"vertices": vertices, "faces": person.faces, "regions": regions, **frames}
@@ -116,6 +132,23 @@ def _load_body(
     except OSError as err:
         logger.warning("a person cannot be kept in %s (%s)", path.parent, err)
     return vertices, person.faces, regions, frames
+
+
+def _make_stool(vertices: np.ndarray, trousers: np.ndarray) -> tuple[PropPart, PropShape]:
+    """Make a round stool that ends where the trousers are lowest behind the knees.
+
+    Args:
+        vertices: Skin of somebody seated who faces -y [m], shape (V, 3).
+        trousers: Triangles of the trousers, shape (F, 3).
+    """
+    worn = vertices[np.unique(trousers)]
+    back = worn[:, 1].max()
+    seat = worn[worn[:, 1] > back - _STOOL * np.ptp(worn[:, 1])]
+    radius = 0.4 * float(np.ptp(seat[:, 0]))
+    x, y, top = float(seat[:, 0].mean()), float(back - 1.1 * radius), float(seat[:, 2].min())
+    solid = cylinder("wood", radius, 0.0, top, bevel=0.006, segments=48).shifted(x, y, 0.0)
+    shape = PropShape(kind="cylinder", radius=radius, half_length=top / 2, xyz=(x, y, top / 2))
+    return make_part("stool", solid, make_wood("oak", seed=6)), shape
 
 
 def _find_regions(person: Person) -> np.ndarray:
