@@ -182,6 +182,10 @@ def test_frames_move_with_their_bones(woman):
     skin = person.pose("reach_right")
     tip = skin[person.landmarks["right_middle_tip"]]
     assert (tip - place) @ along > 0.06
+    assert np.linalg.norm(there["right_middle_tip"][0] - tip) < 0.01
+    assert -0.1 < (there["right_wrist"][0] - place) @ along < -0.03
+    shoulder, acromion = there["right_shoulder"][0], skin[person.landmarks["right_acromion"]]
+    assert np.linalg.norm(shoulder - acromion) < 0.05
 
 
 def test_capsules_fill_the_body(people):

@@ -23,6 +23,7 @@ from dgl_assets.props.shapes import make_box, make_capsules, make_cylinder
 
 COVER = 0.0045
 """Largest distance between the surface and its collision shapes [m]."""
+SEATED = PersonParameters(pose="seated")
 OTHERS = (
     HangerParameters(length=0.5, thickness=0.03, height=1.2, wood="walnut"),
     CoatHangerParameters(width=0.46, drop=0.11, sweep=0.04, hook_radius=0.03),
@@ -48,7 +49,7 @@ def props():
 
 @pytest.fixture(
     scope="module",
-    params=[*PROP_KINDS, *(pytest.param(p, marks=pytest.mark.slow) for p in OTHERS)],
+    params=[*PROP_KINDS, SEATED, *(pytest.param(p, marks=pytest.mark.slow) for p in OTHERS)],
     ids=lambda p: p if isinstance(p, str) else "own",
 )
 def prop(request):
@@ -102,7 +103,7 @@ def test_shapes_go_no_farther_than_what_is_seen(prop):
     for part in prop.parts:
         corners = part.vertices[part.faces].astype(np.float64)
         edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        if prop.kind == "person":  # its triangles are small
+        if prop.kind == "person" and part.name != "stool":  # its triangles are small
             surface.append(corners.reshape(-1, 3))
             continue
         for triangle, length in zip(corners, edge, strict=True):
@@ -218,6 +219,20 @@ def test_coat_hanger_is_symmetric_and_hangs_by_its_hook(props):
     assert hanger.compute_distance(way).min() > 0.003
     closed = rail + np.linspace(0, 1, 40)[:, None] * [2.2 * p.hook_radius, 0, 0]
     assert hanger.compute_distance(closed).min() < 0
+
+
+def test_who_is_seated_has_feet_on_the_ground_and_a_stool_under_the_seat(props):
+    seated = make_prop(SEATED)
+    assert set(seated.landmarks) == set(props["person"].landmarks)
+    skin = np.concatenate([part.vertices for part in seated.parts if part.name != "stool"])
+    shoes = next(part for part in seated.parts if part.name == "shoes").vertices
+    assert skin[:, 2].min() == shoes[:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    stool = next(part for part in seated.parts if part.name == "stool").vertices
+    top = stool[:, 2].max()
+    above = skin[np.linalg.norm(skin[:, :2] - stool[:, :2].mean(axis=0), axis=1) < 0.05]
+    assert above[:, 2].min() == pytest.approx(top, abs=0.01)
+    lower = props["person"].landmarks["head_top"][2] - seated.landmarks["head_top"][2]
+    assert 0.25 < lower < 0.45  # about the length of the thighs
 
 
 def test_masses_are_those_of_the_materials(props):

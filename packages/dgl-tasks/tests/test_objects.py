@@ -9,10 +9,11 @@ from sapien.physx import PhysxArticulationLinkComponent
 
 import dgl_tasks
 from dgl_assets.materials import sample_floor_material
-from dgl_assets.props import PROP_KINDS, PlatformParameters
+from dgl_assets.props import PROP_KINDS, PlatformParameters, TableParameters
 from dgl_assets.robots import SIDES
 from dgl_physics.sapien_bridge import convert_shape
 from dgl_tasks.declaration import HandFriction, SceneObject, Start
+from dgl_tasks.objects import compute_frames
 from dgl_tasks.perception import CLOUD_SIZE, get_object_cloud
 from dgl_tasks.scene_check import check_scene
 from dgl_tasks.studio import MAT, FloorLook, paint_floor, sample_floor_look
@@ -39,6 +40,13 @@ WITH_TABLE = dataclasses.replace(
         # all kinds of shapes, behind the robots
         SceneObject(name="stand", prop="hat_stand", position=(1.9, -0.6, 0.0)),
         SceneObject(name="coat_hanger", prop="coat_hanger", position=(-1.9, -0.6, 0.0)),
+        SceneObject(
+            name="table",
+            prop=tuple(TableParameters(height=0.5 + 0.01 * k) for k in range(5)),
+            position=(0.0, -1.2, 0.0),
+            yaw=0.2,
+            yaw_range=(-0.1, 0.1),
+        ),
     ),
 )
 
@@ -67,6 +75,22 @@ def test_objects_stand_where_they_were_drawn(env):
     assert bar.get_frames()["target"] == pytest.approx([0.0, env.draws["bar_y"], 0.8], abs=1e-6)
 
 
+def test_an_object_is_one_of_several_props_and_turned(env):
+    number, yaw = env.draws["table_prop"], env.draws["table_yaw"]
+    table = env.objects["table"]
+    assert table.prop.landmarks["target"][2] == pytest.approx(0.5 + 0.01 * number)
+    assert 2 * np.arctan2(table.pose[6], table.pose[3]) == pytest.approx(yaw, abs=1e-6)
+    assert 0.1 <= yaw <= 0.3
+    assert "block_prop" not in env.draws
+    computed = compute_frames(WITH_TABLE, env.draws)
+    for name, frames in env.get_frames().items():
+        for place, position in frames.items():
+            assert computed[name][place] == pytest.approx(position, abs=1e-6)
+    for wrong in ({"table_prop": 5}, {"table_prop": "1"}, {"table_yaw": None}):
+        with pytest.raises(ValueError, match="turn of table and which of its 5 props"):
+            compute_frames(WITH_TABLE, env.draws | wrong)
+
+
 def test_cloth_lies_on_an_object_and_hangs_over_its_edges(env):
     for _ in range(20):
         env.cloth.step()
@@ -90,6 +114,7 @@ def test_each_object_has_its_friction(env):
         "bar": 0.5,
         "stand": 0.5,
         "coat_hanger": 0.5,
+        "table": 0.5,
     }
     (ground,) = (f for n, f in factors.items() if n.endswith("ground"))
     assert ground == FOLD.ground_friction
@@ -129,7 +154,8 @@ def test_placing_an_object_moves_no_draw_of_the_garment(env, monkeypatch):
         made.reset(seed=9)
     assert {key: env.draws[key] for key in plain.draws} == plain.draws
     assert set(env.draws) - set(plain.draws) == {
-        f"{name}_{axis}" for name in env.objects for axis in "xy"
+        *(f"{name}_{axis}" for name in env.objects for axis in "xy"),
+        *("table_yaw", "table_prop"),
     }
     plain.close()
 
@@ -155,6 +181,8 @@ def place_bars(*places, start=FOLD.start, **changes):
         (place_bars((0, 0.9), (0.3, 0.9)), "objects 'bar0' and 'bar1' overlap, or may"),
         (place_bars((0, 0.9), (0, 0.99), y_range=(0.0, 0.1)), "'bar0' and 'bar1' overlap"),
         (place_bars((0, 0.9), (0.03, 1.2), yaw=1.5), "'bar0' and 'bar1' overlap"),
+        (place_bars((0, 0.9), (0.03, 1.2), yaw_range=(0, 1.5)), "'bar0' and 'bar1' overlap"),
+        (place_bars((0, 0.9), prop=("hanger", "pothook")), "'bar0': its props must have landmarks"),
         (place_bars((0.8, 0.0)), r"object 'bar0' stands in the base of the right .*\(0.8, 0\)"),
         (place_bars((-0.6, -0.4), y_range=(0, 0.4)), "base of the left robot .* or may where"),
         (place_bars((0, 1.6)), r"the target of object 'bar0' must be within 1.6 m .*1.81 m away"),
