@@ -1,11 +1,13 @@
 """The verb `tasks`."""
 
+import dataclasses
 import json
 
 from dexgarmentlab.cli import main
 from dgl_collect import DemonstrationError
 from dgl_collect.demonstration import load_demonstration
 from dgl_tasks import get_task, task_ids
+from dgl_tasks import tasks as tasks_module
 
 
 def test_every_task_is_described_as_it_is_declared(capsys):
@@ -59,6 +61,16 @@ def test_where_objects_and_what_lies_on_them_may_be_is_told(capsys):
     text = capsys.readouterr().out
     assert "position  on stand.seat" in text
     assert "hanger (hanger), x -0.15 to 0.15 m, y 0.8 to 0.9 m" in text
+
+
+def test_props_and_turns_that_are_drawn_are_told(monkeypatch, capsys):
+    hang = get_task("HangTops-v1")
+    bar = dataclasses.replace(hang.objects[0], prop=("hanger",) * 3, yaw_range=(-0.1, 0.2))
+    changed = dataclasses.replace(hang, objects=(bar,))
+    monkeypatch.setitem(tasks_module._TASKS, hang.id, changed)
+    assert main(["tasks", hang.id]) == 0
+    told = "hanger (hanger, one of 3), x -0.15 to 0.15 m, y 0.8 to 0.9 m, yaw -0.1 to 0.2 rad"
+    assert told in capsys.readouterr().out
 
 
 def test_an_option_that_is_not_there_is_a_usage_error(capsys):

@@ -63,9 +63,11 @@ def describe_task(task: "Task") -> dict[str, Any]:
         "objects": [
             {
                 "name": item.name,
-                "kind": make_prop(item.prop).kind,
+                "kind": make_prop(item.props[0]).kind,
+                "variants": len(item.props),
                 "x": [item.position[0] + dx for dx in item.x_range],
                 "y": [item.position[1] + dy for dy in item.y_range],
+                "yaw": [item.yaw + turn for turn in item.yaw_range],
             }
             for item in task.objects
         ],
@@ -109,7 +111,10 @@ def _lines(task: dict[str, Any]) -> list[str]:
     ]
     start = task["garment_position"]
     place = _place(start) if start["on"] is None else f"on {start['on']}"
-    objects = [f"{item['name']} ({item['kind']}), {_place(item)}" for item in task["objects"]]
+    objects = [
+        f"{item['name']} ({item['kind']}{_of(item['variants'])}), {_place(item)}"
+        for item in task["objects"]
+    ]
     rows = [
         ("garments", f"{task['category']}, {garments}"),
         ("position", place),
@@ -126,8 +131,14 @@ def _lines(task: dict[str, Any]) -> list[str]:
 
 
 def _place(item: dict[str, Any]) -> str:
-    """Describe the ranges of a place."""
-    return ", ".join(f"{axis} {item[axis][0]:g} to {item[axis][1]:g} m" for axis in ("x", "y"))
+    """Describe the ranges of a place, and of a turn that is drawn."""
+    place = [f"{axis} {item[axis][0]:g} to {item[axis][1]:g} m" for axis in ("x", "y")]
+    low, high = item.get("yaw", (0.0, 0.0))
+    return ", ".join([*place, *([f"yaw {low:g} to {high:g} rad"] if low < high else [])])
+
+
+def _of(variants: int) -> str:
+    return f", one of {variants}" if variants > 1 else ""
 
 
 def _label(label: str, texts: Sequence[str]) -> list[tuple[str, str]]:
