@@ -36,7 +36,7 @@ class World:
         self.target = motion.robot.compute_start("open")
         self.seed = 3
         self.commands, self.marks = [], []
-        self.frames = {}
+        self.frames, self.obstacles = {}, []
         self.image = np.zeros((4, 4, 3), np.uint8)
         self.listener = None  # of commands and marks, as a driver has one
         self.looks = []  # whether the arms were out of the way, look after look at the garment

@@ -314,6 +314,11 @@ FAULTS = (
     (_step(1, {"step": "jump"}), r"steps\[1\]: a step is one of \['approach', .*; got 'jump'"),
     (_step(1, {"step": ["move"]}), r"steps\[1\]: a step is one of"),
     (_step(1, "move"), r"steps\[1\]: a step is one of"),
+    (_step(2, {"step": "via", "left": []}), r"steps\[2\].*at least 1 item"),
+    (
+        _step(2, {"step": "via", "left": [["0", "1", "0"]], "right": [["0", "1", "0"]] * 2}),
+        r"equally many via points; got \{'left': 1, 'right': 2\}",
+    ),
     (_step(1, {"step": "hand_pose", "pose": "close", "speed": 2}), "speed: unexpected keyword"),
     (_step(1, {"step": "hand_pose", "pose": "fist"}),
         r"a hand pose is one of \[.*'close'.*; got 'fist'"),
@@ -461,6 +466,11 @@ def test_unknown_frames_of_an_object_are_refused(content, with_hanger):
             (_left(formula, "0.8", "0.3"), message),
             (_set([*STAGE, "definitions"], {"above": formula}), message),
             (_grasp({"at": [formula, "0.8", "0.1"]}), message),
+            (
+                _step(2, {"step": "via", "left": [["0", "0.8", "0.3"], ["0", formula, "0"]]}),
+                message,
+            ),
+            (_step(2, {"step": "move", "left": ["0", "0.8", "0.3"], "turn": formula}), message),
         )
         assert _find_wrong(content, table, lambda c: _check(c, with_hanger)) == []
     _point([0, 0.2, 0], "hanger")(content)

@@ -28,6 +28,7 @@ from dgl_collect.steps import (
     Retreat,
     Stage,
     Stretch,
+    Via,
     Wait,
 )
 from dgl_tasks.errors import UnreachableError
@@ -143,6 +144,46 @@ def test_what_is_out_of_reach_is_taken_as_near_to_it_as_can_be(make_world):
     with pytest.raises(UnreachableError) as error:
         find_reachable(outside, far)
     assert str(error.value) == str(of_the_point.value)
+
+
+def test_both_hands_turn_with_an_object(make_world):
+    """Counter-clockwise by the formula, and until another move turns them."""
+    up = {side: (f"{side}_point.x", f"{side}_point.y", "0.3") for side in SIDES}
+    higher = {side: (x, y, "0.35") for side, (x, y, _) in up.items()}
+    stage = make_stage(Move(targets=up, turn="angle"), Move(targets=higher), grasp=BOTH)
+    names = {f"{side}_point": place for side, place in PLACES.items()} | {"angle": 20.0}
+    world = make_world()
+    work = make_work(world, stage, names=names)
+    world.play(world.hands.park())
+    work.choose_turns(must_do_all=True)
+    assert set(work._turns.values()) == {0.0}
+    for step in stage.steps:
+        world.play(work.perform(step))
+        turned = 20.0 if isinstance(step, Move) else 0.0
+        for side, pose in zip(SIDES, world.ee_pose, strict=True):
+            turn = to_rotation(pose[3:]) * to_rotation(orient("standard", side)).inv()
+            np.testing.assert_allclose(turn.as_rotvec(degrees=True), [0, 0, turned], atol=0.2)
+
+
+def test_hands_keep_the_orientation_in_which_a_way_has_left_them(make_world):
+    """Until a move gives them another; rehearsals plan from there, too."""
+    over = {"left": (("-0.4", "0.7", "0.3"), ("-0.1", "0.75", "0.35"))}
+    aside, back = (Move(targets={"left": (x, "0.75", "0.35")}) for x in ("-0.15", "-0.2"))
+    named = dataclasses.replace(back, orientation="heap")
+    world = make_world()
+    work = make_work(world, make_stage(Via(targets=over), aside, named))
+    carry_out(world, work)
+    assert work._targets["left"] == pytest.approx([-0.2, 0.75, 0.35])
+    world = make_world()
+    work = make_work(world, make_stage(Via(targets=over), aside))
+    carry_out(world, work)
+    free = work.orientations["left"]
+    np.testing.assert_allclose(abs(free @ world.ee_pose[0, 3:]), 1.0, atol=1e-4)
+    assert world.get_grasp_point("left") == pytest.approx([-0.15, 0.75, 0.35], abs=2e-3)
+    far = Via(targets={"left": (("-0.4", "0.7", "0.3"), ("-0.4", "3", "0.3"))})
+    work = make_work(make_world(), make_stage(far))
+    with pytest.raises(UnreachableError, match="with any orientation of the hand"):
+        work.choose_turns(must_do_all=True)
 
 
 FAR = Move(targets={"left": ("-0.4", "3", "0.3")})

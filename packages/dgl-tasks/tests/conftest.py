@@ -36,7 +36,7 @@ class World:
         self.motion = motion
         self.target = motion.robot.compute_start("open")
         self.seed = 0
-        self.commands, self.marks, self.masks = [], [], []
+        self.commands, self.marks, self.masks, self.obstacles = [], [], [], []
         self.points = np.array([[0.0, 0.8, 0.0]])  # far below whatever hands do
         self.hands = Handling(motion, self)
 
@@ -146,6 +146,10 @@ class FakeEnv:
 
     def get_frames(self):
         return {}
+
+    def measure_touch(self):
+        """Press on a person ever less."""
+        return {"person": 9.0 - len(self.sent)}
 
     def take_picture(self, camera):
         """Show the garment at one place in all pictures."""

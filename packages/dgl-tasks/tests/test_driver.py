@@ -249,7 +249,7 @@ def test_films_run_three_times_as_fast_while_the_arms_come_and_go(make_env):
     assert pictures == [*range(0, 30, STEPS_PER_ACTION), *range(30, 80, PASSAGE_FILM_STEPS)]
 
 
-def test_the_largest_strain_of_each_fifth_step_is_kept(make_env):
+def test_the_largest_strain_of_each_fifth_step_and_the_largest_force_of_all_are_kept(make_env):
     env = make_env()
     driver = Driver(env, seed=0)
 
@@ -260,7 +260,12 @@ def test_the_largest_strain_of_each_fifth_step_is_kept(make_env):
 
     driver.drive(course())
     assert driver.measurements == pytest.approx(
-        {"max_strain_mean": 0.15, "max_strain_p999": 0.2997, "max_penetration_m": 0.001}
+        {
+            "max_strain_mean": 0.15,
+            "max_strain_p999": 0.2997,
+            "max_penetration_m": 0.001,
+            "max_force_on_person_N": 8.0,
+        }
     )
 
 

@@ -15,7 +15,14 @@ from dgl_tasks.grasps import (
     turn_inward,
     wrist_to_grasp,
 )
-from dgl_tasks.motion import HAND_FRAMES, RAMP_FRAMES, TURNS, BimanualMotion
+from dgl_tasks.motion import (
+    HAND_FRAMES,
+    RAMP_FRAMES,
+    REACH_STEP,
+    TURNS,
+    UPRIGHT_STEP,
+    BimanualMotion,
+)
 from dgl_tasks.observation import CONTROL_FREQUENCY
 from dgl_tasks.rotations import to_rotation
 
@@ -324,6 +331,17 @@ def test_named_orientations_are_angles_that_anyone_can_give():
         np.testing.assert_allclose((x, sign * z), ((0, 1, 0), (0, 0, -1)), atol=1e-12)
         assert find_sides(HandAngles()) == SIDES
         assert y[0] * sign == pytest.approx(1.0)
+
+
+def test_only_a_hand_with_its_thumb_up_turns_its_wrist_half_around(motion):
+    """With palms down, such a reach would be that of another branch."""
+    goal = {"right": np.array([0.1, 0.8, 0.65])}
+    motion.reach(goal, {"right": orient(HandAngles(roll=-90), "right")})
+    change = np.abs(motion.target - HOME_CONFIGURATION)[ARM["right"]]
+    assert REACH_STEP < change.max() <= UPRIGHT_STEP
+    motion.reset(HOME_CONFIGURATION)
+    with pytest.raises(UnreachableError, match="left arm would jump"):
+        motion.reach({"left": np.array([-0.4, 0.6, 0.18])}, GRASP_ORIENTATIONS["heap_sides"])
 
 
 def test_an_orientation_that_is_none_is_refused(refuse):

@@ -38,7 +38,7 @@ WITH_TABLE = dataclasses.replace(
         ),
         SceneObject(name="bar", prop="hanger", position=(0.0, 1.3, 0.0), y_range=(-0.05, 0.04)),
         # all kinds of shapes, behind the robots
-        SceneObject(name="stand", prop="hat_stand", position=(1.9, -0.6, 0.0)),
+        SceneObject(name="stand", prop="hat_stand", position=(1.9, -0.6, 0.0), avoided=True),
         SceneObject(name="coat_hanger", prop="coat_hanger", position=(-1.9, -0.6, 0.0)),
         SceneObject(
             name="table",
@@ -128,6 +128,20 @@ def test_each_part_of_the_hands_has_its_friction(env):
     assert thumbs & set(factors)
     assert {factors[name] for name in thumbs & set(factors)} == {0.6}
     assert {factors[name] for name in set(factors) - thumbs} == {2.0}
+
+
+def test_the_force_on_an_object_to_be_avoided_is_measured(env):
+    state = env.get_state_dict()
+    env.advance(None)
+    assert env.measure_touch() == {"stand": 0.0}  # what may be touched is not told
+    x, y, z = env.agent.robot.links_map["left_forearm_link"].pose.p[0].tolist()
+    stand = env.objects["stand"]
+    stand.place((x, y, z - stand.prop.landmarks["target"][2]))
+    env.advance(None)
+    assert env.measure_touch()["stand"] > 1.0
+    env.set_state_dict(state)
+    env.advance(None)
+    assert env.measure_touch() == {"stand": 0.0}
 
 
 def test_states_hold_where_objects_are(env):

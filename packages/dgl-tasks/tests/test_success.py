@@ -14,8 +14,10 @@ from dgl_tasks.success import (
     RestsOn,
     SitsOn,
     Verdict,
+    WindsRound,
     compute_box_share,
     compute_covered_area,
+    compute_winding,
 )
 from dgl_tasks.views import TrueView
 
@@ -50,6 +52,7 @@ class Scene:
     flat_area: float = 1.0
     frames: dict = field(default_factory=dict)
     tilt: float = 0.0
+    midline: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def surface(self):
@@ -254,6 +257,67 @@ def test_what_is_worn_is_near_its_place_and_no_higher(middle, reason):
     assert rule.frames == ("head.top",)
     points = np.array(middle) + np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 0, 0.05], [0, 0, -0.05]])
     assert rule(Scene(points, frames=PLACES)).reason == reason
+
+
+NECK = np.array([0.2, 0.5, 1.0])
+
+
+def wind(turns, *, radius=0.08, height=0.0, ends=-0.3, low=0.0):
+    """A scarf that winds round the neck, its ends hanging down outside of what counts."""
+    angles = np.linspace(0, 2 * np.pi * turns, 200)
+    loop = np.stack([np.cos(angles), np.sin(angles), np.zeros(200)], axis=1) * radius
+    loop[:, 2] = height
+    down = np.linspace(-0.201, ends, 20)[:, None]
+    first, last = (loop[k] * [1, 1, 0] + down * [0, 0, 1] for k in (0, -1))
+    line = np.concatenate([first[::-1], loop, last]) + NECK
+    surface = line.copy()
+    surface[: round(low * len(line)), 2] = 0.19
+    return Scene(surface, frames={"person": {"neck": NECK}}, midline=line)
+
+
+@pytest.mark.parametrize(
+    ("scene", "reason"),
+    [
+        (wind(1.21), None),
+        (wind(-1.21), None),
+        (wind(1.19), "not round its place"),
+        (wind(1.3, radius=0.199), None),
+        (wind(1.3, radius=0.201), "not round its place"),
+        (wind(1.3, height=0.099), None),
+        (wind(1.3, height=0.101), "not round its place"),
+        (wind(1.3, height=-0.199), None),
+        (wind(1.3, height=-0.6, ends=-0.7), "not round its place"),  # round the feet
+        (wind(1.3, ends=0.01), "an end is up"),
+        (wind(1.3, low=0.005), None),
+        (wind(1.3, low=0.02), "hangs too low"),
+    ],
+)
+def test_what_is_wound_round_a_neck_goes_round_it_often_enough(scene, reason):
+    assert WindsRound(frame="person.neck", turns=1.2)(scene).reason == reason
+
+
+def test_turns_are_signed_and_leave_out_what_does_not_count():
+    angles = np.linspace(0, 2 * np.pi * 1.5, 100)
+    line = np.stack([np.cos(angles), np.sin(angles), angles], axis=1)
+    assert compute_winding(line) == pytest.approx(1.5)
+    assert compute_winding(line[::-1]) == pytest.approx(-1.5)
+    assert compute_winding(line, counted=angles <= np.pi) == pytest.approx(0.5, abs=0.02)
+    assert compute_winding(np.empty((0, 3))) == 0.0
+
+
+def test_the_midline_follows_a_bent_strip():
+    x, y = np.meshgrid(np.linspace(-0.6, 0.6, 121), np.linspace(-0.1, 0.1, 21), indexing="ij")
+    flat = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    angle = flat[:, 0] / 0.3
+    bent = np.stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), flat[:, 1]], axis=1)
+    view = TrueView(
+        particles=bent, faces=np.zeros((0, 3), int), upright=flat, landmarks={}, flat_area=1.0,
+        frames={},
+    )  # fmt: skip
+    assert len(view.midline) == 40
+    np.testing.assert_allclose(np.linalg.norm(view.midline, axis=1), 0.3, atol=1e-3)
+    np.testing.assert_allclose(view.midline[[0, -1]], bent[[10, -11]] * [1, 1, 0], atol=0.015)
+    assert compute_winding(view.midline) == pytest.approx(4 / (2 * np.pi), abs=0.02)
 
 
 @pytest.mark.parametrize(

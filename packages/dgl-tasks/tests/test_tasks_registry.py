@@ -164,7 +164,9 @@ def test_the_rule_names_points_and_places_that_exist(task):
     landmarks = load_garment(garment_ids(task.category, "train", count=1)[0]).landmarks
     assert set(task.success.landmarks) <= set(landmarks)
     places = {
-        f"{item.name}.{place}" for item in task.objects for place in make_prop(item.prop).landmarks
+        f"{item.name}.{place}"
+        for item in task.objects
+        for place in make_prop(item.props[0]).landmarks
     }
     assert set(task.success.frames) <= places
 
@@ -185,7 +187,7 @@ def test_the_rule_judges_a_garment_of_the_category(task):
         landmarks=marks,
         flat_area=compute_covered_area(surface),
         frames={
-            item.name: make_prop(item.prop).compute_landmarks(place_upright(item))
+            item.name: make_prop(item.props[0]).compute_landmarks(place_upright(item))
             for item in task.objects
         },
     )

@@ -31,6 +31,9 @@ MEASURED: Mapping[str, Words] = {
 }
 """Measurements of an attempt; see `dgl_tasks.driver` and `dgl_collect.results`."""
 
+FORCE_ON = "max_force_on_"
+"""Start of the names of forces on objects that are avoided."""
+
 DRAWN: Mapping[str, Words] = {
     "x": Words("garment, x", "m"),
     "y": Words("garment, y", "m"),
@@ -43,6 +46,9 @@ def find_words(name: str, known: Mapping[str, Words]) -> Words:
     """Find what a value is called; one that is not known keeps its name, without underscores."""
     if name in known:
         return known[name]
+    if name.startswith(FORCE_ON) and name.endswith("_N"):
+        touched = name.removeprefix(FORCE_ON).removesuffix("_N").replace("_", " ")
+        return Words(f"largest force on the {touched}", "N")
     owner, _, axis = name.rpartition("_")
     if owner and axis in ("x", "y"):
         return Words(f"{owner.replace('_', ' ')}, {axis}", "m")

@@ -46,6 +46,9 @@ class BelievedView:
     tilt = np.nan
     """Not seen."""
 
+    midline = np.empty((0, 3))
+    """Not seen."""
+
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:
         """As in `SceneView`."""

@@ -8,7 +8,7 @@ follow from the garment at hand, as in the paper. The files lie in `demonstratio
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from typing import TypedDict
 
@@ -29,7 +29,9 @@ from dgl_collect.steps import (
     Look,
     Move,
     Stage,
+    Step,
     Stretch,
+    Via,
 )
 from dgl_files.fields import decode_json, from_plain, show
 from dgl_files.whole import compute_checksum
@@ -198,6 +200,15 @@ def _check_names(demonstration: Demonstration, task: Task, *, source: str) -> No
         raise DemonstrationError(f"{source}: {err}") from err
 
 
+def _list_formulas(step: Step) -> list[str]:
+    """List the formulas of places and turns of a step."""
+    if isinstance(step, Move):
+        return [*chain(*step.targets.values()), step.turn or "0"]
+    if isinstance(step, Via):
+        return list(chain(*chain(*step.targets.values())))
+    return []
+
+
 def _check_stage(
     stage: Stage, names: Mapping[str, Value], points: Mapping[str, np.ndarray]
 ) -> None:
@@ -218,9 +229,7 @@ def _check_stage(
     for step in stage.steps:
         if isinstance(step, Stretch):
             known |= dict.fromkeys(SEEN_NAMES, 1.0)
-        if isinstance(step, Move):
-            for formulas in step.targets.values():
-                for formula in formulas:
-                    check_formula(formula, known)
+        for formula in _list_formulas(step):
+            check_formula(formula, known)
     if stage.when is not None:
         check_formula(stage.when, {**names, **dict.fromkeys(CONDITION_NAMES, 1.0)})

@@ -26,10 +26,15 @@ _OPERATORS: dict[type, Callable[[float, float], float]] = {
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def _distance_xy(a: Value, b: Value) -> float:
+def _subtract_xy(a: Value, b: Value) -> np.ndarray:
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
-        raise ValueError("distance_xy takes two points")
-    return float(np.linalg.norm(a[:2] - b[:2]))
+        raise ValueError("distance_xy and heading take two points")
+    return (b - a)[:2]
+
+
+def _heading(a: Value, b: Value) -> float:
+    x, y = _subtract_xy(a, b)
+    return float(np.degrees(np.arctan2(y, x)))
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -38,18 +43,21 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": abs,
     "sin": lambda angle: float(np.sin(np.radians(angle))),
     "cos": lambda angle: float(np.cos(np.radians(angle))),
-    "distance_xy": _distance_xy,
+    "distance_xy": lambda a, b: float(np.linalg.norm(_subtract_xy(a, b))),
+    "heading": _heading,
 }
 """Functions that formulas may call, by name."""
+_OF_POINTS = ("distance_xy", "heading")
 
 
 def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
     """Evaluate a formula of a demonstration.
 
     A formula consists of numbers, `+ - * /`, names, names of a group (`hanger.target`), coordinates
-    of points (`left_cuff.x`) and the functions `min`, `max`, `abs`, `sin` and `cos` of degrees, and
-    `distance_xy(point, point)`, the horizontal distance. Conditions add comparisons, `and`, `or`
-    and `not`; true is 1.
+    of points (`left_cuff.x`) and the functions `min`, `max`, `abs`, `sin` and `cos` of degrees,
+    `distance_xy(point, point)`, the horizontal distance, and `heading(point, point)`, the direction
+    from the first to the second, counter-clockwise from x [degrees]. Conditions add comparisons,
+    `and`, `or` and `not`; true is 1.
 
     Args:
         text: The formula, or a number.
@@ -147,7 +155,7 @@ def _evaluate(node: ast.expr, names: Mapping[str, Value]) -> Value:
             if name not in FUNCTIONS:
                 known = ", ".join(sorted(FUNCTIONS))
                 raise ValueError(f"unknown function {name!r}; known: {known}")
-            take = _evaluate if name == "distance_xy" else _number
+            take = _evaluate if name in _OF_POINTS else _number
             return float(FUNCTIONS[name](*(take(part, names) for part in parts)))
     raise ValueError(f"{ast.unparse(node)!r} is not allowed")
 

@@ -24,6 +24,7 @@ from dgl_collect.steps import (
     Stage,
     Step,
     Stretch,
+    Via,
     Wait,
 )
 from dgl_tasks.errors import PerceptionError, UnreachableError
@@ -85,6 +86,8 @@ class StageWork:
     """Grasp point actually used by each working hand [m], shape (3,), world frame."""
     _turns: dict[Side, float] = field(default_factory=dict)
     _orientation: Orientation = "standard"
+    _turned: float = 0.0
+    _free: dict[Side, np.ndarray] = field(default_factory=dict)
     _targets: dict[Side, np.ndarray] = field(default_factory=dict)
     _lifts: int = 0
     _has_closed: bool = False
@@ -96,7 +99,11 @@ class StageWork:
     @property
     def orientations(self) -> dict[Side, np.ndarray]:
         """Present orientation of `ee` of each working hand, wxyz, shape (4,)."""
-        return {side: orient(self._orientation, side, turn) for side, turn in self._turns.items()}
+        named: dict[Side, np.ndarray] = {
+            side: orient(self._orientation, side, turn + _to_inward(self._turned, side))
+            for side, turn in self._turns.items()
+        }
+        return named | self._free
 
     # Before it begins ----------------------------------------------------------------------
 
@@ -143,22 +150,34 @@ class StageWork:
 
     def _rehearse(self, steps: Sequence[Step], side: Side, turn: float, *, at: np.ndarray) -> None:
         """Plan steps for one hand, from `at`; raises `UnreachableError`."""
-        motion, name = self.hands.motion, self._orientation
+        motion, turned, free = self.hands.motion, self._turned, self._free.get(side)
+        name: Orientation = self._orientation
+
+        def get_orientation() -> dict[Side, np.ndarray]:
+            if free is not None:
+                return {side: free}
+            return {side: orient(name, side, turn + _to_inward(turned, side))}
+
         for step in steps:
             match step:
                 case Approach():
                     name = step.orientation
                     self._plan_coming(side, turn)
                 case Move(targets=targets) if side in targets:
-                    name, at = step.orientation or name, self._compute(targets[side])
-                    motion.move({side: at}, {side: orient(name, side, turn)}, spacing=step.spacing)
+                    at, turned = self._compute(targets[side]), self._compute_turn(step, turned)
+                    if step.orientation is not None:
+                        name, free = step.orientation, None
+                    motion.move({side: at}, get_orientation(), spacing=step.spacing)
+                case Via(targets=targets) if side in targets:
+                    way: dict[Side, np.ndarray] = {side: self._compute_all(targets[side])}
+                    _, ends = motion.pass_through(way, spacing=step.spacing)
+                    at, free = way[side][-1], ends[side]
                 case Follow():
-                    orientation: dict[Side, np.ndarray] = {side: orient(name, side, turn)}
-                    ways, _ = self._plan_follow(step, {**self.grasp, side: at}, orientation)
+                    ways, _ = self._plan_follow(step, {**self.grasp, side: at}, get_orientation())
                     motion.follow(*ways)
                     at = ways[0][side][-1]
                 case Retreat():
-                    plan_leave(motion, {side: at}, {side: orient(name, side, turn)}, step)
+                    plan_leave(motion, {side: at}, get_orientation(), step)
 
     def _plan_coming(self, side: Side, turn: float) -> None:
         self._plan_approach({side: self.grasp[side]}, {side: turn})
@@ -183,12 +202,21 @@ class StageWork:
             grasp -= step.short_by * point_along_fingers(orient(step.orientation, side))
         return grasp
 
+    def _compute_turn(self, step: Move, before: float) -> float:
+        """Compute the turn of both hands at the end of a move, counter-clockwise [rad]."""
+        if step.turn is None:
+            return before
+        return float(np.radians(self._compute((step.turn,))[0]))
+
     def _compute(self, formulas: Sequence[str]) -> np.ndarray:
         try:
             names = self._known
             return np.array([evaluate_formula(formula, names) for formula in formulas])
         except ValueError as err:
             raise DemonstrationError(f"stage {self.stage.name!r}: {err}") from err
+
+    def _compute_all(self, way: Sequence[Sequence[str]]) -> np.ndarray:
+        return np.stack([self._compute(formulas) for formulas in way])
 
     @property
     def _known(self) -> Mapping[str, Value]:
@@ -233,15 +261,22 @@ class StageWork:
                 self._has_closed = True
             case Move():
                 self._orientation = step.orientation or self._orientation
+                self._turned = self._compute_turn(step, self._turned)
+                if step.orientation is not None:
+                    self._free.clear()
                 targets: dict[Side, np.ndarray] = {
                     side: self._compute(formulas) for side, formulas in step.targets.items()
                 }
                 rows = motion.move(targets, self.orientations, spacing=step.spacing)
-                yield from hands.send(rows, recorded=recorded)
-                self._targets |= targets
-                if self._has_closed and not self._has_released:
-                    yield from self._check(step, f"move {self._lifts + 1}")
-                    self._lifts += 1
+                yield from self._carry(step, rows, targets)
+            case Via():
+                ways: dict[Side, np.ndarray] = {
+                    side: self._compute_all(way) for side, way in step.targets.items()
+                }
+                rows, ends = motion.pass_through(ways, spacing=step.spacing)
+                self._free |= ends
+                targets = {side: way[-1] for side, way in ways.items()}
+                yield from self._carry(step, rows, targets)
             case Stretch():
                 if self.hold == "all":  # a lost garment cannot be stretched
                     yield from self._stretch(step)
@@ -257,7 +292,17 @@ class StageWork:
             case Retreat():
                 yield from hands.retreat(self.stage.hands, step)
 
-    def _check(self, step: Move | Stretch, where: str) -> Part:
+    def _carry(
+        self, step: Move | Via, rows: np.ndarray, targets: Mapping[Side, np.ndarray]
+    ) -> Part:
+        """Move the hands to their targets [m], and check the hold at the end."""
+        yield from self.hands.send(rows, recorded="stage" if step.recorded else None)
+        self._targets |= targets
+        if self._has_closed and not self._has_released:
+            yield from self._check(step, f"move {self._lifts + 1}")
+            self._lifts += 1
+
+    def _check(self, step: Move | Via | Stretch, where: str) -> Part:
         """Check the hold, if the step asks for it."""
         if step.checked and self.reaction != "ignore":
             yield from self.hands.look(ENVIRONMENT_CAMERA)
@@ -363,6 +408,11 @@ class StageWork:
             watch.note(part[-1])
             yield from hands.look(ENVIRONMENT_CAMERA)
             self.react(watch.confirm(self.find_empty()))
+
+
+def _to_inward(turn: float, side: Side) -> float:
+    """Convert a counter-clockwise turn [rad] to one towards the other hand."""
+    return turn if side == "right" else -turn
 
 
 def _get_places(point: np.ndarray, cloud: np.ndarray) -> np.ndarray:

@@ -134,6 +134,9 @@ class Move(Step):
     """Target of each moving hand."""
     orientation: Orientation | None = None
     """Orientation of the hands at the end; None keeps it."""
+    turn: Formula | None = None
+    """Turn of both hands about the vertical at the end, counter-clockwise [degrees], beside that of
+    the orientation: with an object that stands turned. None keeps it."""
     spacing: Spacing = 0.01
     """Spacing on the longer line."""
     checked: bool = False
@@ -143,6 +146,27 @@ class Move(Step):
         super().__post_init__()
         if not self.targets:
             raise ValueError(f"a move has targets for some of {SIDES}; got none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Via(Step):
+    """Carry grasp points through via points without a stop, clear of objects to be avoided.
+
+    The hands turn as the arms need, palms down; all pass their points of one number together.
+    """
+
+    targets: Mapping[Side, Annotated[tuple[Formulas, ...], Len(1, 200)]]
+    """Via points and goal of each moving hand."""
+    spacing: Spacing = 0.01
+    """Spacing on the longer line."""
+    checked: bool = False
+    """As in `Move`."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        counts = {side: len(points) for side, points in self.targets.items()}
+        if len(set(counts.values())) != 1:
+            raise ValueError(f"hands must have equally many via points; got {counts}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,6 +233,7 @@ STEPS: Mapping[str, type[Step]] = {
     "approach": Approach,
     "hand_pose": HandPose,
     "move": Move,
+    "via": Via,
     "stretch": Stretch,
     "release": Release,
     "retreat": Retreat,
@@ -228,7 +253,7 @@ def _to_step(content: Any) -> Step:
         raise ValueError(f"a step is one of {sorted(STEPS)}; got {show(kind)}")
     kind = STEPS[content["step"]]
     fields = {key: value for key, value in content.items() if key != "step"}
-    if kind is Move:
+    if kind in (Move, Via):
         fields["targets"] = {side: fields.pop(side) for side in SIDES if side in fields}
     return from_plain(kind, fields)
 
@@ -309,7 +334,7 @@ class Stage:
             has_released |= isinstance(step, Release)
             if isinstance(step, Stretch) and len(self.grasp) < len(SIDES):
                 raise ValueError(f"a stretch needs both hands; got {sorted(self.grasp)}")
-            if isinstance(step, Move) and set(step.targets) - set(self.grasp):
+            if isinstance(step, Move | Via) and set(step.targets) - set(self.grasp):
                 raise ValueError(
                     f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"
                 )

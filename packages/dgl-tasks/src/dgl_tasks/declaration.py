@@ -57,6 +57,8 @@ class SceneObject:
     friction: Factor = 0.5
     """Factor on the garment's friction."""
     solid_to: SolidTo = "robot"
+    avoided: bool = False
+    """Ways of arms and hands through it count as out of reach, and touches are measured."""
 
     def __post_init__(self) -> None:
         adopt_fields(self)

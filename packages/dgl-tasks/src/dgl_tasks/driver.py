@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from dgl_tasks.clearance import Obstacle
 from dgl_tasks.env import GarmentEnv
 from dgl_tasks.holding import find_empty
 from dgl_tasks.messages import BeginsAgain, Believes, Carrying, Command, Mark, Part, TakePictures
@@ -88,6 +89,11 @@ class Driver:
             joint_state=env.agent.read_joints(),
             ee_pose=env.agent.read_hands(),
             frames=env.get_frames(),
+            obstacles=[
+                Obstacle(name=name, prop=item.prop, pose=item.pose)
+                for name, item in env.objects.items()
+                if item.declared.avoided
+            ],
             workspace=env.task.workspace,
             cloud=env.cloud,
             pictures={camera: env.take_picture(camera) for camera in cameras},
@@ -129,6 +135,8 @@ class Driver:
             self._measure()
         self.env.advance(target)
         self.commands.append(target)
+        for name, force in self.env.measure_touch().items():
+            self._keep_largest(f"max_force_on_{name}_N", force)
 
     def _note(self, mark: Mark) -> None:
         if self._listener is not None:
@@ -158,4 +166,7 @@ class Driver:
             "penetration_m": float(cloth.solver.measure_penetration(cloth.state)[0]),
         }
         for name, value in values.items():
-            self.measurements[f"max_{name}"] = max(value, self.measurements.get(f"max_{name}", 0.0))
+            self._keep_largest(f"max_{name}", value)
+
+    def _keep_largest(self, name: str, value: float) -> None:
+        self.measurements[name] = max(value, self.measurements.get(name, 0.0))

@@ -37,7 +37,7 @@ from dgl_tasks.inputs import (
     read_action,
     read_seed,
 )
-from dgl_tasks.objects import PlacedObject
+from dgl_tasks.objects import PlacedObject, measure_touch
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import CloudKind, Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
@@ -448,6 +448,10 @@ class GarmentEnv(BaseEnv):
         content: dict = {name: torch.tensor([value]) for name, value in told.items()}
         content["criteria"] = {c.name: torch.tensor([c.value]) for c in verdict.criteria}
         return content
+
+    def measure_touch(self) -> dict[str, float]:
+        """Measure the robot's force on each object that it is to avoid [N], by object."""
+        return measure_touch(self.scene.sub_scenes[0], self.objects.values())
 
     def measure_speed(self) -> float:
         """Measure the RMS speed of the garment's particles [m/s]."""

@@ -186,6 +186,7 @@ class Handling:
         """The present snapshot."""
         self._bounds = ActionBounds(*get_joint_limits(motion.robot))
         self._settled_at: int | None = None
+        motion.obstacles = sensed.obstacles
         motion.reset(motion.robot.compute_start("open"))
 
     @property

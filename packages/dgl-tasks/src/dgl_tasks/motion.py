@@ -1,15 +1,20 @@
 """Joint targets for both arms and hands: hand poses, straight lines and reaches."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation, Slerp
 
-from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, BasePlacement, Robot, Side
+from dgl_tasks.clearance import Obstacle, RobotSpheres
 from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
-from dgl_tasks.grasps import grasp_to_wrist
+from dgl_tasks.free_way import Waypoint, choose_orientations
+from dgl_tasks.grasps import grasp_to_wrist, wrist_to_grasp
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 HAND_FRAMES = 20
 """Frames of a change of hand pose (original code)."""
@@ -18,10 +23,24 @@ RAMP_FRAMES = 8
 """Frames in which a hand on a line speeds up, and in which it slows down."""
 JOINT_SPEED = 2.0
 """Speed of the fastest arm joint of a move in joint space [rad/s]; the limit is 2.09."""
+CORNER_FRAMES = 13
+"""Frames over which the corner at a via point is rounded."""
+TURNED_EVERY = 0.1
+"""Distance between the points of a way at which the hand's orientation is chosen [m]."""
 TURNS: tuple[float, ...] = tuple(
     float(np.radians(a)) for a in (0, 15, -15, 30, -30, 45, -45, 60, -60)
 )
 """Inward turns about the vertical, in the order in which they are tried [rad]."""
+
+REACH_STEP = 2.5
+"""Largest change of a joint on a reach [rad]."""
+UPRIGHT_STEP = 3.5
+"""The same for a hand with the thumb up or down, whose wrist turns half around [rad]."""
+ENTERED_MOST = 0.04
+"""Depth to which arm, wrist and palm may enter an obstacle on a planned way [m]: palms that press a
+garment between them have their targets inside it. Fingers give way."""
+CHECKED_EVERY = 5
+"""Control steps between two checks of a way against obstacles."""
 
 Rehearsal = Callable[[Side, float], object]
 """Plans one hand's motion, turned inward about the vertical [rad]; raises `UnreachableError`."""
@@ -31,7 +50,8 @@ class BimanualMotion:
     """Turns goals of the hands into rows of D joint targets (60 by default), one per control step.
 
     It keeps the last targets, from which the next motion starts. It knows kinematics only: the
-    caller sends the rows to the environment.
+    caller sends the rows to the environment. Ways through obstacles are refused, except for parking
+    and for the samples that `follow` may leave out.
     """
 
     def __init__(self, task: Task, *, robot: Robot = DEFAULT_ROBOT) -> None:
@@ -41,9 +61,12 @@ class BimanualMotion:
             task: Says where the bases stand.
             robot: Whose arms and hands they are.
         """
-        bases = zip(SIDES, (task.left_base, task.right_base), strict=True)
+        bases: dict[Side, BasePlacement] = {"left": task.left_base, "right": task.right_base}
         self.robot = robot
-        self._arms = {side: ArmKinematics(side, base, robot=robot) for side, base in bases}
+        self.obstacles: Sequence[Obstacle] = ()
+        """Objects that arms and hands keep out of, where they stand in this episode."""
+        self._arms = {side: ArmKinematics(side, bases[side], robot=robot) for side in SIDES}
+        self._spheres = RobotSpheres(robot, bases)
         self.target = np.zeros(robot.dof)
 
     def reset(self, joint_state: np.ndarray) -> None:
@@ -107,6 +130,7 @@ class BimanualMotion:
                 # stretched over the longer path, so that both arrive together
                 at = np.linspace(0, len(path) - 1, len(rows))
                 rows[:, self.robot.joint_slice(side, "arm")] = _resample(path, at)
+        self._check_clear(lines, rows)
         return self._finish(_ramp(np.concatenate([self.target[None], rows])))
 
     def follow(
@@ -148,7 +172,68 @@ class BimanualMotion:
                 columns = self.robot.joint_slice(side, part)
                 share = np.linspace(0, 1, len(way))
                 rows[:, columns] = np.stack([np.interp(at, share, c) for c in way.T], axis=1)
+        if must_reach:
+            self._check_clear(paths, rows)
         return self._finish(rows)
+
+    def pass_through(
+        self, points: Mapping[Side, np.ndarray], *, spacing: float = 0.01
+    ) -> tuple[np.ndarray, dict[Side, np.ndarray]]:
+        """Move grasp points through via points without a stop; the hands turn as the arms need.
+
+        The palms look down. All hands pass their via points of one number together.
+
+        Args:
+            points: Via points and goal of each moving hand [m], shape (K, 3), world frame.
+            spacing: As of `move`.
+
+        Returns:
+            Joint targets [rad], shape (N, D), and the orientation of each hand at the end, wxyz.
+
+        Raises:
+            UnreachableError: If a hand has no way within reach that keeps out of obstacles.
+        """
+        poses = self.compute_poses()
+        corners: dict[Side, np.ndarray] = {}
+        for side, via in points.items():
+            pose = poses[side]
+            begin = wrist_to_grasp(pose[:3], pose[3:], side, robot=self.robot)
+            corners[side] = np.concatenate([begin[None], via])
+        lengths = np.max([np.linalg.norm(np.diff(c, axis=0), axis=1) for c in corners.values()], 0)
+        times = np.concatenate([[0.0], np.cumsum(lengths / spacing)])
+        if times[-1] < 1e-9:
+            return np.zeros((0, self.robot.dof)), {side: poses[side][3:] for side in points}
+        at = np.linspace(0.0, times[-1], 1 + max(1, int(np.ceil(times[-1]))))
+        turned_at = np.linspace(0.0, times[-1], 1 + max(1, round(lengths.sum() / TURNED_EVERY)))
+        places, turns, ends = {}, {}, {}
+        for side, line in corners.items():
+            place = np.stack([np.interp(at, times, axis) for axis in line.T], axis=1)
+            # the ends stay where they are
+            place[1:-1] = uniform_filter1d(place, CORNER_FRAMES, axis=0, mode="nearest")[1:-1]
+            start = Waypoint(joints=self._get_joints(side), quaternion=poses[side][3:])
+            chosen = choose_orientations(
+                self._arms[side],
+                self.robot,
+                np.stack([np.interp(turned_at[1:], at, axis) for axis in place.T], axis=1),
+                start,
+                is_clear=lambda joints, side=side: self._is_clear(side, joints),
+            )
+            stops = Rotation.concatenate([to_rotation(w.quaternion) for w in (start, *chosen)])
+            places[side] = place[1:]
+            turns[side] = to_quaternion(Slerp(turned_at, stops)(at[1:]))
+            ends[side] = chosen[-1].quaternion
+        before = self.target.copy()
+        hands: dict[Side, np.ndarray] = {
+            side: np.tile(before[self.robot.joint_slice(side, "hand")], (len(at) - 1, 1))
+            for side in points
+        }
+        rows = self.follow(places, turns, hands)
+        return self._finish(_ramp(np.concatenate([before[None], rows]))), ends
+
+    def _is_clear(self, side: Side, joints: np.ndarray) -> bool:
+        row = self.target.copy()
+        row[self.robot.joint_slice(side, "arm")] = joints
+        return self._spheres.find_touched(side, row[None], self.obstacles) is None
 
     def reach(
         self, points: Mapping[Side, np.ndarray], orientations: Mapping[Side, np.ndarray]
@@ -156,16 +241,21 @@ class BimanualMotion:
         """Bring grasp points to goals through free space, straight in joint space, shape (N, D).
 
         Raises:
-            UnreachableError: If a goal has no joint configuration near the present one or home.
+            UnreachableError: If a goal has no joint configuration near the present one or home, or
+                an obstacle is in the way.
         """
         goals = {}
         for side, point in points.items():
             q, arm = orientations[side], self._arms[side]
+            is_upright = abs(to_rotation(q).apply([0.0, 0.0, 1.0])[2]) > np.sqrt(0.5)
+            most = UPRIGHT_STEP if is_upright else REACH_STEP
             wrist = grasp_to_wrist(np.asarray(point), q, side, robot=self.robot)
             try:
-                goals[side] = arm.solve(wrist, q, arm.home, max_step=2.5)
+                goals[side] = arm.solve(wrist, q, arm.home, max_step=most)
             except UnreachableError:
-                goals[side] = arm.solve(wrist, q, self._get_joints(side), max_step=2.5)
+                goals[side] = arm.solve(wrist, q, self._get_joints(side), max_step=most)
+        with self.rehearsal():
+            self._check_clear(goals, self.move_joints(goals))
         return self.move_joints(goals)
 
     def park(self) -> np.ndarray:
@@ -228,6 +318,15 @@ class BimanualMotion:
             s < 0.2, 2.5 * s**2, np.where(s > 0.8, 0.8 - 2.5 * (1 - s) ** 2, s - 0.1)
         )
         return self._finish(self.target + change * ramp[:, None])
+
+    def _check_clear(self, sides: Iterable[Side], rows: np.ndarray) -> None:
+        """Refuse a way on which an arm or hand enters an obstacle."""
+        for side in sides if self.obstacles else ():
+            checked = rows[CHECKED_EVERY - 1 :: CHECKED_EVERY]
+            touched = self._spheres.find_touched(side, checked, self.obstacles, with_fingers=False)
+            if touched is not None and touched[1] > ENTERED_MOST:
+                name, depth = touched
+                raise UnreachableError(f"{side} hand would enter {name} by {depth * 100:.1f} cm")
 
     def _get_joints(self, side: Side) -> np.ndarray:
         return self.target[self.robot.joint_slice(side, "arm")]

@@ -1,6 +1,6 @@
 """Objects in scenes: seen by the cameras, felt by cloth and robots."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,6 +130,26 @@ def compute_frames(task: Task, draws: Mapping[str, object]) -> dict[str, dict[st
         pose = np.concatenate([pose.p, pose.q]).astype(np.float64)
         frames[item.name] = make_prop(item.props[number]).compute_landmarks(pose)  # pyright: ignore[reportArgumentType, reportCallIssue]
     return frames
+
+
+def measure_touch(scene: sapien.Scene, objects: Iterable[PlacedObject]) -> dict[str, float]:
+    """Measure the force with which bodies press on each object that is to be avoided.
+
+    Args:
+        scene: After a step of the rigid bodies.
+        objects: Objects in it.
+
+    Returns:
+        Sum of the contacts' forces by object [N]; the garment has no part in it.
+    """
+    avoided = {item.entity: item.declared.name for item in objects if item.declared.avoided}
+    forces = dict.fromkeys(avoided.values(), 0.0)
+    for contact in scene.get_contacts() if avoided else ():
+        for body in contact.bodies:
+            if (name := avoided.get(body.entity)) is not None:
+                impulses = np.array([point.impulse for point in contact.points])
+                forces[name] += float(np.linalg.norm(impulses, axis=1).sum()) / scene.timestep
+    return forces
 
 
 def _make_pose(position: Vector3, yaw: float) -> sapien.Pose:

@@ -1,6 +1,6 @@
 """Data that a robot senses between two control steps: joints, hands, objects and pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from dgl_assets.robots import SIDES, Robot, Side
 from dgl_physics.drawing.rasteriser import Picture
 from dgl_tasks.cameras import Workspace
+from dgl_tasks.clearance import Obstacle
 from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.hanging import Hanging, measure_hanging
 from dgl_tasks.observation import Observation
@@ -43,6 +44,8 @@ class Sensed:
     """Left and right end effector: xyz [m] and quaternion wxyz, shape (2, 7), world frame."""
     frames: Mapping[str, Mapping[str, np.ndarray]]
     """Known frames of the objects, by object and name [m], shape (3,), world frame."""
+    obstacles: Sequence[Obstacle] = ()
+    """Objects to keep out of."""
     workspace: Workspace
     """Box that environment clouds are cropped to."""
     cloud: CloudKind = "segmented"

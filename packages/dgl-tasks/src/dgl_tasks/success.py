@@ -106,6 +106,14 @@ class SceneView(Protocol):
         ...
 
     @property
+    def midline(self) -> np.ndarray:
+        """Line along the middle of a long garment from one end to the other [m], shape (B, 3).
+
+        B is 0 where it is not known.
+        """
+        ...
+
+    @property
     def landmarks(self) -> Mapping[str, np.ndarray]:
         """Landmarks of the garment by name, before it was touched [m], shape (3,)."""
         ...
@@ -377,6 +385,65 @@ class SitsOn(AtFrame):
              0.0, " m", "not put on"),
             ("how far the garment leans", view.tilt, self.leaning, " rad", "leaning"),
         )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindsRound(AtFrame):
+    """A long garment goes round an upright part of an object, such as a neck, and hangs from it."""
+
+    turns: Limit
+    """Least turns of its midline about the vertical through the frame."""
+    above: Limit = 0.1
+    """Height over the frame up to which the midline counts [m]."""
+    below: Limit = 0.2
+    """Depth under the frame down to which it counts [m]."""
+    within: Limit = 0.2
+    """Horizontal distance from the frame up to which it counts [m]."""
+    low: Limit = 0.2
+    """Height below which hardly anything may be [m] (paper)."""
+    share_low: Share = 0.01
+    """Largest share of the garment that may be there (paper: 20 of 2048 points)."""
+
+    def __call__(self, view: SceneView) -> Verdict:
+        """Measure turns, the height of the ends, and the share that is low."""
+        place = get_frame(view.frames, self.frame)
+        line = view.midline if len(view.midline) else np.full((2, 3), 1e3)
+        off = line - place
+        near = np.linalg.norm(off[:, :2], axis=1) <= self.within
+        near &= (off[:, 2] <= self.above) & (off[:, 2] >= -self.below)
+        points = view.surface if len(view.surface) else np.full((1, 3), -1e3)
+        turns = Criterion(
+            name="turns of the garment's midline round its place",
+            value=abs(compute_winding(off, counted=near)),
+            comparison=">=",
+            threshold=self.turns,
+            failure="not round its place",
+        )
+        rest = _require_at_most(
+            ("height of the higher end over its place", float(off[[0, -1], 2].max()), 0.0, " m",
+             "an end is up"),
+            ("share of the garment that is low", float((points[:, 2] < self.low).mean()),
+             self.share_low, "", "hangs too low"),
+        )  # fmt: skip
+        return Verdict(criteria=(turns, *rest.criteria))
+
+
+def compute_winding(line: np.ndarray, *, counted: np.ndarray | None = None) -> float:
+    """Compute how often a line goes round the vertical axis, counter-clockwise from above.
+
+    Args:
+        line: Points from one end to the other [m], shape (B, 3).
+        counted: Points that count, shape (B,), bool; steps between two of them are added up. All
+            when None.
+
+    Returns:
+        Signed number of turns.
+    """
+    angles = np.arctan2(line[:, 1], line[:, 0])
+    steps = (np.diff(angles) + np.pi) % (2 * np.pi) - np.pi
+    if counted is not None:
+        steps = steps[counted[:-1] & counted[1:]]
+    return float(steps.sum() / (2 * np.pi))
 
 
 def _require_at_most(*limits: tuple[str, float, float, str, str]) -> Verdict:

@@ -9,6 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from dgl_tasks.coverage import sample_visible_surface
 
+SLICE = 0.03
+"""Width of the slices whose middles are the midline [m]."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrueView:
@@ -39,6 +42,17 @@ class TrueView:
             self.particles - self.particles.mean(axis=0), self.upright - self.upright.mean(axis=0)
         )[0]
         return float(np.arccos(np.clip(turn.as_matrix()[2, 2], -1.0, 1.0)))
+
+    @cached_property
+    def midline(self) -> np.ndarray:
+        """Middles of slices across the longest direction of the flat garment [m], shape (B, 3)."""
+        axis = int(np.ptp(self.upright, axis=0).argmax())
+        along = self.upright[:, axis]
+        count = max(2, round(float(np.ptp(along)) / SLICE))
+        slices = np.clip((along - along.min()) / np.ptp(along) * count, 0, count - 1).astype(int)
+        weights = np.bincount(slices, minlength=count)
+        sums = [np.bincount(slices, each, minlength=count) for each in self.particles.T]
+        return (np.stack(sums, axis=1) / np.maximum(weights, 1)[:, None])[weights > 0]
 
     @property
     def surface(self) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -90,11 +91,9 @@ class PropShape:
         """Signed distance to the nearest triangle among those of the nearest middles."""
         from trimesh.triangles import closest_point  # takes a second to import
 
-        assert self.points is not None
-        assert self.faces is not None
-        corners = self.points[self.faces].astype(float)
+        corners, middles = self._triangles
         near = min(_NEAR_FACES, len(corners))
-        _, found = KDTree(corners.mean(axis=1)).query(local, k=near)
+        _, found = middles.query(local, k=near)
         found = found.reshape(len(local), near)
         asked = np.repeat(local, near, axis=0)
         closest = closest_point(corners[found.ravel()], asked)
@@ -106,6 +105,13 @@ class PropShape:
         offset = local - closest.reshape(len(local), near, 3)[rows, best]
         side = np.einsum("nk,nk->n", offset, normals)
         return np.where(side < 0, -1.0, 1.0) * away[rows, best]
+
+    @cached_property
+    def _triangles(self) -> tuple[np.ndarray, KDTree]:
+        """Corners of a mesh's triangles [m], shape (F, 3, 3), and their middles."""
+        assert self.points is not None
+        corners = self.points[self.faces].astype(float)
+        return corners, KDTree(corners.mean(axis=1))
 
 
 def make_box(low: Vector3, high: Vector3) -> PropShape:
