@@ -21,7 +21,9 @@ def test_every_task_is_described_as_it_is_declared(capsys):
         assert [stage["name"] for stage in shown["stages"]] == [s.name for s in stages]
         for stage, declared in zip(shown["stages"], stages, strict=True):
             assert set(stage["grasp"]) == set(declared.grasp)
-            assert stage["orientation"] == declared.approach.orientation
+            taken = declared.approach.orientation
+            told = taken if isinstance(taken, str) else dataclasses.asdict(taken)
+            assert stage["orientation"] == told
             assert stage["learned"] == declared.is_learned
         assert [item["name"] for item in shown["objects"]] == [o.name for o in task.objects]
         assert shown["lacks"] is None

@@ -22,7 +22,7 @@ def make_spell(number=0, *, process=1, memory=100, task="FoldTops-v1", **changes
 
 def test_tasks_come_by_turns_and_steps_add_up():
     requests = list_requests(SoakConfig(steps=1250, episode=100))
-    assert [request.task for request in requests[:12]] == list(task_ids())
+    assert [request.task for request in requests[:13]] == list(task_ids())
     assert sum(request.steps for request in requests) == 1250
     assert len({request.seed for request in requests}) == len(requests) == 13
     assert requests == list_requests(SoakConfig(steps=1250, episode=100))

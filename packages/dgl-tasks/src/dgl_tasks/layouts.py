@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dgl_assets.props import HatStandParameters, PersonParameters
 from dgl_assets.robots import BasePlacement
 from dgl_physics.drawing.camera import Vector3
 from dgl_tasks.cameras import CameraPlacement, look_at
@@ -64,6 +65,44 @@ HOOK_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS | {
 WEAR_LEFT_BASE: BasePlacement = (-0.6, 0.0, 0.5, 0.0)
 WEAR_RIGHT_BASE: BasePlacement = (0.6, 0.0, 0.5, 0.0)
 """Bases for hats (original code)."""
+
+WEAR_CAMERAS: dict[str, CameraPlacement] = FLING_CAMERAS | {
+    "video_camera": _film_from((1.7, 0.35, 1.75), (-0.1, 0.75, 0.85))
+}
+"""Cameras for wearing; the video camera shows the way from the stand to the head."""
+
+HAT_STAND = SceneObject(
+    name="stand",
+    prop=HatStandParameters(foot_radius=0.08),
+    position=(0.0, 0.75, 0.0),
+    x_range=(-0.1, 0.1),
+    y_range=(-0.07, 0.07),
+    solid_to="garment",
+)
+"""Stand that hats are taken from."""
+
+PERSON = SceneObject(
+    name="person",
+    prop=tuple(
+        PersonParameters(measures=measures, scale=scale)
+        for measures, scale in (
+            ("woman", 0.75),
+            ("woman", 0.72),
+            ("slim_woman", 0.78),
+            ("heavy_woman", 0.75),
+            ("man", 0.7),
+            ("slim_man", 0.73),
+            ("heavy_man", 0.71),
+        )
+    ),
+    position=(0.0, 1.15, 0.0),
+    x_range=(-0.15, 0.15),
+    y_range=(-0.05, 0.05),
+    yaw_range=(-float(np.radians(15)), float(np.radians(15))),
+    avoided=True,
+)
+"""Somebody of another build, size and direction in each episode, who faces the robots; garments of
+this package fit their heads."""
 
 STORE_LEFT_BASE: BasePlacement = (-0.9, 0.0, 0.5, 0.0)
 STORE_RIGHT_BASE: BasePlacement = (0.9, 0.0, 0.5, 0.0)
