@@ -645,7 +645,7 @@ def test_the_expert_does_all_that_was_demonstrated(make_world):
 def lay_out(task, demonstration):
     """The cloud of the demonstration's garment in the task, its points, and the frames."""
     frames = {
-        item.name: make_prop(item.prop).compute_landmarks(
+        item.name: make_prop(item.props[0]).compute_landmarks(
             np.array([*item.position, np.cos(item.yaw / 2), 0, 0, np.sin(item.yaw / 2)])
         )
         for item in task.objects
