@@ -320,6 +320,7 @@ FAULTS = (
         r"equally many via points; got \{'left': 1, 'right': 2\}",
     ),
     (_step(1, {"step": "hand_pose", "pose": "close", "speed": 2}), "speed: unexpected keyword"),
+    (_step(1, {"step": "hand_pose", "pose": "close", "hands": []}), "hands.*at least 1 item"),
     (_step(1, {"step": "hand_pose", "pose": "fist"}),
         r"a hand pose is one of \[.*'close'.*; got 'fist'"),
     (_step(6, {"step": "release", "pose": "drop"}),
@@ -468,6 +469,10 @@ def test_unknown_frames_of_an_object_are_refused(content, with_hanger):
             (_grasp({"at": [formula, "0.8", "0.1"]}), message),
             (
                 _step(2, {"step": "via", "left": [["0", "0.8", "0.3"], ["0", formula, "0"]]}),
+                message,
+            ),
+            (
+                _step(2, {"step": "via", "left": [["0"] * 3], "towards": [formula, "0", "0"]}),
                 message,
             ),
             (_step(2, {"step": "move", "left": ["0", "0.8", "0.3"], "turn": formula}), message),

@@ -186,6 +186,31 @@ def test_hands_keep_the_orientation_in_which_a_way_has_left_them(make_world):
         work.choose_turns(must_do_all=True)
 
 
+def test_hands_may_open_one_after_the_other(make_world):
+    close, release = HandPose(pose="close"), Release(hands=("left",))
+    stage = make_stage(close, release, grasp=BOTH)
+    world = make_world()
+    carry_out(world, make_work(world, stage))
+    for side, pose in (("left", "open"), ("right", "close")):
+        hand = world.hands.motion.target[joint_slice(side, "hand")]
+        np.testing.assert_allclose(hand, DEFAULT_ROBOT.get_hand_pose(pose), atol=1e-6)
+    with pytest.raises(ValueError, match=r"hands must be of \['left'\]; got \('right',\)"):
+        make_stage(close, Release(hands=("right",)))
+
+
+def test_a_way_points_the_fingers_at_a_place(make_world):
+    over = {"left": (("-0.4", "0.7", "0.3"), ("-0.1", "0.75", "0.35"))}
+    along = {}
+    for towards in (None, ("0.6", "0.7", "0.35")):
+        world = make_world()
+        work = make_work(world, make_stage(Via(targets=over, towards=towards)))
+        carry_out(world, work)
+        along[towards] = to_rotation(work.orientations["left"]).apply([1.0, 0.0, 0.0])
+    plain, aimed = along.values()
+    assert plain[0] < 0.6
+    assert aimed[0] > 0.85
+
+
 FAR = Move(targets={"left": ("-0.4", "3", "0.3")})
 NEAR = Move(targets={"left": ("-0.3", "0.8", "0.3")})
 

@@ -41,8 +41,15 @@ def make_start(motion):
     return Waypoint(joints=joints, quaternion=motion.compute_poses()["left"][3:])
 
 
-def choose(arm, motion, points, is_clear=lambda joints: True):
-    return choose_orientations(arm, DEFAULT_ROBOT, points, make_start(motion), is_clear=is_clear)
+def choose(arm, motion, points, is_clear=lambda joints: True, **options):
+    corners = np.concatenate([START[None], points])
+    parts = [np.linspace(a, b, 5)[1:] for a, b in pairwise(corners)]
+    start = make_start(motion)
+    return choose_orientations(arm, DEFAULT_ROBOT, parts, start, is_clear=is_clear, **options)
+
+
+def point_fingers(way):
+    return np.stack([to_rotation(each.quaternion).apply([1.0, 0.0, 0.0]) for each in way])
 
 
 def measure_turns(way, start):
@@ -76,6 +83,29 @@ def test_the_hand_turns_step_by_step_where_it_would_touch(arm, motion):
     turns = measure_turns(way, make_start(motion))
     assert 25 < max(turns) < 46  # a step of yaw and one of pitch at most
     assert sum(turns) > 40
+
+
+def test_fingers_point_at_a_place_where_the_arm_allows_it(arm, motion):
+    """The way alone would not turn them; they need some steps of 30 degrees."""
+    place = np.array([0.6, 0.7, 0.7])
+    aims = place - LEVEL
+    aims /= np.linalg.norm(aims, axis=1, keepdims=True)
+    aimed, plain = (
+        (point_fingers(choose(arm, motion, LEVEL, towards=at)) * aims).sum(axis=1)
+        for at in (place, None)
+    )
+    assert plain[-1] < np.cos(np.radians(60))
+    assert aimed[-1] > np.cos(np.radians(25))
+
+
+def test_the_arm_passes_all_points_between(arm, motion):
+    """A way is refused if only its ends are within reach."""
+    corner = START - np.array([3.0, 0.0, 0.0])
+    part = np.concatenate([np.linspace(START, corner, 40), np.linspace(corner, LEVEL[0], 40)])
+    with pytest.raises(UnreachableError, match="with any orientation of the hand, point 1 of 1"):
+        choose_orientations(
+            arm, DEFAULT_ROBOT, [part], make_start(motion), is_clear=lambda joints: True
+        )
 
 
 def test_ways_that_do_not_exist_are_refused_with_the_place(arm, motion):

@@ -205,7 +205,7 @@ def _list_formulas(step: Step) -> list[str]:
     if isinstance(step, Move):
         return [*chain(*step.targets.values()), step.turn or "0"]
     if isinstance(step, Via):
-        return list(chain(*chain(*step.targets.values())))
+        return [*chain(*chain(*step.targets.values())), *(step.towards or ())]
     return []
 
 

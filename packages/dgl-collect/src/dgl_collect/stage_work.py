@@ -170,7 +170,7 @@ class StageWork:
                     motion.move({side: at}, get_orientation(), spacing=step.spacing)
                 case Via(targets=targets) if side in targets:
                     way: dict[Side, np.ndarray] = {side: self._compute_all(targets[side])}
-                    _, ends = motion.pass_through(way, spacing=step.spacing)
+                    _, ends = self._pass_through(step, way)
                     at, free = way[side][-1], ends[side]
                 case Follow():
                     ways, _ = self._plan_follow(step, {**self.grasp, side: at}, get_orientation())
@@ -178,6 +178,12 @@ class StageWork:
                     at = ways[0][side][-1]
                 case Retreat():
                     plan_leave(motion, {side: at}, get_orientation(), step)
+
+    def _pass_through(
+        self, step: Via, ways: Mapping[Side, np.ndarray]
+    ) -> tuple[np.ndarray, dict[Side, np.ndarray]]:
+        towards = None if step.towards is None else self._compute(step.towards)
+        return self.hands.motion.pass_through(ways, spacing=step.spacing, towards=towards)
 
     def _plan_coming(self, side: Side, turn: float) -> None:
         self._plan_approach({side: self.grasp[side]}, {side: turn})
@@ -255,9 +261,9 @@ class StageWork:
                 self._orientation = step.orientation
                 yield from hands.approach(self._plan_approach(self.grasp, self._turns))
             case HandPose(pose=pose):
-                rows = motion.set_hands(dict.fromkeys(self.grasp, pose))
+                rows = motion.set_hands(dict.fromkeys(step.hands or self.grasp, pose))
                 yield from hands.send(rows, recorded=recorded)
-                self._has_released = isinstance(step, Release)
+                self._has_released |= isinstance(step, Release)
                 self._has_closed = True
             case Move():
                 self._orientation = step.orientation or self._orientation
@@ -273,7 +279,7 @@ class StageWork:
                 ways: dict[Side, np.ndarray] = {
                     side: self._compute_all(way) for side, way in step.targets.items()
                 }
-                rows, ends = motion.pass_through(ways, spacing=step.spacing)
+                rows, ends = self._pass_through(step, ways)
                 self._free |= ends
                 targets = {side: way[-1] for side, way in ways.items()}
                 yield from self._carry(step, rows, targets)

@@ -117,6 +117,8 @@ class HandPose(Step):
     """Give the working hands a pose."""
 
     pose: PoseName
+    hands: Annotated[tuple[Side, ...], Len(1)] | None = None
+    """Hands that take it; None for all working hands."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +159,9 @@ class Via(Step):
 
     targets: Mapping[Side, Annotated[tuple[Formulas, ...], Len(1, 200)]]
     """Via points and goal of each moving hand."""
+    towards: Formulas | None = None
+    """Position that the fingers point at where the arms allow it: closed fingers hold most against
+    a pull along them."""
     spacing: Spacing = 0.01
     """Spacing on the longer line."""
     checked: bool = False
@@ -338,6 +343,8 @@ class Stage:
                 raise ValueError(
                     f"moves must be of {sorted(self.grasp)}; got {sorted(step.targets)}"
                 )
+            if isinstance(step, HandPose) and set(step.hands or ()) - set(self.grasp):
+                raise ValueError(f"hands must be of {sorted(self.grasp)}; got {step.hands}")
             named = step.orientation if isinstance(step, Approach | Move) else None
             lacking = [s for s in self.grasp if named and s not in find_sides(named)]
             if lacking:

@@ -177,7 +177,11 @@ class BimanualMotion:
         return self._finish(rows)
 
     def pass_through(
-        self, points: Mapping[Side, np.ndarray], *, spacing: float = 0.01
+        self,
+        points: Mapping[Side, np.ndarray],
+        *,
+        spacing: float = 0.01,
+        towards: np.ndarray | None = None,
     ) -> tuple[np.ndarray, dict[Side, np.ndarray]]:
         """Move grasp points through via points without a stop; the hands turn as the arms need.
 
@@ -186,6 +190,7 @@ class BimanualMotion:
         Args:
             points: Via points and goal of each moving hand [m], shape (K, 3), world frame.
             spacing: As of `move`.
+            towards: Point that the fingers point at where the arms allow it [m], shape (3,).
 
         Returns:
             Joint targets [rad], shape (N, D), and the orientation of each hand at the end, wxyz.
@@ -204,7 +209,8 @@ class BimanualMotion:
         if times[-1] < 1e-9:
             return np.zeros((0, self.robot.dof)), {side: poses[side][3:] for side in points}
         at = np.linspace(0.0, times[-1], 1 + max(1, int(np.ceil(times[-1]))))
-        turned_at = np.linspace(0.0, times[-1], 1 + max(1, round(lengths.sum() / TURNED_EVERY)))
+        parts = min(len(at) - 1, max(1, round(lengths.sum() / TURNED_EVERY)))
+        turned = np.linspace(0, len(at) - 1, parts + 1).round().astype(int)
         places, turns, ends = {}, {}, {}
         for side, line in corners.items():
             place = np.stack([np.interp(at, times, axis) for axis in line.T], axis=1)
@@ -214,13 +220,14 @@ class BimanualMotion:
             chosen = choose_orientations(
                 self._arms[side],
                 self.robot,
-                np.stack([np.interp(turned_at[1:], at, axis) for axis in place.T], axis=1),
+                np.split(place[1:], turned[1:-1]),
                 start,
                 is_clear=lambda joints, side=side: self._is_clear(side, joints),
+                towards=towards,
             )
             stops = Rotation.concatenate([to_rotation(w.quaternion) for w in (start, *chosen)])
             places[side] = place[1:]
-            turns[side] = to_quaternion(Slerp(turned_at, stops)(at[1:]))
+            turns[side] = to_quaternion(Slerp(turned, stops)(np.arange(1, len(at))))
             ends[side] = chosen[-1].quaternion
         before = self.target.copy()
         hands: dict[Side, np.ndarray] = {
