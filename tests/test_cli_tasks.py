@@ -67,11 +67,11 @@ def test_where_objects_and_what_lies_on_them_may_be_is_told(capsys):
 
 def test_props_and_turns_that_are_drawn_are_told(monkeypatch, capsys):
     hang = get_task("HangTops-v1")
-    bar = dataclasses.replace(hang.objects[0], prop=("hanger",) * 3, yaw_range=(-0.1, 0.2))
+    bar = dataclasses.replace(hang.objects[0], prop=("hanger",) * 3, yaw_range=(-0.1, 0.2618))
     changed = dataclasses.replace(hang, objects=(bar,))
     monkeypatch.setitem(tasks_module._TASKS, hang.id, changed)
     assert main(["tasks", hang.id]) == 0
-    told = "hanger (hanger, one of 3), x -0.15 to 0.15 m, y 0.8 to 0.9 m, yaw -0.1 to 0.2 rad"
+    told = "hanger (hanger, one of 3), x -0.15 to 0.15 m, y 0.8 to 0.9 m, yaw -5.7 to 15 degrees"
     assert told in capsys.readouterr().out
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import degrees
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro  # noqa: TID253 - marks the positional argument; the command line imports it anyway
@@ -133,8 +134,8 @@ def _lines(task: dict[str, Any]) -> list[str]:
 def _place(item: dict[str, Any]) -> str:
     """Describe the ranges of a place, and of a turn that is drawn."""
     place = [f"{axis} {item[axis][0]:g} to {item[axis][1]:g} m" for axis in ("x", "y")]
-    low, high = item.get("yaw", (0.0, 0.0))
-    return ", ".join([*place, *([f"yaw {low:g} to {high:g} rad"] if low < high else [])])
+    low, high = (round(degrees(turn), 1) for turn in item.get("yaw", (0.0, 0.0)))
+    return ", ".join([*place, *([f"yaw {low:g} to {high:g} degrees"] if low < high else [])])
 
 
 def _of(variants: int) -> str:
