@@ -189,17 +189,17 @@ def test_a_policy_of_several_stages_learns_what_only_the_stage_says(
     tiny_config, random_batch, seeded
 ):
     config = tiny_config("dp3", stages=2)
-    policy = DiffusionPolicy.make(config, seed=0)
+    policy = DiffusionPolicy.make(config, seed=1)
     batch = random_batch(config, count=8)
     batch = {key: values[:1].expand_as(values) for key, values in batch.items()}
     batch["stage"] = torch.arange(8) % 2
     batch["start_joint_state"] = torch.zeros_like(batch["start_joint_state"])
     batch["action"] = (2.0 * batch["stage"] - 1.0).reshape(8, 1, 1).expand(8, config.horizon, 60)
     optimizer = torch.optim.AdamW(policy.parameters(), lr=5e-3)
-    for step in range(100):
+    for step in range(150):
         optimizer.zero_grad()
         policy(batch, seeded(step)).backward()
         optimizer.step()
     policy.eval()
     actions = policy.predict(batch, policy.encode_stage(batch, seeded()), seeded())
-    torch.testing.assert_close(actions.sign(), batch["action"])
+    torch.testing.assert_close(actions, batch["action"], rtol=0.0, atol=0.5)
