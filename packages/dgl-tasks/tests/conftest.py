@@ -109,6 +109,7 @@ class FakeEnv:
         self.cloud = "segmented"
         self.agent = SimpleNamespace(
             model=DEFAULT_ROBOT,
+            control_mode="pd_joint_pos",
             read_joints=lambda: np.array(self.joints),
             read_hands=self._compute_poses,
         )

@@ -2,16 +2,21 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_tasks.cameras import (
+    WRIST_CAMERAS,
     CameraPlacement,
     Workspace,
+    build_wrist_camera,
     farthest_point_sample,
     is_in_workspace,
     look_at,
+    place_wrist_camera,
 )
 from dgl_tasks.layouts import FLING_CAMERAS, FOLD_CAMERAS
-from dgl_tasks.rotations import to_rotation
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 
 def _ground_point(camera, u, v):
@@ -55,6 +60,29 @@ def test_look_at_points_the_axis_at_the_target():
     np.testing.assert_allclose(axis, wanted, atol=1e-12)
     with pytest.raises(ValueError, match="straight above"):
         look_at((0, 0, 1), (0, 0, 0))
+
+
+def test_wrist_cameras_look_at_the_grasp_points_and_move_with_their_hands():
+    rng, still = np.random.default_rng(0), np.array([0.0, 0, 0, 1, 0, 0, 0])
+    for name, side in WRIST_CAMERAS.items():
+        turn = Rotation.random(random_state=rng)
+        pose = np.array([*rng.uniform(-1, 1, 3), *to_quaternion(turn)])
+        camera = place_wrist_camera(side, pose, DEFAULT_ROBOT)
+        grasp = pose[:3] + turn.apply(DEFAULT_ROBOT.get_grasp_offset(side))
+        knuckles = grasp - turn.apply([0.03, 0, 0])
+        (at, behind) = camera.project(np.stack([grasp, knuckles]))
+        np.testing.assert_allclose(at, (320, 240, np.hypot(0.2, 0.16)), atol=1e-6)
+        assert behind[0] == pytest.approx(320)  # the fingers point up in the picture
+        assert behind[1] > 250
+        axes = place_wrist_camera(side, still, DEFAULT_ROBOT).axes
+        np.testing.assert_allclose(turn.apply(axes), camera.axes, atol=1e-12)
+        # ManiSkill's: along +x, up is +z, on the link
+        built = build_wrist_camera(name, DEFAULT_ROBOT, None)
+        local = to_rotation(built.pose.q[0].numpy())
+        np.testing.assert_allclose((turn * local).apply([1, 0, 0]), camera.axes[2], atol=1e-6)
+        np.testing.assert_allclose((turn * local).apply([0, 0, -1]), camera.axes[1], atol=1e-6)
+        eye = pose[:3] + turn.apply(built.pose.p[0].numpy())
+        np.testing.assert_allclose(eye, camera.position, atol=1e-6)
 
 
 def test_bad_cameras_and_workspaces_are_refused():

@@ -12,6 +12,7 @@ import dgl_tasks
 from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES, SIDES
 from dgl_tasks.driver import PASSAGE_FILM_STEPS, Driver
 from dgl_tasks.grasps import GRASP_ORIENTATIONS
+from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.handling import Handling, plan_approach
 from dgl_tasks.messages import BeginsAgain, Believes, Carrying, Command, StageEnds
 from dgl_tasks.observation import STEPS_PER_ACTION
@@ -101,6 +102,24 @@ def test_courses_in_one_loop_go_on_as_each_does_alone(make_env):
         assert other.beliefs == one.beliefs
     assert order == [1, 2] * 7 + [1] * 5  # each step is made when it is asked for
     assert not np.array_equal(alone[0].commands[:7], alone[1].commands)
+
+
+def test_commands_are_brought_into_the_control_mode_and_kept_as_they_were_sent(make_env):
+    env, converter = make_env(), HandPoseActions(DEFAULT_ROBOT)
+    env.agent.control_mode = "pd_hand_poses"
+    env.agent.make_action, env.agent.read_targets = converter.from_joints, converter.to_joints
+    env.advance = lambda action: env.sent.append(action)
+    notes = Notes()
+    driver = Driver(env, seed=0, listener=notes)
+    target = DEFAULT_ROBOT.compute_start("pinch")
+    target[joint_slice("right", "hand")][3] += 0.3  # no pose bends one finger alone
+    driver.step(Command(target))
+    (action,), (command,) = env.sent, driver.commands
+    assert action.shape == (22,)
+    np.testing.assert_allclose(command, converter.to_joints(action), atol=1e-6)
+    np.testing.assert_array_equal(notes.told[0][0].target, command)
+    np.testing.assert_allclose(command[:30], target[:30], atol=1e-6)
+    assert 0.05 < np.abs(command - target).max() < 0.3
 
 
 def test_an_error_of_a_course_is_nobody_elses(make_env):

@@ -383,6 +383,33 @@ of_pinocchio = pytest.mark.filterwarnings(
 )
 
 
+def test_hand_poses_move_like_the_joint_targets_that_they_stand_for(settled, refuse):
+    start = resting(settled)
+    action, state = start.copy(), settled.get_state_dict()
+    for side in ("left", "right"):
+        hand = joint_slice(side, "hand")
+        action[hand] = 0.5 * (start[hand] + HAND_POSES["close"])
+    run(settled, 1, action)  # PhysX keeps more of the joints than it tells, so both come from here
+    settled.set_state_dict(state)
+    settled.advance(start)
+    moved = run(settled, 2, action)
+    short = settled.agent.hand_pose_actions.from_joints(action)
+    assert short[[6, 17]].tolist() == pytest.approx([0.5, 0.5])  # half closed
+    settled.set_state_dict(state)
+    settled.advance(start)
+    try:
+        settled.step({"control_mode": "pd_hand_poses", "action": short})
+        assert settled.agent.single_action_space.shape == (22,)
+        settled.step(short)
+        too_long = lambda: settled.step(action)  # noqa: E731
+        assert not refuse([(too_long, r"action must have shape \(22,\) .*; got \(60,\)")])
+        assert settled.agent.read_joints() == pytest.approx(moved[1], abs=1e-4)
+        assert settled.get_particles() == pytest.approx(moved[0], abs=1e-3)
+        np.testing.assert_allclose(settled._target, action, atol=1e-6)
+    finally:
+        settled.agent.set_control_mode("pd_joint_pos")
+
+
 @pytest.fixture(scope="module")
 def pose_env(coarse_garments):
     made = gymnasium.make(

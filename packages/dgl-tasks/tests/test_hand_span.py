@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dgl_assets.robots import DEFAULT_ROBOT
-from dgl_tasks.hand_span import HandSpan
+from dgl_tasks.hand_span import HandPoseActions, HandSpan
 
 
 def test_named_poses_have_their_own_coordinate():
@@ -25,3 +25,20 @@ def test_mixtures_come_back_and_other_joints_go_to_the_nearest_mixture():
     for _ in range(20):
         other = span.to_joints(span.to_coordinates(joints) + rng.normal(0, 0.1, 5))
         assert np.linalg.norm(joints - other) > distance > 0
+
+
+def test_actions_hold_arms_and_hand_poses_exactly_and_other_fingers_nearly():
+    actions, rng = HandPoseActions(DEFAULT_ROBOT), np.random.default_rng(1)
+    assert len(actions.names) == 22
+    assert actions.names[6:11] == tuple(f"left_hand_{name}" for name in HandSpan.names)
+    assert actions.bounds[:, 6:11].tolist() == [[0] * 5, [1] * 5]
+    joints = rng.uniform(-1, 1, (3, 60))
+    for side in ("left", "right"):
+        close, pinch = (DEFAULT_ROBOT.get_hand_pose(name) for name in ("close", "pinch"))
+        share = rng.uniform(0, 1, (3, 1))
+        joints[:, DEFAULT_ROBOT.joint_slice(side, "hand")] = share * close + (1 - share) * pinch
+    assert actions.to_joints(actions.from_joints(joints)) == pytest.approx(joints, abs=1e-12)
+    joints[0, 7] += 0.2  # one finger of the left hand leaves the span
+    back = actions.to_joints(actions.from_joints(joints))
+    assert back[:, 30:] == pytest.approx(joints[:, 30:], abs=1e-12)
+    assert 0 < np.abs(back[0] - joints[0]).max() < 0.2

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from dgl_assets.robots import DEFAULT_ROBOT, HAND_POSES
 from dgl_tasks.errors import PolicyError
+from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.policy import FromStart, Method, Nothing, ObservingPolicy, Policy
 
@@ -78,6 +80,25 @@ def test_what_is_no_action_is_refused(world):
 
     with pytest.raises(PolicyError, match=r"actions must have shape \(N, 60\); got \(1, 59\)"):
         run(world, Wrong(), 1)
+
+
+def test_actions_of_hand_poses_become_the_joint_targets_that_they_stand_for(world):
+    class Grasp(Counter):
+        def act(self, observation):
+            action = np.zeros((1, 22))
+            action[:, HandPoseActions(DEFAULT_ROBOT).names.index("left_hand_close")] = 1.0
+            return action
+
+    def play(policy):
+        acting = FromStart(policy=policy, actions=1, control_mode="pd_hand_poses")
+        return world.play(acting.run(world.hands))[-1].target
+
+    hands = {side: DEFAULT_ROBOT.joint_slice(side, "hand") for side in ("left", "right")}
+    reached = play(Grasp())
+    np.testing.assert_allclose(reached[hands["left"]], HAND_POSES["close"], atol=1e-6)
+    np.testing.assert_allclose(reached[hands["right"]], HAND_POSES["open"], atol=1e-6)
+    with pytest.raises(PolicyError, match=r"actions must have shape \(N, 22\); got \(1, 60\)"):
+        play(Counter())
 
 
 def test_nothing_gives_no_command(world):

@@ -14,6 +14,7 @@ __all__ = [
     "CloudKind",
     "EvaluationOptions",
     "GarmentChoice",
+    "JointControlMode",
     "MatcherName",
     "RecordOptions",
     "RunOptions",
@@ -21,6 +22,9 @@ __all__ = [
 
 CloudKind = Literal["segmented", "scene"]
 """Clouds that policies see: garment and objects alone, or all in the workspace, robot included."""
+
+JointControlMode = Literal["pd_joint_pos", "pd_hand_poses"]
+"""Control modes of `dgl_tasks.inputs` whose actions are joint targets, or stand for them."""
 
 MatcherName = Literal["exact", "gam"]
 """`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
@@ -60,6 +64,9 @@ class RunOptions:
     rounds: Annotated[int, Ge(1)] | None = None
     """Most rounds through the stages while the task is believed not to be done; 1 is the paper's
     protocol. Default: as the demonstration says."""
+    control_mode: JointControlMode = "pd_joint_pos"
+    """Actions: a target of each joint, or those of the arms' joints and weights of hand poses, 22
+    numbers, which `pd_hand_poses` has. Commands of all methods are brought into this form."""
     robot: str = "ur10e+shadow"
     """Arm and hand, ARM+HAND; one name alone stands for itself with the built-in other."""
     robots: Path | None = None

@@ -103,7 +103,8 @@ def replay_episode(
 
     Args:
         episode: The record.
-        options: `robots` and `render_backend`; everything else is as the episode says.
+        options: `robots`, `render_backend` and `control_mode`; everything else is as the episode
+            says.
         film: Receives pictures for people, shape (H, W, 3), uint8.
         on_step: Called after each control step with the number of steps so far.
 
@@ -147,7 +148,7 @@ def replay_in(
         driver.step(Command(row))
         if on_step is not None:
             on_step(number)
-    comparison.compare_end(env.get_particles())
+    comparison.compare_end(np.stack(driver.commands), env.get_particles())
     verdict = env.judge()
     recorded, draws = episode.randomisation, env.draws
     return Replay(
@@ -201,10 +202,8 @@ class _Comparison:
     def note(self, mark: Mark, sensed: "Sensed") -> None:
         """Nothing is marked in a replay."""
 
-    def compare_end(self, particles: np.ndarray) -> None:
+    def compare_end(self, commands: np.ndarray, particles: np.ndarray) -> None:
         """Compare recorded actions with the commands, and the final particles."""
-        commands = self._episode.commands
-        assert commands is not None
         for step, (stage, k) in self._frames.items():
             held = commands[step : step + STEPS_PER_ACTION]
             row = held[-1]

@@ -78,6 +78,7 @@ def make_env(task: Task, options: RunOptions) -> GarmentEnv:
         render_mode="rgb_array",
         look=options.look,
         cloud=options.cloud,
+        control_mode=options.control_mode,
         robot=load_robot(options.robot, options.robots),
     )
 

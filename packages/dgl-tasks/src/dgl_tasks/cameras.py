@@ -12,12 +12,14 @@ import numpy as np
 from pydantic import AllowInfNan
 from scipy.spatial.transform import Rotation
 
+from dgl_assets.robots import Robot, Side
 from dgl_files.fields import adopt_fields
 from dgl_physics.drawing.camera import Axes, PinholeCamera, Vector3
-from dgl_tasks.rotations import to_quaternion
+from dgl_tasks.rotations import to_quaternion, to_rotation
 
 if TYPE_CHECKING:
     from mani_skill.sensors.camera import CameraConfig
+    from mani_skill.utils.structs import Link
 
 HORIZONTAL_FOV = 2 * np.arctan(20.955 / 2 / 50.0)
 """Field of view [rad], 23.7 degrees: aperture 20.955 at focal length 50 (original code)."""
@@ -27,6 +29,13 @@ Bound = Annotated[float, AllowInfNan(True)]
 
 _TREE_HEIGHT = 5
 """Levels of the bucket tree for farthest points; the fastest for clouds of pictures."""
+WRIST_CAMERAS: dict[str, Side] = {"left_wrist_camera": "left", "right_wrist_camera": "right"}
+"""Cameras above the backs of the hands, which look at the grasp points; every robot has them."""
+_WRIST_OFFSET = (-0.2, -0.16, 0.0)
+"""Place of a wrist camera from the grasp point, in axes of `ee` [m]: behind, and above the back of
+the hand. It looks at the grasp point."""
+_WRIST_FOV = float(np.radians(80))
+_WRIST_NEAR = 0.02
 _OPENCV_TO_SAPIEN = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -74,6 +83,57 @@ class CameraPlacement(PinholeCamera):
             far=self.far,
             shader_pack="minimal",  # the fastest
         )
+
+
+def place_wrist_camera(side: Side, pose: np.ndarray, robot: Robot) -> PinholeCamera:
+    """Place a wrist camera.
+
+    Args:
+        side: "left" or "right".
+        pose: Of its `ee`: xyz [m] and wxyz, shape (7,), world frame.
+        robot: Whose hand it is.
+    """
+    position, axes = _mount_wrist_camera(side, robot)
+    turn = to_rotation(pose[3:])
+    x, y, z = (pose[:3] + turn.apply(position)).tolist()
+    right, down, forward = (turn.as_matrix() @ axes).T.tolist()
+    return PinholeCamera(
+        position=(x, y, z),
+        axes=(tuple(right), tuple(down), tuple(forward)),
+        horizontal_fov=_WRIST_FOV,
+        near=_WRIST_NEAR,
+    )
+
+
+def build_wrist_camera(name: str, robot: Robot, link: "Link") -> "CameraConfig":
+    """Make ManiSkill's configuration of a wrist camera on its `ee` link."""
+    import torch
+    from mani_skill.sensors.camera import CameraConfig
+    from mani_skill.utils.structs import Pose
+
+    side = WRIST_CAMERAS[name]
+    position, axes = _mount_wrist_camera(side, robot)
+    still = place_wrist_camera(side, np.array([0.0, 0, 0, 1, 0, 0, 0]), robot)
+    turn = Rotation.from_matrix(axes @ _OPENCV_TO_SAPIEN.T)
+    return CameraConfig(
+        uid=name,
+        pose=Pose.create_from_pq(torch.from_numpy(position), torch.from_numpy(to_quaternion(turn))),
+        width=still.width,
+        height=still.height,
+        fov=still.vertical_fov,
+        near=still.near,
+        far=still.far,
+        mount=link,
+        shader_pack="minimal",
+    )
+
+
+def _mount_wrist_camera(side: Side, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Give place [m] and right, down and forward as columns, in axes of `ee`."""
+    forward = -np.array(_WRIST_OFFSET) / np.linalg.norm(_WRIST_OFFSET)
+    right = np.array([0.0, 0.0, -1.0])
+    axes = np.column_stack([right, np.cross(forward, right), forward])
+    return robot.get_grasp_offset(side) + _WRIST_OFFSET, axes
 
 
 def look_at(eye: Vector3, target: Vector3) -> Vector3:

@@ -1,6 +1,7 @@
 """The loop of one episode: steps the environment, films it, and measures the truth."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -35,7 +36,11 @@ class Listener(Protocol):
 
 
 class Driver:
-    """Steps an environment as a part of an episode says; keeps truth and beliefs apart."""
+    """Steps an environment as a part of an episode says; keeps truth and beliefs apart.
+
+    Commands pass through the environment's control mode: in `pd_hand_poses` a hand follows those
+    that mix its poses exactly, others by the nearest that does.
+    """
 
     def __init__(
         self,
@@ -125,7 +130,10 @@ class Driver:
     def step(self, command: Command) -> None:
         """Make one control step."""
         number = len(self.commands)
-        target = command.target.astype(np.float32)
+        agent, action = self.env.agent, command.target.astype(np.float32)
+        if agent.control_mode == "pd_hand_poses":
+            action = agent.make_action(command.target).astype(np.float32)
+            command = replace(command, target=agent.read_targets(action).astype(np.float32))
         if self._listener is not None:
             self._listener.before_step(command, self.sense)
         every = PASSAGE_FILM_STEPS if command.is_passage else STEPS_PER_ACTION
@@ -133,8 +141,8 @@ class Driver:
             self._film(self.env.film())
         if number % STEPS_PER_ACTION == 0:
             self._measure()
-        self.env.advance(target)
-        self.commands.append(target)
+        self.env.advance(action)
+        self.commands.append(command.target.astype(np.float32))
         for name, force in self.env.measure_touch().items():
             self._keep_largest(f"max_force_on_{name}_N", force)
 

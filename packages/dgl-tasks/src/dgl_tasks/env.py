@@ -1,5 +1,6 @@
 """The garment environment: a declaration as a ManiSkill environment."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -23,6 +24,7 @@ from dgl_physics import SolverConfig
 from dgl_physics.drawing.rasteriser import Picture, Rasteriser
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
+from dgl_tasks.cameras import WRIST_CAMERAS, build_wrist_camera, place_wrist_camera
 from dgl_tasks.control import interpolate_action
 from dgl_tasks.coverage import sample_visible_surface
 from dgl_tasks.declaration import Task
@@ -32,6 +34,7 @@ from dgl_tasks.grasps import wrist_to_grasp
 from dgl_tasks.inputs import (
     ActionBounds,
     ControlMode,
+    check_cameras,
     check_reset_options,
     check_settings,
     read_action,
@@ -44,6 +47,7 @@ from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
 from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
 from dgl_tasks.scene_check import check_scene
+from dgl_tasks.sensing import SENSOR_CAMERAS
 from dgl_tasks.soft_body import add_soft_body
 from dgl_tasks.studio import (
     build_floor,
@@ -76,8 +80,9 @@ class GarmentEnv(BaseEnv):
     "workspace_cloud", shape (1, 2048, 6). Rewards are those of `dgl_tasks.reward`.
 
     An action of `step` is clipped to the action space, which is logged once. It takes five control
-    steps of 1/60 s: joint targets (`pd_joint_pos`) are reached in a straight line within them,
-    those of `pd_ee_pose` hold from the first on. `judge` and `evaluate` use the particles.
+    steps of 1/60 s: joint targets (`pd_joint_pos`, and `pd_hand_poses` with fewer numbers) are
+    reached in a straight line within them, those of `pd_ee_pose` hold from the first on. `judge`
+    and `evaluate` use the particles.
 
     Limitations: one environment, PhysX on the CPU; run several processes for more. Reset it before
     anything else: until then the garment hangs in the air.
@@ -97,6 +102,7 @@ class GarmentEnv(BaseEnv):
         garment_split: Split = "train",
         look: LookName = "studio",
         cloud: CloudKind = "segmented",
+        cameras: Sequence[str] = SENSOR_CAMERAS,
         **kwargs: Any,
     ) -> None:
         """Build the environment.
@@ -111,6 +117,8 @@ class GarmentEnv(BaseEnv):
             look: "studio" draws a fabric that stands out from the studio's plain floor; "random"
                 draws floor, mat and fabric among all. Only pictures depend on the look.
             cloud: Content of environment clouds: garment and objects, or the whole scene.
+            cameras: Cameras whose pictures ManiSkill's observations have: those of the task and
+                `WRIST_CAMERAS`.
             kwargs: ManiSkill's, except for `robot_uids`. `reconfiguration_freq` is 1 by default:
                 every episode begins in a new scene, so that it can be repeated exactly.
         """
@@ -137,6 +145,8 @@ class GarmentEnv(BaseEnv):
             )
         self._task: Task = task if isinstance(task, Task) else load_task(task)
         check_scene(self._task)
+        check_cameras(cameras, self._task)
+        self._cameras = tuple(cameras)
         self._look: LookName = look
         self.cloud: CloudKind = cloud
         self._garment_ids = garment_ids(self.task.category, garment_split)
@@ -214,8 +224,12 @@ class GarmentEnv(BaseEnv):
 
     @property
     def _default_sensor_configs(self) -> list:
+        links = self.agent.robot.links_map
         return [
-            self.task.cameras[name].build() for name in ("garment_camera", "environment_camera")
+            build_wrist_camera(name, self.agent.model, links[f"{WRIST_CAMERAS[name]}_ee"])
+            if name in WRIST_CAMERAS
+            else self.task.cameras[name].build()
+            for name in self._cameras
         ]
 
     @property
@@ -266,7 +280,7 @@ class GarmentEnv(BaseEnv):
             self._appearance.lay_floor(look)
         start = self.agent.model.compute_start("open")
         self.agent.set_joint_state(start)
-        self.agent.set_action(torch.as_tensor(start, dtype=torch.float32)[None])
+        self.agent.set_action(torch.as_tensor(self.agent.make_action(start))[None])
         self._target = np.asarray(start, dtype=np.float64)
         limit, steepest = declared.value_below, np.pi / 2
         self._drop(garment, float(x), float(y), float(roll))
@@ -353,12 +367,13 @@ class GarmentEnv(BaseEnv):
                 self._target = self.agent.read_joints().astype(np.float64)
             action = action["action"]
         action = self._clip(self._read_action(action))
-        if self.agent.control_mode == "pd_joint_pos":
-            for row in interpolate_action(self._target, action[0].numpy().astype(np.float32)):
-                self.advance(row.astype(np.float32))
-        else:
+        if self.agent.control_mode == "pd_ee_pose":
             for _ in range(STEPS_PER_ACTION):
                 self.advance(action)
+        else:
+            start = self.agent.make_action(self._target)
+            for row in interpolate_action(start, action[0].numpy().astype(np.float32)):
+                self.advance(row.astype(np.float32))
         return action
 
     def _clip(self, action: torch.Tensor) -> torch.Tensor:
@@ -388,8 +403,8 @@ class GarmentEnv(BaseEnv):
         if action is not None:
             action = self._read_action(action)
             self.agent.set_action(action)
-            if self.agent.control_mode == "pd_joint_pos":
-                self._target = action[0].numpy().astype(np.float64)
+            if self.agent.control_mode != "pd_ee_pose":
+                self._target = self.agent.read_targets(action[0].numpy().astype(np.float64))
         for _ in range(self._sim_steps_per_control // STEPS_PER_ACTION):
             self.agent.before_simulation_step()
             self.cloth.apply_forces()
@@ -569,15 +584,18 @@ class GarmentEnv(BaseEnv):
         self._appearance.draw_garment(self.get_particles())
 
     def take_picture(self, camera: str) -> Picture:
-        """Draw a picture of one of the task's cameras.
+        """Draw a picture of one of the task's cameras, or of `WRIST_CAMERAS`.
 
         Raises:
-            ValueError: If the task has no such camera.
+            ValueError: If there is no such camera.
         """
-        cameras = self.task.cameras
-        if camera not in cameras:
-            raise ValueError(f"camera must be one of {sorted(cameras)}; got {camera!r}")
-        return self._get_rasteriser().draw_picture(cameras[camera])
+        check_cameras((camera,), self.task)
+        if camera in WRIST_CAMERAS:
+            side = WRIST_CAMERAS[camera]
+            pose = self.agent.read_hands()[SIDES.index(side)]
+            placed = place_wrist_camera(side, pose, self.agent.model)
+            return self._get_rasteriser().draw_picture(placed, moves=True)
+        return self._get_rasteriser().draw_picture(self.task.cameras[camera])
 
     def film(self) -> np.ndarray:
         """Draw a picture of the camera for people, shape (H, W, 3), uint8."""

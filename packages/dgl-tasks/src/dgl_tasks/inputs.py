@@ -2,18 +2,22 @@
 
 import logging
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 import torch
 
 from dgl_files.fields import check_value, show
+from dgl_tasks.cameras import WRIST_CAMERAS
+from dgl_tasks.declaration import Task
 
 logger = logging.getLogger(__name__)
 
-ControlMode = Literal["pd_joint_pos", "pd_ee_pose"]
-"""Joint targets, and poses of the end effectors."""
+ControlMode = Literal["pd_joint_pos", "pd_hand_poses", "pd_ee_pose"]
+"""Joint targets, joint targets of the arms with weights of hand poses, and end-effector poses."""
+JointControlMode = Literal["pd_joint_pos", "pd_hand_poses"]
+"""Control modes whose actions are joint targets, or stand for them."""
 SETTINGS: Mapping[str, Any] = {
     "sim_backend": Literal["auto", "cpu", "physx_cpu"],
     "reward_mode": Literal["normalized_dense", "dense", "sparse", "none"] | None,
@@ -45,6 +49,18 @@ def check_settings(settings: Mapping[str, Any]) -> None:
     """
     for name in SETTINGS.keys() & settings.keys():
         check_value(name, settings[name], SETTINGS[name])
+
+
+def check_cameras(cameras: Sequence[str], task: Task) -> None:
+    """Check the names of cameras.
+
+    Raises:
+        ValueError: If the task has no such camera, and it is no wrist camera.
+    """
+    known = [*task.cameras, *WRIST_CAMERAS]
+    unknown = [name for name in cameras if name not in known]
+    if isinstance(cameras, str) or unknown:
+        raise ValueError(f"cameras must be among {known}; got {show(unknown or cameras)}")
 
 
 def read_seed(seed: Any) -> int | None:

@@ -6,7 +6,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from dgl_tasks.errors import PolicyError
+from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.handling import Handling
+from dgl_tasks.inputs import JointControlMode
 from dgl_tasks.messages import Part
 from dgl_tasks.sensing import SENSOR_CAMERAS
 
@@ -26,9 +29,10 @@ class Policy(Protocol):
         ...
 
     def act(self, observation: Arrays) -> np.ndarray:
-        """Give the next joint targets [rad], shape (n, D), each reached within five control steps.
+        """Give the next actions, shape (n, A), each carried out within five control steps.
 
-        None at all, n = 0, ends the episode.
+        They are those of the control mode: by default joint targets [rad]. None at all, n = 0, ends
+        the episode.
         """
         ...
 
@@ -65,9 +69,11 @@ class FromStart:
     """Lets a policy act from the parked arms on."""
 
     policy: Policy
-    """Gives the joint targets."""
+    """Gives the actions."""
     actions: int
-    """Largest number of targets; at least 1."""
+    """Largest number of actions; at least 1."""
+    control_mode: JointControlMode = "pd_joint_pos"
+    """Kind of the actions."""
 
     def __post_init__(self) -> None:
         if self.actions < 1:
@@ -80,7 +86,7 @@ class FromStart:
         self.policy.reset({**seen, "garment_point_cloud": sensed.see_garment()})
         left = self.actions
         while left > 0:
-            targets = np.asarray(self.policy.act(seen))[:left]
+            targets = self._read(hands, np.asarray(self.policy.act(seen))[:left])
             if len(targets) == 0:
                 return
             left -= len(targets)
@@ -89,3 +95,13 @@ class FromStart:
                 seen = (yield from hands.observe()).as_arrays()
                 if number < len(targets) and isinstance(self.policy, ObservingPolicy):
                     self.policy.observe(seen)
+
+    def _read(self, hands: Handling, actions: np.ndarray) -> np.ndarray:
+        """Give the joint targets [rad], shape (n, D), of actions."""
+        if self.control_mode == "pd_joint_pos" or len(actions) == 0:
+            return actions
+        converter = HandPoseActions(hands.motion.robot)
+        wanted = len(converter.names)
+        if actions.ndim != 2 or actions.shape[1] != wanted:
+            raise PolicyError(f"actions must have shape (N, {wanted}); got {actions.shape}")
+        return converter.to_joints(actions)

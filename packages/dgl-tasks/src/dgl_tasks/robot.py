@@ -1,10 +1,11 @@
 """Two arms with hands as one ManiSkill agent: UR10e with Shadow Hands, or others."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
+from gymnasium.spaces import Box
 from mani_skill.agents.base_agent import BaseAgent
 from mani_skill.agents.controllers.base_controller import ControllerConfig
 from mani_skill.agents.controllers.pd_ee_pose import PDEEPoseControllerConfig
@@ -25,6 +26,7 @@ from dgl_assets.robots import (
     Robot,
     Side,
 )
+from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.robot_files import ROBOT_DIRECTORY, writing_robot_files
 
 SIDE_COLLISION_BITS: dict[Side, int] = {"left": 27, "right": 28}
@@ -61,7 +63,8 @@ class BimanualUR10eShadow(BaseAgent):
     """Two UR10e arms with Shadow Hands under one fixed root; gravity does not act on them.
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
-    `DEFAULT_ROBOT.joint_names`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
+    `DEFAULT_ROBOT.joint_names`, that of `pd_hand_poses` the 22 numbers of
+    `dgl_tasks.hand_span.HandPoseActions`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
     in the world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand;
     an arm that cannot reach its pose stays. Robot and bases are class attributes;
     `make_agent_class` makes variants.
@@ -134,7 +137,45 @@ class BimanualUR10eShadow(BaseAgent):
                         use_delta=False,
                         **drive,
                     )
-        return {"pd_joint_pos": joints, "pd_ee_pose": poses}
+        return {"pd_joint_pos": joints, "pd_hand_poses": joints, "pd_ee_pose": poses}
+
+    @cached_property
+    def hand_pose_actions(self) -> HandPoseActions:
+        """Converts joint targets to actions of `pd_hand_poses`, and back."""
+        return HandPoseActions(self.model)
+
+    # Instance properties in ManiSkill, too, but inferred as another type of space.
+    @property
+    def single_action_space(self) -> Box:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Space of the actions of the present control mode."""
+        if self.control_mode == "pd_hand_poses":
+            return Box(*self.hand_pose_actions.bounds)
+        space = super().single_action_space
+        assert isinstance(space, Box)
+        return space
+
+    @property
+    def action_space(self) -> Box:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The same space; there is one environment."""
+        return self.single_action_space
+
+    def set_action(self, action: torch.Tensor) -> None:
+        """Set the targets of the drives: an action of the present control mode, shape (1, A)."""
+        if self.control_mode == "pd_hand_poses":
+            action = torch.from_numpy(self.read_targets(action[0].numpy()))[None]
+        super().set_action(action.to(torch.float32))
+
+    def read_targets(self, action: np.ndarray) -> np.ndarray:
+        """Give the joint targets [rad], shape (..., D), of actions of a mode of joint targets."""
+        if self.control_mode == "pd_hand_poses":
+            return self.hand_pose_actions.to_joints(action)
+        return action
+
+    def make_action(self, targets: np.ndarray) -> np.ndarray:
+        """Give the action, shape (..., A), of joint targets [rad], shape (..., D)."""
+        if self.control_mode == "pd_hand_poses":
+            return self.hand_pose_actions.from_joints(targets)
+        return targets
 
     def read_joints(self) -> np.ndarray:
         """Read the joint positions [rad], shape (D,), float32, in the order of the model."""

@@ -112,7 +112,7 @@ def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethod
     if isinstance(made, Method):
         return made
     if isinstance(made, Policy):
-        return FromStart(policy=made, actions=options.actions)
+        return FromStart(policy=made, actions=options.actions, control_mode=options.control_mode)
     raise ValueError(
         f"--policy {name} must give something with reset and act, or with run; "
         f"got {type(made).__name__}"

@@ -70,7 +70,7 @@ class _View:
 
 
 class Rasteriser:
-    """Draws moving meshes over fixed ones, which are drawn once for each camera.
+    """Draws moving meshes over fixed ones, which are drawn once for each fixed camera.
 
     It runs on the CPU in one thread; equal scenes give equal pictures, to the bit.
 
@@ -146,9 +146,14 @@ class Rasteriser:
         return rgb.numpy().reshape(camera.height, camera.width, 3)
 
     @quiet_warp()
-    def draw_picture(self, camera: PinholeCamera) -> Picture:
-        """Draw colours, positions and segments."""
-        view = self._get_view(camera)
+    def draw_picture(self, camera: PinholeCamera, *, moves: bool = False) -> Picture:
+        """Draw colours, positions and segments.
+
+        Args:
+            camera: The camera.
+            moves: Keep nothing for the next picture, which is of another camera.
+        """
+        view = self._draw_still(camera) if moves else self._get_view(camera)
         rgb, points, segments = (wp.clone(a) for a in (view.rgb, view.points, view.segments))
         keys = self._draw_moving(view)
         self._shade(view.lens, keys, rgb, first=self._still_faces)
