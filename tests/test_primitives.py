@@ -26,6 +26,8 @@ from dgl_tasks.grasps import GRASP_ORIENTATIONS
 from dgl_tasks.motion import BimanualMotion
 from dgl_tasks.objects import compute_frames
 
+TASKS = task_ids()
+"""Before any other test makes a task of its own known."""
 TASK = get_task("HangCoat-v1")
 DEMONSTRATION = load_demonstration(TASK.id)
 OFFSET = np.array([0.0, -0.35, -0.2])
@@ -196,7 +198,7 @@ def test_a_demonstration_of_recordings_gives_their_skill(episodes, trained, tmp_
 
 
 def test_every_task_has_primitives_that_fit_its_demonstration():
-    for name in task_ids():
+    for name in TASKS:
         task, demonstration = get_task(name), load_demonstration(name)
         check_method(task, make_options(), METHODS)
         primitives = load_primitives(find_primitives(name))

@@ -108,7 +108,7 @@ def test_commands_are_brought_into_the_control_mode_and_kept_as_they_were_sent(m
     env, converter = make_env(), HandPoseActions(DEFAULT_ROBOT)
     env.agent.control_mode = "pd_hand_poses"
     env.agent.make_action, env.agent.read_targets = converter.from_joints, converter.to_joints
-    env.advance = lambda action: env.sent.append(action)
+    env.advance = env.sent.append
     notes = Notes()
     driver = Driver(env, seed=0, listener=notes)
     target = DEFAULT_ROBOT.compute_start("pinch")

@@ -64,9 +64,9 @@ class BimanualUR10eShadow(BaseAgent):
 
     The action of `pd_joint_pos` is 60 absolute joint positions [rad] in the order of
     `DEFAULT_ROBOT.joint_names`, that of `pd_hand_poses` the 22 numbers of
-    `dgl_tasks.hand_span.HandPoseActions`. That of `pd_ee_pose` has, for left and right, the pose of `ee`
-    in the world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the hand;
-    an arm that cannot reach its pose stays. Robot and bases are class attributes;
+    `dgl_tasks.hand_span.HandPoseActions`. That of `pd_ee_pose` has, for left and right, the pose of
+    `ee` in the world (xyz [m] and intrinsic XYZ Euler angles [rad]) and 24 joint positions of the
+    hand; an arm that cannot reach its pose stays. Robot and bases are class attributes;
     `make_agent_class` makes variants.
     """
 
