@@ -202,9 +202,7 @@ def test_a_picture_follows_the_garment(env):
 
 
 def test_an_unknown_camera_names_the_known(env):
-    with pytest.raises(
-        ValueError, match=r"must be among .*'garment_camera'.*got .*'front'"
-    ):
+    with pytest.raises(ValueError, match=r"must be among .*'garment_camera'.*got .*'front'"):
         env.take_picture("front")
 
 
