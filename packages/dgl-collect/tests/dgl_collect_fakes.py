@@ -11,10 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from dgl_collect import AttemptResult, Criterion, Episode, StageRecord, save_png, write_episode
+from dgl_collect import (
+    AttemptResult,
+    Criterion,
+    Episode,
+    EpisodeRecorder,
+    StageRecord,
+    save_png,
+    write_episode,
+)
+from dgl_collect.episodes import FINAL_PARTICLES
 from dgl_collect.workers.engine import Lost, Worker
 from dgl_collect.workers.inside import Workbench
+from dgl_tasks.driver import Driver
 from dgl_tasks.errors import PolicyError
+from dgl_tasks.handling import Handling
+from dgl_tasks.messages import StageBegins, StageEnds
+from dgl_tasks.sensing import SENSOR_CAMERAS
 
 FACTORY = "dgl_collect_fakes:make_runner"
 
@@ -53,6 +66,48 @@ def make_episode(seed=0, **changes):
         "package_versions": {"dgl-collect": "0.1.0"},
     }
     return Episode(**(content | changes))
+
+
+def close_and_open(hands):
+    """The course of a short attempt: the left hand closes where it is, and opens again."""
+    yield from hands.park()
+    sensed = yield from hands.look(*SENSOR_CAMERAS)
+    begins = StageBegins(
+        name="left_sleeve",
+        garment_point_cloud=sensed.see_garment(),
+        points_affordance_feature=np.zeros((2048, 2), np.float32),
+        object_point_cloud=sensed.see_objects(),
+        points={"left_cuff": np.array([-0.4, 0.7, 0.01])},
+        seen_at=sensed.step,
+    )
+    yield from hands.send(hands.motion.hold(3))
+    yield from hands.mark(begins)
+    yield from hands.send(hands.motion.hold(10), recorded="approach")
+    yield from hands.send(hands.motion.set_hands({"left": "close"})[:17], recorded="stage")
+    yield from hands.mark(StageEnds(name="left_sleeve", counts=True))
+    yield from hands.send(hands.motion.hold(2))
+
+
+def perform(attempts, *, seed):
+    """A short attempt, recorded."""
+    env = attempts.env
+    recorder = EpisodeRecorder(env, with_approach=True)
+    driver = Driver(env, seed=seed, listener=recorder)
+    driver.drive(close_and_open(Handling(attempts._setup.motion, driver.reset())))
+    (stage,) = recorder.records.values()
+    assert (stage.frame_count, stage.approach_frames) == (6, 2)
+    verdict = env.judge()
+    return make_episode(
+        task=env.task.id,
+        seed=seed,
+        garment_id=env.garment.name,
+        stages=(stage,),
+        success=verdict.success,
+        success_value=verdict.value,
+        randomisation=dict(env.draws),
+        commands=np.stack(driver.commands),
+        extra={FINAL_PARTICLES: env.get_particles().astype(np.float32)},
+    )
 
 
 end_worker = os._exit

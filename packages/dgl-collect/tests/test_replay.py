@@ -1,92 +1,23 @@
 """An episode reproduces from its file, and one that was changed does not."""
 
 import dataclasses
-import importlib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dgl_collect import (
     AttemptRequest,
-    EpisodeRecorder,
     NotReplayableError,
-    RecordOptions,
     read_episode,
-    write_episode,
 )
-from dgl_collect.attempt import make_attempt_runner
 from dgl_collect.episodes import FINAL_PARTICLES
 from dgl_collect.replay import Difference, Replay, replay_episode, replay_in
-from dgl_tasks.driver import Driver
-from dgl_tasks.handling import Handling
-from dgl_tasks.messages import StageBegins, StageEnds
-from dgl_tasks.sensing import SENSOR_CAMERAS
 
 COMPARED = {
     "garment_point_cloud", "object_point_cloud", "joint_state", "ee_pose", "image",
         "env_point_cloud",
     "action", FINAL_PARTICLES,
 }  # fmt: skip
-
-
-def close_and_open(hands):
-    """The course of a short attempt: the left hand closes where it is, and opens again."""
-    yield from hands.park()
-    sensed = yield from hands.look(*SENSOR_CAMERAS)
-    begins = StageBegins(
-        name="left_sleeve",
-        garment_point_cloud=sensed.see_garment(),
-        points_affordance_feature=np.zeros((2048, 2), np.float32),
-        object_point_cloud=sensed.see_objects(),
-        points={"left_cuff": np.array([-0.4, 0.7, 0.01])},
-        seen_at=sensed.step,
-    )
-    yield from hands.send(hands.motion.hold(3))
-    yield from hands.mark(begins)
-    yield from hands.send(hands.motion.hold(10), recorded="approach")
-    yield from hands.send(hands.motion.set_hands({"left": "close"})[:17], recorded="stage")
-    yield from hands.mark(StageEnds(name="left_sleeve", counts=True))
-    yield from hands.send(hands.motion.hold(2))
-
-
-def perform(attempts, fakes, *, seed):
-    """A short attempt, recorded."""
-    env = attempts.env
-    recorder = EpisodeRecorder(env, with_approach=True)
-    driver = Driver(env, seed=seed, listener=recorder)
-    driver.drive(close_and_open(Handling(attempts._setup.motion, driver.reset())))
-    (stage,) = recorder.records.values()
-    assert (stage.frame_count, stage.approach_frames) == (6, 2)
-    verdict = env.judge()
-    return fakes.make_episode(
-        task=env.task.id,
-        seed=seed,
-        garment_id=env.garment.name,
-        stages=(stage,),
-        success=verdict.success,
-        success_value=verdict.value,
-        randomisation=dict(env.draws),
-        commands=np.stack(driver.commands),
-        extra={FINAL_PARTICLES: env.get_particles().astype(np.float32)},
-    )
-
-
-@pytest.fixture(scope="module")
-def attempts(coarse_garments):
-    made = make_attempt_runner("HangTrousers-v1", RecordOptions())
-    yield made
-    made.close()
-
-
-@pytest.fixture(scope="module")
-def recorded(attempts, tmp_path_factory):
-    """A file of a short attempt."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parent))
-        fakes = importlib.import_module("dgl_collect_fakes")
-        episode = perform(attempts, fakes, seed=3)
-    return write_episode(tmp_path_factory.mktemp("replay") / "short.h5", episode)
 
 
 @pytest.mark.render

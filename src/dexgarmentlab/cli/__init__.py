@@ -73,6 +73,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("verify", "check the folder of a collection or an evaluation: is everything whole?"),
     Verb("replay", "re-run a recorded episode from its file and compare"),
     Verb("relabel", "give episodes the affordance that the affordance model sees in them"),
+    Verb("export", "write episodes as a data set of LeRobot, Diffusion Policy (zarr) or robomimic"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),
     Verb("compare", "compare evaluations episode by episode: is one method better than another?"),
     Verb("tune", "search for better parameters of a demonstration in simulation"),

@@ -50,3 +50,10 @@ class MachineError(CollectionError):
 
 class DemonstrationError(CollectionError):
     """A demonstration is missing or faulty."""
+
+
+class MissingPackageError(CollectionError):
+    """A package that only some functions need is not installed."""
+
+    def __init__(self, name: str, requirement: str) -> None:
+        super().__init__(f"{name} is not installed: pip install '{requirement}'")

@@ -38,8 +38,12 @@ class HandPoseActions:
 
     For left and right in this order, an action has the targets of the arm's joints [rad] and the
     coordinates of the hand in its `HandSpan`: A = 22 numbers of the default robot. Commands that
-    interpolate the hand's named poses are converted exactly, others to the nearest that does.
+    interpolate the hand's named poses are converted to `RESOLUTION`, others to the nearest that
+    does. What was converted once is converted back and forth in float32 without any change.
     """
+
+    RESOLUTION = 2.0**-16
+    """Coordinates are multiples of this: 2e-5 rad of a finger."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._span = robot, HandSpan(robot)
@@ -58,7 +62,8 @@ class HandPoseActions:
         for side in SIDES:
             hand = joints[..., self._robot.joint_slice(side, "hand")]
             parts += [joints[..., self._robot.joint_slice(side, "arm")]]
-            parts += [self._span.to_coordinates(hand)]
+            coordinates = self._span.to_coordinates(hand)
+            parts += [np.round(coordinates / self.RESOLUTION) * self.RESOLUTION]
         return np.concatenate(parts, axis=-1)
 
     def to_joints(self, actions: np.ndarray) -> np.ndarray:

@@ -1,0 +1,6 @@
+"""Export of episodes to formats of other projects: LeRobot, Diffusion Policy's zarr, robomimic."""
+
+from dgl_collect.exporting.export import Exported as Exported
+from dgl_collect.exporting.export import export_episodes as export_episodes
+from dgl_collect.exporting.frames import ExportOptions as ExportOptions
+from dgl_collect.exporting.frames import Trajectory as Trajectory
