@@ -2,9 +2,10 @@
 # uv may live in .uv/bin, where scripts/bootstrap.sh puts it when the machine has none.
 export PATH := $(CURDIR)/.uv/bin:$(PATH)
 RUN := uv run --no-sync
+LEROBOT := packages/lerobot_env_dexgarmentlab
 SOURCES := src packages benchmarks tests scripts conftest.py
 
-.PHONY: help setup demo test test-slow test-all test-package check format lint type imports spell bench build pin clean
+.PHONY: help setup demo test test-slow test-all test-lerobot test-package check format lint type imports spell bench build pin clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-14s %s\n", $$1, $$2}'
@@ -26,6 +27,10 @@ test-slow: setup ## Run the proofs that take long
 	$(PYTEST) -m slow
 
 test-all: test test-slow ## Run all tests, those that take long after the others
+
+test-lerobot: setup ## Test what is for LeRobot, in an environment of its own
+	UV_PROJECT_ENVIRONMENT=$(CURDIR)/.venvs/lerobot uv sync --quiet --project $(LEROBOT) --python 3.11 --group test
+	cd $(LEROBOT) && OMP_NUM_THREADS=1 $(CURDIR)/.venvs/lerobot/bin/python -m pytest
 
 test-package: setup ## Test one package alone, in an environment of its own: make test-package P=dgl-gam
 	@test -n "$(P)" || { echo "say which package: make test-package P=dgl-gam" >&2; exit 2; }

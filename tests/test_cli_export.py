@@ -51,12 +51,12 @@ def test_episodes_without_commands_are_left_out_and_that_is_a_failure(folder, ca
 def test_what_cannot_be_exported_is_told_in_a_line(folder, capsys, monkeypatch):
     (folder / "there").mkdir()
     (folder / "empty").mkdir()
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        "importlib.util.find_spec", lambda name: None if name == "lerobot" else found(name)
-    )
+    monkeypatch.setattr("dgl_collect.exporting.writers.entry_points", lambda **_: [])
     table = [
-        (["lerobot", "run", "--out", "a"], r"lerobot is not installed: pip install"),
+        (
+            ["lerobot", "run", "--out", "a"],
+            "not installed: pip install 'lerobot_env_dexgarmentlab'",
+        ),
         (["zarr", "nowhere", "--out", "a"], "there is no episode file or folder nowhere"),
         (["zarr", "empty", "--out", "a"], r"no episodes \(\*.h5\) in empty"),
         (["zarr", "run", "--out", "there"], "there is there already; choose another --out"),

@@ -1,7 +1,7 @@
 """HALO, its ablations and the baselines: a policy from its checkpoint for all stages."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,7 +68,11 @@ class CheckpointMethod:
         return setup.make_runner(self.load(setup.env.task, options))
 
     def load(self, task: "Task", options: EvaluationOptions) -> PolicyActor:
-        """Load the policy, once for all stages.
+        """Load the policy, once for all stages; raises as `prepare` does."""
+        return self.prepare(task, options)()
+
+    def prepare(self, task: "Task", options: EvaluationOptions) -> Callable[[], PolicyActor]:
+        """Load the policy; return a function that makes actors of it, each in a state of its own.
 
         Raises:
             ValueError: If it is of another method, or `check_card` refuses it.
@@ -83,8 +87,9 @@ class CheckpointMethod:
                 f"got {policy.config.method}"
             )
         demonstration = load_demonstration(task, options.demonstration)
-        return make_actor(
-            policy, read_card(path), demonstration, is_sent=self.use_gam, chunks=options.chunks
+        card = read_card(path)
+        return lambda: make_actor(
+            policy, card, demonstration, is_sent=self.use_gam, chunks=options.chunks
         )
 
     def _locate(self, task: "Task", options: EvaluationOptions) -> Path:

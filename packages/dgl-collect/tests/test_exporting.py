@@ -13,15 +13,15 @@ import zarr
 from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_collect import NotReplayableError, OutputFolderError, read_episode, write_episode
 from dgl_collect.exporting import ExportOptions, export_episodes
-from dgl_collect.exporting.export import Source
 from dgl_collect.exporting.frames import make_frames
+from dgl_collect.exporting.origins import Origin, Origins, read_origins
 from dgl_collect.exporting.trajectory import Trajectory, read_trajectory, write_trajectory
-from dgl_collect.exporting.writers import get_writer, list_features
+from dgl_collect.exporting.writers import get_writer
 from dgl_tasks import get_task
 from dgl_tasks.hand_span import HandPoseActions
 
 CAMERAS = ("video_camera", "left_wrist_camera")
-SOURCE = Source(task="FoldTops-v1", robot="ur10e+shadow", cloud="segmented", look="studio")
+SOURCE = Origins(task="FoldTops-v1", robot="ur10e+shadow", cloud="segmented", look="studio")
 
 
 def make_trajectory(seed=0, frames=4, **changes):
@@ -29,6 +29,8 @@ def make_trajectory(seed=0, frames=4, **changes):
     content = {
         "instruction": "Fold it.",
         "success": True,
+        "seed": seed,
+        "garment": "tops/1",
         "names": ("a", "b", "c"),
         "state": rng.random((frames, 3), np.float32),
         "action": rng.random((frames, 3), np.float32),
@@ -138,16 +140,6 @@ def test_robomimic_files_have_its_groups_and_attributes(tmp_path):
         assert second.attrs["num_samples"] == 3
 
 
-def test_columns_of_lerobot_name_joints_and_places():
-    features = list_features(make_trajectory())
-    assert features["action"] == {"dtype": "float32", "shape": (3,), "names": ["a", "b", "c"]}
-    assert features["observation.environment_state"]["names"] == ["cuff.x", "cuff.y", "cuff.z"]
-    assert features["observation.images.video_camera"]["shape"] == (24, 32, 3)
-    assert "observation.workspace_cloud" in features
-    bare = list_features(make_trajectory(cloud=None, images={}, places=np.zeros(0), place_names=()))
-    assert list(bare) == ["observation.state", "action"]
-
-
 @pytest.fixture
 def run(fakes, monkeypatch, tmp_path):
     """Exports episodes in this process; a replay gives frames drawn with the episode's seed."""
@@ -188,6 +180,13 @@ def test_episodes_keep_their_order_and_those_that_fail_are_left_out(run):
     root = zarr.open(str(run.folder / "z"), mode="r")
     assert root["meta/episode_ends"][:].tolist() == [3, 7, 13]
     np.testing.assert_array_equal(root["data/action"][:3], make_trajectory(0, frames=3).action)
+    origins = read_origins(run.folder / "z")
+    assert (origins.task, origins.control_mode) == ("FoldTops-v1", "pd_joint_pos")
+    assert origins.episodes == tuple(
+        Origin(seed=seed, garment="tops/1", success=True) for seed in (0, 1, 3)
+    )
+    with pytest.raises(ValueError, match=r"holds no data set of dgl export"):
+        read_origins(run.folder)
     assert not (run.folder / "z.part").exists()
     with pytest.raises(OutputFolderError, match="is there already"):
         run.go()

@@ -16,7 +16,7 @@ from dexgarmentlab.cli.flags import (
     tell_command,
     told_how_to_continue,
 )
-from dgl_collect.exporting.frames import ExportOptions as FrameOptions
+from dgl_collect.options import ExportOptions as FrameOptions
 
 __all__ = ["ExportOptions", "run"]
 
@@ -57,11 +57,11 @@ class ExportOptions:
 def run(options: ExportOptions) -> int:
     """Export, and tell which episodes were left out."""
     from dgl_collect.exporting.export import export_episodes, read_source
-    from dgl_collect.exporting.writers import check_installed, get_writer
+    from dgl_collect.exporting.writers import get_writer
     from dgl_collect.workers import stop_signals
 
     files = list_episodes(options.episodes)
-    check_installed(options.format)
+    writer = get_writer(options.format)
     check_writable(options.out.parent)
     source = read_source(files, options.frames)
     find_recorded_task(source.task, options.task)
@@ -74,7 +74,7 @@ def run(options: ExportOptions) -> int:
         exported = export_episodes(
             files,
             options.out,
-            get_writer(options.format),
+            writer,
             options.frames,
             format_name=options.format,
             workers=options.workers.make(),

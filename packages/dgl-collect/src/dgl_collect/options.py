@@ -11,8 +11,10 @@ from annotated_types import Ge
 from dgl_files.fields import STRICT, check_fields, from_plain
 
 __all__ = [
+    "CameraName",
     "CloudKind",
     "EvaluationOptions",
+    "ExportOptions",
     "GarmentChoice",
     "JointControlMode",
     "MatcherName",
@@ -28,6 +30,15 @@ JointControlMode = Literal["pd_joint_pos", "pd_hand_poses"]
 
 MatcherName = Literal["exact", "gam"]
 """`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
+
+CameraName = Literal[
+    "environment_camera",
+    "video_camera",
+    "garment_camera",
+    "left_wrist_camera",
+    "right_wrist_camera",
+]
+"""Cameras of every task."""
 
 GarmentChoice = Literal["both", "train", "test"]
 """Garments of the training split, of the testing split, or of both by turns."""
@@ -115,7 +126,8 @@ class EvaluationOptions(RunOptions):
 
     policy: str
     """The method: nothing, lift-drop, expert; learned: primitive, blind, halo, sadp, gam-dp3, dp3,
-    dp; or module:factory of your own."""
+    dp; module:factory of your own; or ws://HOST:PORT, a policy server that speaks openpi's
+    protocol."""
     garments: GarmentChoice = "both"
     """Garments of the training split, of the testing split, or of both by turns."""
     friction: Annotated[float, Ge(0)] = 1.0
@@ -130,3 +142,42 @@ class EvaluationOptions(RunOptions):
     """Most actions of a policy of your own, each five control steps; 600 are 50 s."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Device on which policies compute."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """Content of exported frames.
+
+    Raises:
+        ValueError: If a field is of another type or out of range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    content: Literal["whole", "stages"] = "whole"
+    """whole: each episode from the parked arms to its verdict, approaches and retreats included, by
+    replay; stages: each recorded stage as an episode of its own, as recorded."""
+    control_mode: JointControlMode = "pd_joint_pos"
+    """Form of states and actions: a number for each joint, or 22, joints of the arms and weights of
+    hand poses."""
+    cameras: tuple[CameraName, ...] = ("environment_camera",)
+    """Cameras: `environment_camera` ahead, `video_camera` near, `garment_camera` above, and those
+    behind the hands."""
+    size: tuple[Annotated[int, Ge(16)], Annotated[int, Ge(16)]] = (320, 240)
+    """Width and height of the pictures [pixels]."""
+    cloud: bool = False
+    """Add the environment's point cloud to each frame."""
+    matcher: MatcherName = "gam"
+    """Finds the demonstration's points, whose places at the start are part of each frame."""
+    robots: Path | None = None
+    """Folder of imported robots, for episodes of a robot that is not built in."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if len(set(self.cameras)) < len(self.cameras):
+            raise ValueError(f"cameras must differ; got {', '.join(self.cameras)}")
+        if self.content == "stages" and set(self.cameras) - {"environment_camera"}:
+            raise ValueError(
+                "stages hold pictures of the environment_camera alone; got "
+                f"{', '.join(self.cameras)}: take whole episodes"
+            )

@@ -52,5 +52,9 @@ class PolicyError(ValueError):
     ends_run = True
 
 
+class PolicyUnavailableError(TaskError):
+    """A policy server does not answer, or answers with an error."""
+
+
 class UnreachableError(TaskError):
     """An arm has no joint configuration for a wanted pose, or none on its present branch."""

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from dgl_assets.robots import Robot
 from dgl_tasks.errors import PolicyError
 from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.handling import Handling
@@ -86,7 +87,8 @@ class FromStart:
         self.policy.reset({**seen, "garment_point_cloud": sensed.see_garment()})
         left = self.actions
         while left > 0:
-            targets = self._read(hands, np.asarray(self.policy.act(seen))[:left])
+            actions = np.asarray(self.policy.act(seen))[:left]
+            targets = read_actions(actions, hands.motion.robot, self.control_mode)
             if len(targets) == 0:
                 return
             left -= len(targets)
@@ -96,12 +98,18 @@ class FromStart:
                 if number < len(targets) and isinstance(self.policy, ObservingPolicy):
                     self.policy.observe(seen)
 
-    def _read(self, hands: Handling, actions: np.ndarray) -> np.ndarray:
-        """Give the joint targets [rad], shape (n, D), of actions."""
-        if self.control_mode == "pd_joint_pos" or len(actions) == 0:
-            return actions
-        converter = HandPoseActions(hands.motion.robot)
-        wanted = len(converter.names)
-        if actions.ndim != 2 or actions.shape[1] != wanted:
-            raise PolicyError(f"actions must have shape (N, {wanted}); got {actions.shape}")
-        return converter.to_joints(actions)
+
+def read_actions(actions: np.ndarray, robot: Robot, mode: JointControlMode) -> np.ndarray:
+    """Give the joint targets [rad], shape (n, D), of actions of a control mode, shape (n, A).
+
+    Raises:
+        PolicyError: If actions of `pd_hand_poses` have another shape; those of joints are checked
+            where they are carried out.
+    """
+    if mode == "pd_joint_pos" or len(actions) == 0:
+        return actions
+    converter = HandPoseActions(robot)
+    wanted = len(converter.names)
+    if actions.ndim != 2 or actions.shape[1] != wanted:
+        raise PolicyError(f"actions must have shape (N, {wanted}); got {actions.shape}")
+    return converter.to_joints(actions)

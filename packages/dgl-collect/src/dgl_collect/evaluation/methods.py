@@ -9,6 +9,7 @@ from typing import Protocol
 from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import Attempts
 from dgl_collect.options import EvaluationOptions
+from dgl_collect.remote import Connection, is_address, make_remote_method
 from dgl_collect.setup import Setup, make_setup
 from dgl_tasks import load_task
 from dgl_tasks.declaration import Task
@@ -65,13 +66,22 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
     name = options.policy
     if name in SCRIPTED:
         return
+    if is_address(name):
+        connection = Connection(name)
+        try:
+            connection.open()
+        finally:
+            connection.close()
+        return
     if name in learned:
         learned[name].check(task, options)
         return
     module, _, attribute = name.partition(":")
     if not module or not attribute:
         names = ", ".join([*SCRIPTED, *learned])
-        raise ValueError(f"--policy must be one of {names}, or module:factory; got {name!r}")
+        raise ValueError(
+            f"--policy must be one of {names}, module:factory, or ws://HOST:PORT; got {name!r}"
+        )
     try:
         found = importlib.util.find_spec(module)
     except (ImportError, ValueError):  # of the package that it would be in
@@ -86,7 +96,8 @@ def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethod
     Args:
         setup: Environment and demonstration.
         options: `policy` is one of `SCRIPTED` or `learned`, or `module:factory` of your own, which
-            is called with the environment and gives a `Policy` or a `Method` of `dgl_tasks.policy`.
+            is called with the environment and gives a `Policy` or a `Method` of `dgl_tasks.policy`,
+            or the address of a policy server.
         learned: Learned methods by name.
 
     Raises:
@@ -102,6 +113,8 @@ def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethod
     if name == "lift-drop":
         first = dataclasses.replace(setup.demonstration, stages=setup.demonstration.stages[:1])
         return setup.make_runner(LiftAndDrop(), rounds=1, tries=1, demonstration=first)
+    if is_address(name):
+        return make_remote_method(setup, options)
     if name in learned:
         return learned[name].make(setup, options)
     module, _, attribute = name.partition(":")

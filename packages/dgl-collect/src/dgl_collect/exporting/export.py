@@ -14,10 +14,11 @@ import h5py
 
 from dgl_collect.episodes import opened_episode, read_episode
 from dgl_collect.errors import CollectionError, OutputFolderError
-from dgl_collect.exporting.frames import ExportOptions, make_frames
+from dgl_collect.exporting.frames import make_frames
+from dgl_collect.exporting.origins import Origin, Origins, write_origins
 from dgl_collect.exporting.trajectory import Trajectory, read_trajectory, write_trajectory
 from dgl_collect.files import check_continued, locked_folder
-from dgl_collect.options import RunOptions
+from dgl_collect.options import ExportOptions, RunOptions
 from dgl_collect.runner import locate_task
 from dgl_collect.setup import Setup, make_setup
 from dgl_collect.workers import Dispatcher, Job, Work, Workers, end_unguarded_import
@@ -29,32 +30,15 @@ from dgl_tasks import TaskError
 __all__ = [
     "Exported",
     "FrameMaker",
-    "Source",
     "Writer",
     "export_episodes",
     "make_frame_maker",
     "read_source",
 ]
 
-Writer = Callable[[Path, Iterator[Trajectory], "Source"], None]
+Writer = Callable[[Path, Iterator[Trajectory], Origins], None]
 """Writes a data set to a folder or file that does not exist."""
 _ORDER = "order.json"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """Origin of the exported episodes, equal for all of them."""
-
-    task: str
-    """Environment id."""
-    robot: str
-    """Name of arm and hand."""
-    cloud: str
-    """Kind of environment clouds."""
-    look: str
-    """Look of the scene."""
-    control_mode: str = "pd_joint_pos"
-    """Form of states and actions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +148,8 @@ def export_episodes(
         run = RunOptions(
             robot=source.robot,
             robots=options.robots,
-            look=source.look,  # pyright: ignore[reportArgumentType] - checked there
-            cloud=source.cloud,  # pyright: ignore[reportArgumentType]
+            look=source.look,
+            cloud=source.cloud,
             control_mode=options.control_mode,
             matcher=options.matcher,
         )
@@ -202,7 +186,7 @@ def export_episodes(
 
 
 def _write(
-    part: Path, out: Path, writer: Writer, done: Sequence[_Done], source: Source
+    part: Path, out: Path, writer: Writer, done: Sequence[_Done], source: Origins
 ) -> Exported:
     """Write the data set from the frames, and put it in its place."""
     files = [part / name for each in done for name in each.files]
@@ -213,21 +197,24 @@ def _write(
     if target.is_dir():
         shutil.rmtree(target)  # of a run that was killed while it wrote
     target.unlink(missing_ok=True)
-    frames = 0
+    frames, origins = 0, []
 
     def read() -> Iterator[Trajectory]:
         nonlocal frames
         for path in files:
-            trajectory = read_trajectory(path)
-            frames += len(trajectory)
-            yield trajectory
+            each = read_trajectory(path)
+            frames += len(each)
+            origins.append(Origin(seed=each.seed, garment=each.garment, success=each.success))
+            yield each
 
     writer(target, read(), source)
+    if target.is_dir():
+        write_origins(target, dataclasses.replace(source, episodes=tuple(origins)))
     target.replace(out)
     return Exported(episodes=len(files), frames=frames, left_out={})
 
 
-def read_source(episodes: Sequence[Path], options: ExportOptions) -> Source:
+def read_source(episodes: Sequence[Path], options: ExportOptions) -> Origins:
     """Read task, robot, look and cloud of episodes.
 
     Raises:
@@ -238,13 +225,13 @@ def read_source(episodes: Sequence[Path], options: ExportOptions) -> Source:
         raise ValueError("at least one episode must be exported; got none")
     if len({path.stem for path in episodes}) < len(episodes):
         raise ValueError("episodes must have different names; some have the same")
-    found: dict[Source, Path] = {}
+    found: dict[Origins, Path] = {}
     for path in episodes:
         with opened_episode(path) as file:
             found.setdefault(_read_source(file, options), path)
     if len(found) > 1:
         (one, first), (other, second) = list(found.items())[:2]
-        names = [f.name for f in dataclasses.fields(Source)]
+        names = [f.name for f in dataclasses.fields(Origins)]
         name = next(n for n in names if getattr(one, n) != getattr(other, n))
         raise ValueError(
             f"episodes must be of one {name}; got {getattr(one, name)} ({first.name}) and "
@@ -253,14 +240,15 @@ def read_source(episodes: Sequence[Path], options: ExportOptions) -> Source:
     return next(iter(found))
 
 
-def _read_source(file: h5py.File, options: ExportOptions) -> Source:
+def _read_source(file: h5py.File, options: ExportOptions) -> Origins:
     draws: Any = json.loads(str(file.attrs["randomisation"]))
-    return Source(
+    return Origins(
         task=str(file.attrs["task"]),
         robot=str(file.attrs.get("robot", "ur10e+shadow")),
-        cloud=str(file.attrs.get("cloud", "segmented")),
+        cloud=str(file.attrs.get("cloud", "segmented")),  # pyright: ignore[reportArgumentType]
         look="random" if "floor" in draws else "studio",
         control_mode=options.control_mode,
+        content=options.content,
     )
 
 

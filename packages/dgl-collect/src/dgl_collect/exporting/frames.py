@@ -1,20 +1,19 @@
 """Frames of recorded episodes: whole episodes by replay, or their stages as recorded."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
-from annotated_types import Ge
 
+from dgl_assets.robots import Robot
+from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import Episode
 from dgl_collect.errors import NotReplayableError
 from dgl_collect.exporting.trajectory import Trajectory
 from dgl_collect.names import Frames
-from dgl_collect.options import JointControlMode, MatcherName
+from dgl_collect.options import ExportOptions, JointControlMode
 from dgl_collect.point_finder import PointFinder
-from dgl_files.fields import STRICT, check_fields
+from dgl_tasks.declaration import Task
 from dgl_tasks.hand_span import HandPoseActions
 from dgl_tasks.messages import Command
 from dgl_tasks.objects import compute_frames
@@ -26,56 +25,14 @@ if TYPE_CHECKING:
     from dgl_tasks.driver import Driver
     from dgl_tasks.handling import Handling
 
-__all__ = ["ExportOptions", "Starter", "Trajectory", "list_places", "make_frames"]
-
-CameraName = Literal[
-    "environment_camera",
-    "video_camera",
-    "garment_camera",
-    "left_wrist_camera",
-    "right_wrist_camera",
+__all__ = [
+    "Starter",
+    "express_joints",
+    "list_place_names",
+    "list_places",
+    "make_frames",
+    "resize",
 ]
-"""Cameras of every task."""
-_Pixels = Annotated[int, Ge(16)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExportOptions:
-    """Content of exported frames.
-
-    Raises:
-        ValueError: If a field is of another type or out of range.
-    """
-
-    __pydantic_config__ = STRICT
-
-    content: Literal["whole", "stages"] = "whole"
-    """whole: each episode from the parked arms to its verdict, approaches and retreats included, by
-    replay; stages: each recorded stage as an episode of its own, as recorded."""
-    control_mode: JointControlMode = "pd_joint_pos"
-    """Form of states and actions: a number for each joint, or 22, joints of the arms and weights of
-    hand poses."""
-    cameras: tuple[CameraName, ...] = ("environment_camera",)
-    """Cameras: `environment_camera` ahead, `video_camera` near, `garment_camera` above, and those
-    behind the hands."""
-    size: tuple[_Pixels, _Pixels] = (320, 240)
-    """Width and height of the pictures [pixels]."""
-    cloud: bool = False
-    """Add the environment's point cloud to each frame."""
-    matcher: MatcherName = "gam"
-    """Finds the demonstration's points, whose places at the start are part of each frame."""
-    robots: Path | None = None
-    """Folder of imported robots, for episodes of a robot that is not built in."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if len(set(self.cameras)) < len(self.cameras):
-            raise ValueError(f"cameras must differ; got {', '.join(self.cameras)}")
-        if self.content == "stages" and set(self.cameras) - {ENVIRONMENT_CAMERA}:
-            raise ValueError(
-                f"stages hold pictures of the {ENVIRONMENT_CAMERA} alone; got "
-                f"{', '.join(self.cameras)}: take whole episodes"
-            )
 
 
 def list_places(
@@ -89,6 +46,13 @@ def list_places(
     names = tuple(f"{name}.{axis}" for name in places for axis in "xyz")
     values = np.concatenate([np.zeros(0), *places.values()]).astype(np.float32)
     return names, values
+
+
+def list_place_names(task: Task) -> tuple[str, ...]:
+    """List the names of a task's places, as `list_places` orders them."""
+    draws = {f"{item.name}_{axis}": 0.0 for item in task.objects for axis in ("x", "y", "yaw")}
+    points = dict.fromkeys(load_demonstration(task).points, np.zeros(3))
+    return list_places(points, compute_frames(task, draws))[0]
 
 
 class Starter:
@@ -148,6 +112,7 @@ def make_frames(
             way, or its replay ends with another verdict.
     """
     if options.content == "stages":
+        robot, mode = setup.motion.robot, options.control_mode
         for stage in episode.stages:
             points = {name: np.array(p["xyz"]) for name, p in stage.points.items() if "xyz" in p}
             frames = compute_frames(setup.env.task, episode.randomisation)
@@ -157,15 +122,17 @@ def make_frames(
                 Trajectory(
                     instruction=f"{setup.env.task.description} Stage: {stage.name}.",
                     success=episode.success,
+                    seed=episode.seed,
+                    garment=episode.garment_id,
                     names=_get_names(setup, options),
-                    state=_express(stage.joint_state, setup, options),
-                    action=_express(stage.action, setup, options),
+                    state=express_joints(stage.joint_state, robot, mode),
+                    action=express_joints(stage.action, robot, mode),
                     ee_pose=stage.ee_pose,
                     place_names=place_names,
                     places=places,
                     cloud=stage.env_point_cloud if options.cloud else None,
                     images={
-                        name: np.stack([_resize(image, options.size) for image in stage.image])
+                        name: np.stack([resize(image, options.size) for image in stage.image])
                         for name in options.cameras
                     },
                 ),
@@ -201,7 +168,7 @@ def _replay(episode: Episode, options: ExportOptions, setup: "Setup") -> Traject
         if options.cloud:
             seen["cloud"].append(sensed.observe().env_point_cloud)
         for name in options.cameras:
-            seen[name].append(_resize(sensed.pictures[name].rgb, options.size))
+            seen[name].append(resize(sensed.pictures[name].rgb, options.size))
         for row in block:
             driver.step(Command(row))
     for row in commands[len(driver.commands) :]:
@@ -215,9 +182,11 @@ def _replay(episode: Episode, options: ExportOptions, setup: "Setup") -> Traject
     return Trajectory(
         instruction=env.task.description,
         success=verdict.success,
+        seed=episode.seed,
+        garment=episode.garment_id,
         names=_get_names(setup, options),
-        state=_express(np.stack(seen["state"]), setup, options),
-        action=_express(np.stack(seen["action"]), setup, options),
+        state=express_joints(np.stack(seen["state"]), setup.motion.robot, options.control_mode),
+        action=express_joints(np.stack(seen["action"]), setup.motion.robot, options.control_mode),
         ee_pose=np.stack(seen["ee_pose"]).astype(np.float32),
         place_names=place_names,
         places=places,
@@ -233,14 +202,14 @@ def _get_names(setup: "Setup", options: ExportOptions) -> tuple[str, ...]:
     return robot.joint_names
 
 
-def _express(joints: np.ndarray, setup: "Setup", options: ExportOptions) -> np.ndarray:
-    """Bring joints, shape (T, D), into the form of the control mode, float32."""
-    if options.control_mode == "pd_hand_poses":
-        joints = HandPoseActions(setup.motion.robot).from_joints(joints)
+def express_joints(joints: np.ndarray, robot: Robot, mode: JointControlMode) -> np.ndarray:
+    """Bring joints, shape (..., D), into the form of a control mode, float32."""
+    if mode == "pd_hand_poses":
+        joints = HandPoseActions(robot).from_joints(joints)
     return joints.astype(np.float32)
 
 
-def _resize(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def resize(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Shrink a picture, shape (H, W, 3), by averaging."""
     if image.shape[1::-1] == size:
         return image

@@ -25,6 +25,10 @@ class Trajectory:
     """The task in words, for policies that read."""
     success: bool
     """The rule was met at the end."""
+    seed: int
+    """Seed of the episode."""
+    garment: str
+    """Id of its garment."""
     names: tuple[str, ...]
     """Names of the numbers of a state and an action."""
     state: np.ndarray

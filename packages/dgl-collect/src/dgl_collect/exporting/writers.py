@@ -1,8 +1,9 @@
-"""Writers of data sets, one for each format."""
+"""Writers of data sets."""
 
 import importlib.util
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -10,85 +11,21 @@ import h5py
 import numpy as np
 
 from dgl_collect.errors import MissingPackageError
-from dgl_collect.exporting.export import Source, Writer
+from dgl_collect.exporting.export import Writer
+from dgl_collect.exporting.origins import Origins
 from dgl_collect.exporting.trajectory import Trajectory
 from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 
-__all__ = ["check_installed", "get_writer", "write_lerobot", "write_robomimic", "write_zarr"]
+__all__ = ["FPS", "get_writer", "load_format", "write_robomimic", "write_zarr"]
+
+GROUP = "dgl_collect.formats"
+"""Entry points of formats that installed packages bring."""
 
 FPS = CONTROL_FREQUENCY // STEPS_PER_ACTION
 """Frames a second."""
 
 
-def write_lerobot(folder: Path, trajectories: Iterator[Trajectory], source: Source) -> None:
-    """Write a LeRobotDataset v3 with LeRobot's own writer."""
-    from lerobot.datasets.lerobot_dataset import (  # pyright: ignore[reportMissingImports]
-        LeRobotDataset,
-    )
-
-    dataset: Any = None
-    for trajectory in trajectories:
-        if dataset is None:
-            dataset = LeRobotDataset.create(
-                repo_id=f"dexgarmentlab/{source.task}",
-                fps=FPS,
-                features=list_features(trajectory),
-                root=folder,
-                robot_type=source.robot,
-                use_videos=True,
-            )
-        for k in range(len(trajectory)):
-            dataset.add_frame(_get_frame(trajectory, k))
-        dataset.save_episode()
-    dataset.finalize()
-
-
-def list_features(trajectory: Trajectory) -> dict[str, dict[str, object]]:
-    """List the columns of a LeRobotDataset for trajectories like this one."""
-    names = list(trajectory.names)
-    features: dict[str, dict[str, object]] = {
-        "observation.state": {"dtype": "float32", "shape": (len(names),), "names": names},
-        "action": {"dtype": "float32", "shape": (len(names),), "names": names},
-    }
-    if len(trajectory.places):
-        places = list(trajectory.place_names)
-        features["observation.environment_state"] = {
-            "dtype": "float32",
-            "shape": (len(places),),
-            "names": places,
-        }
-    if trajectory.cloud is not None:
-        shape = trajectory.cloud.shape[1:]
-        features["observation.workspace_cloud"] = {
-            "dtype": "float32",
-            "shape": shape,
-            "names": None,
-        }
-    for camera, images in trajectory.images.items():
-        features[f"observation.images.{camera}"] = {
-            "dtype": "video",
-            "shape": images.shape[1:],
-            "names": ["height", "width", "channels"],
-        }
-    return features
-
-
-def _get_frame(trajectory: Trajectory, k: int) -> dict[str, object]:
-    frame: dict[str, object] = {
-        "observation.state": trajectory.state[k],
-        "action": trajectory.action[k],
-        "task": trajectory.instruction,
-    }
-    if len(trajectory.places):
-        frame["observation.environment_state"] = trajectory.places
-    if trajectory.cloud is not None:
-        frame["observation.workspace_cloud"] = trajectory.cloud[k]
-    for camera, images in trajectory.images.items():
-        frame[f"observation.images.{camera}"] = images[k]
-    return frame
-
-
-def write_zarr(folder: Path, trajectories: Iterator[Trajectory], source: Source) -> None:
+def write_zarr(folder: Path, trajectories: Iterator[Trajectory], source: Origins) -> None:
     """Write the replay buffer of Diffusion Policy and DP3, in zarr's format 2."""
     import zarr
 
@@ -112,7 +49,7 @@ def write_zarr(folder: Path, trajectories: Iterator[Trajectory], source: Source)
     meta.create_dataset("episode_ends", data=np.array(ends, dtype=np.int64))
 
 
-def write_robomimic(path: Path, trajectories: Iterator[Trajectory], source: Source) -> None:
+def write_robomimic(path: Path, trajectories: Iterator[Trajectory], source: Origins) -> None:
     """Write robomimic's HDF5 file."""
     with h5py.File(path, "w") as file:
         data, total = file.create_group("data"), 0
@@ -154,21 +91,29 @@ def _list_arrays(trajectory: Trajectory) -> dict[str, np.ndarray]:
     return arrays
 
 
-_LIBRARIES = {"lerobot": ("lerobot", "lerobot_env_dexgarmentlab"), "zarr": ("zarr", "zarr<3")}
-"""Module and requirement of the libraries that formats need."""
-
-
 def get_writer(format_name: str) -> Writer:
-    """Give the writer of a format: lerobot, zarr or robomimic."""
-    return {"lerobot": write_lerobot, "zarr": write_zarr, "robomimic": write_robomimic}[format_name]
-
-
-def check_installed(format_name: str) -> None:
-    """Check that the library of a format is installed.
+    """Give the writer of a format: zarr, robomimic, or one that an installed package brings.
 
     Raises:
-        MissingPackageError: If it is not.
+        MissingPackageError: If a package that the format needs is not installed.
     """
-    for name, (module, requirement) in _LIBRARIES.items():
-        if name == format_name and importlib.util.find_spec(module) is None:
-            raise MissingPackageError(module, requirement)
+    if format_name == "zarr" and importlib.util.find_spec("zarr") is None:
+        raise MissingPackageError("zarr", "dgl-collect[zarr]")
+    if format_name in _WRITERS:
+        return _WRITERS[format_name]
+    return load_format(format_name).write
+
+
+def load_format(name: str) -> Any:
+    """Load the module of a format that an installed package brings, with `write` and `check`.
+
+    Raises:
+        MissingPackageError: If there is none.
+    """
+    found = [entry for entry in entry_points(group=GROUP) if entry.name == name]
+    if not found:
+        raise MissingPackageError(f"the format {name}", f"{name}_env_dexgarmentlab")
+    return found[0].load()
+
+
+_WRITERS: Mapping[str, Writer] = {"zarr": write_zarr, "robomimic": write_robomimic}
