@@ -45,7 +45,7 @@ class Connection:
         self._opened = ExitStack()
         self._socket: ClientConnection | None = None
         self.metadata: Mapping[str, Any] = {}
-        """What the server tells of itself."""
+        """Map that the server sends about itself."""
 
     def open(self) -> None:
         """Connect, unless there is a connection.
