@@ -77,6 +77,7 @@ VERBS: tuple[Verb, ...] = (
     Verb("check", "do exported actions succeed in the environment that evaluates policies?"),
     Verb("eval", "evaluate a method on a task: several seeds, seen and unseen garments"),
     Verb("serve", "serve a trained policy to evaluations on this or another machine"),
+    Verb("view", "look at garments, tasks and episodes in the browser"),
     Verb("compare", "compare evaluations episode by episode: is one method better than another?"),
     Verb("tune", "search for better parameters of a demonstration in simulation"),
     Verb("train", "train the affordance model or a policy: primitive, sadp, sadp-g, dp3, dp"),

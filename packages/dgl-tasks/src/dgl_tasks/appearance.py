@@ -155,8 +155,7 @@ class Appearance:
         garment = self._get_garment()
         if self._rasteriser is None:
             self._rasteriser = self._build_rasteriser(garment, positions)
-        poses = [np.concatenate([pose.p, pose.q]) for pose in (e.pose for e in self._bodies)]
-        self._rasteriser.set_poses(np.array([*poses, _WORLD]))
+        self._rasteriser.set_poses(np.array([*self.get_body_poses(), _WORLD]))
         self._rasteriser.set_vertices(self._moving, *garment.surface.compute(positions))
         shadow = self._make_shadow(garment, positions)
         self._rasteriser.set_vertices(self._moving + 1, shadow.vertices)
@@ -168,7 +167,9 @@ class Appearance:
         mesh = make_flat(flat, faces, self._shade, self._mat_centre, height=HEIGHT)
         return replace(mesh, segment=SHADOW)
 
-    def _build_rasteriser(self, garment: _Garment, positions: np.ndarray) -> Rasteriser:
+    def list_rigid_meshes(self) -> list[Mesh]:
+        """List the meshes of the ground and of all bodies; `get_body_poses` moves them."""
+        garment = self._get_garment()
         shown = [self._floor, garment.shown, *([self._shadow] if self._shadow else [])]
         ids = {meshes.entity.per_scene_id for meshes in shown}
         meshes, self._bodies = read_meshes(self._ground, None), []
@@ -176,6 +177,15 @@ class Appearance:
             if entity.per_scene_id not in ids and (parts := read_meshes(entity, len(self._bodies))):
                 meshes += parts
                 self._bodies.append(entity)
+        return meshes
+
+    def get_body_poses(self) -> np.ndarray:
+        """Give the present pose of each body: xyz [m] and wxyz, shape (B, 7), world frame."""
+        poses = [e.pose for e in self._bodies]
+        return np.array([np.concatenate([pose.p, pose.q]) for pose in poses]).reshape(-1, 7)
+
+    def _build_rasteriser(self, garment: _Garment, positions: np.ndarray) -> Rasteriser:
+        meshes = self.list_rigid_meshes()
         self._moving, world = len(meshes), len(self._bodies)
         cloth = replace(garment.make_mesh(positions), body=world)
         shadow = self._make_shadow(garment, positions)

@@ -21,6 +21,7 @@ from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
 from dgl_assets.robots.importing import load_robot
 from dgl_files.fields import check_value, show
 from dgl_physics import SolverConfig
+from dgl_physics.drawing.mesh import Mesh
 from dgl_physics.drawing.rasteriser import Picture, Rasteriser
 from dgl_physics.sapien_bridge import SapienCloth, find_colliders
 from dgl_tasks.appearance import Appearance
@@ -600,6 +601,22 @@ class GarmentEnv(BaseEnv):
     def film(self) -> np.ndarray:
         """Draw a picture of the camera for people, shape (H, W, 3), uint8."""
         return self._get_rasteriser().draw(self.task.cameras["video_camera"])
+
+    def list_rigid_meshes(self) -> list[Mesh]:
+        """List the meshes of the ground and of all bodies, to draw them elsewhere.
+
+        `get_body_poses` gives the pose of each body; the garment has `garment.faces` and
+        `get_particles`.
+        """
+        self._check_open("drawing")
+        return self._appearance.list_rigid_meshes()
+
+    def get_body_poses(self) -> np.ndarray:
+        """Give the present poses of the bodies of `list_rigid_meshes`, shape (B, 7), world frame.
+
+        xyz [m] and wxyz.
+        """
+        return self._appearance.get_body_poses()
 
     def _get_rasteriser(self) -> Rasteriser:
         self._check_open("drawing")

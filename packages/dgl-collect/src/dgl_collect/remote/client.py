@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 from websockets.exceptions import WebSocketException
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection as Socket
 
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
@@ -43,7 +44,7 @@ class Connection:
         """Take the address, such as "ws://127.0.0.1:8000"."""
         self.address = address
         self._opened = ExitStack()
-        self._socket: ClientConnection | None = None
+        self._socket: Socket | None = None
         self.metadata: Mapping[str, Any] = {}
         """Map that the server sends about itself."""
 

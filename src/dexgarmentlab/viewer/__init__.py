@@ -1,0 +1,1 @@
+"""Viewer in the browser: garments, tasks and episodes in 3D."""
