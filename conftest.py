@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+collect_ignore = ["packages/lerobot_env_dexgarmentlab"]  # it has an environment of its own
 _SHOWN = 20
 _costs: list[tuple[float, str]] = []
 """Processor time [s] of each test of this process, its fixtures and child processes included."""

@@ -36,7 +36,7 @@ class Env:
 
     def __init__(self, world, garment):
         self.world, self.garment_at = world, garment
-        self.task = TASK
+        self.task, self.agent = TASK, SimpleNamespace(control_mode="pd_joint_pos")
         self.garment = SimpleNamespace(name="Tops_LongSleeve/000001")
         self.draws = {"x": 0.1, "garment": "Tops_LongSleeve/000001"}
         self.cloth = SimpleNamespace(
