@@ -5,7 +5,7 @@ RUN := uv run --no-sync
 LEROBOT := packages/lerobot_env_dexgarmentlab
 SOURCES := src packages benchmarks tests scripts conftest.py
 
-.PHONY: help setup demo test test-slow test-all test-lerobot test-package check format lint type imports spell bench build pin clean
+.PHONY: help setup demo test test-slow test-all test-lerobot test-package check format lint type imports spell site bench build pin clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-14s %s\n", $$1, $$2}'
@@ -55,6 +55,9 @@ imports:
 
 spell:
 	$(RUN) typos
+
+site: setup ## Build the site into out/site/html; a warning is an error
+	$(RUN) python scripts/build_site.py
 
 bench: setup ## Measure the physics
 	$(RUN) dgl bench physics

@@ -90,6 +90,7 @@ def test_a_demonstration_without_parameters_stays_as_it_is():
 
 def test_angles_of_formulas_are_degrees():
     assert evaluate_formula("sin(30) + cos(angle)", {"angle": 60.0}) == pytest.approx(1.0)
+    assert evaluate_formula("sqrt(9) + sqrt(-1)", {}) == 3.0
     with pytest.raises(ValueError, match="arithmetic is for numbers"):
         evaluate_formula("sin(point)", {"point": np.zeros(3)})
 

@@ -85,6 +85,18 @@ def test_two_environments_step_in_processes_of_their_own():
     vector.close()
 
 
+def test_the_file_for_the_hub_makes_environments_as_lerobot_loads_it(monkeypatch):
+    file = Path(__file__).parents[1] / "env.py"
+    where = ("user/repository", "env.py", str(file), None)
+    monkeypatch.setattr("lerobot.envs.factory._download_hub_file", lambda *_: where)
+    (vector,) = make_env("user/repository", n_envs=2, trust_remote_code=True)[
+        "dexgarmentlab"
+    ].values()
+    assert vector.num_envs == 2
+    assert vector.call("task") == ("FoldTops-v1",) * 2
+    vector.close()
+
+
 def test_act_is_trained_and_evaluated_by_lerobots_own_commands(dataset, tmp_path):
     scripts = Path(sys.executable).parent
     train = [

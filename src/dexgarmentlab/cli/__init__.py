@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from dexgarmentlab.cli import console
 
@@ -160,13 +161,22 @@ def _dispatch(arguments: list[str]) -> int:
         console.error(_unknown(name))
         return EXIT_USAGE
 
-    import tyro
-
     module = verb.load()
-    options = getattr(module, f"{verb.name.capitalize()}Options")
-    options = tyro.cli(options, prog=f"dgl {verb.name}", args=rest)
+    options = read_options(verb, rest)
     with console.keep_results_alone():
         return int(module.run(options))
+
+
+def read_options(verb: Verb, words: Sequence[str]) -> Any:
+    """Parse the options of a verb.
+
+    Raises:
+        SystemExit: If they are wrong, once stderr has told why.
+    """
+    import tyro
+
+    options = getattr(verb.load(), f"{verb.name.capitalize()}Options")
+    return tyro.cli(options, prog=f"dgl {verb.name}", args=words)
 
 
 def _help() -> str:

@@ -43,6 +43,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": abs,
     "sin": lambda angle: float(np.sin(np.radians(angle))),
     "cos": lambda angle: float(np.cos(np.radians(angle))),
+    "sqrt": lambda number: float(np.sqrt(max(number, 0.0))),
     "distance_xy": lambda a, b: float(np.linalg.norm(_subtract_xy(a, b))),
     "heading": _heading,
 }
@@ -55,9 +56,9 @@ def evaluate_formula(text: str | float, names: Mapping[str, Value]) -> float:
 
     A formula consists of numbers, `+ - * /`, names, names of a group (`hanger.target`), coordinates
     of points (`left_cuff.x`) and the functions `min`, `max`, `abs`, `sin` and `cos` of degrees,
-    `distance_xy(point, point)`, the horizontal distance, and `heading(point, point)`, the direction
-    from the first to the second, counter-clockwise from x [degrees]. Conditions add comparisons,
-    `and`, `or` and `not`; true is 1.
+    `sqrt` (0 for what is less than 0), `distance_xy(point, point)`, the horizontal distance, and
+    `heading(point, point)`, the direction from the first to the second, counter-clockwise from x
+    [degrees]. Conditions add comparisons, `and`, `or` and `not`; true is 1.
 
     Args:
         text: The formula, or a number.

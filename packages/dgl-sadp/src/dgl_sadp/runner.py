@@ -29,7 +29,7 @@ class PolicyRunner:
 
     `reset` begins a stage; `act` returns the joint targets to execute. Each executed target gives
     one observation: `observe` takes all but the last, the next `act` takes the last. The policy
-    then sees consecutive frames, each once, as in training:
+    then sees consecutive frames, each once, as in training::
 
         runner.reset(observation)
         for _ in range(chunks):

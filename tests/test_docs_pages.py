@@ -1,7 +1,12 @@
-"""Links and headings of all Markdown pages: each link leads to a file, and to a heading in it."""
+"""Markdown pages: each link leads to a file and a heading in it; each `dgl` command is one."""
 
+import contextlib
+import io
 import re
+import shlex
 from pathlib import Path
+
+from dexgarmentlab.cli import VERBS, read_options
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -9,6 +14,7 @@ PAGES = sorted(
     for pattern in ("*.md", "docs/**/*.md", "packages/*/*.md", "packages/*/benchmarks/**/*.md")
     for page in ROOT.glob(pattern)
 )
+BLOCK = re.compile(r"^```(?:bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def read_prose(page):
@@ -41,3 +47,25 @@ def test_every_link_leads_somewhere():
                 if not found.exists() or (anchor and anchor not in find_anchors(found)):
                     broken.append(f"{page.relative_to(ROOT)}:{number}: {target}")
     assert broken == []
+
+
+def find_commands():
+    """Commands of a page's code blocks, with the page."""
+    for page in PAGES:
+        for block in BLOCK.findall(page.read_text(encoding="utf-8")):
+            for line in block.replace("\\\n", " ").splitlines():
+                if re.match(r"dgl [a-z]", line):
+                    words = shlex.split(line, comments=True)[1:]
+                    yield f"{page.relative_to(ROOT)}: {line.strip()}", words
+
+
+def test_each_command_of_a_page_is_taken():
+    commands, refused = dict(find_commands()), []
+    verbs = {verb.name: verb for verb in VERBS}
+    for line, words in commands.items():
+        with contextlib.redirect_stderr(io.StringIO()) as told, contextlib.suppress(SystemExit):
+            read_options(verbs[words[0]], words[1:])
+            continue
+        refused.append(f"{line}\n{told.getvalue()}")
+    assert refused == []
+    assert len(commands) > 60
