@@ -1,6 +1,7 @@
 """Settings of the site, which `make site` builds from these pages and others; see build_site.py."""
 
 project = "dexgarmentlab"
+copyright = "the dexgarmentlab authors, Apache-2.0"
 html_title = "dexgarmentlab"
 html_theme = "furo"
 html_static_path = ["films"]

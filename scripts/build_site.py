@@ -66,22 +66,25 @@ def make_pages() -> dict[str, str]:
     for name in PACKAGES:
         module = name.replace("-", "_")
         pages[f"api/{module}.md"] += PUBLIC_NAMES.format(module)
-    rates = read_rates(pages["results.md"])
+    rows = read_rows(pages["results.md"])
     for task_id in task_ids():
         name = task_id.partition("-")[0]
-        pages[f"task/{name}.md"] = write_task(task_id, rates)
+        pages[f"task/{name}.md"] = write_task(task_id, rows)
     return pages
 
 
-def read_rates(results: str) -> dict[str, str]:
-    """Read the table of the results: the title of a task to its table of one row."""
+def read_rows(results: str) -> list[dict[str, str]]:
+    """Read the tables of rates and of failures: the title of a task to its table of one row."""
     section = results.partition(RESULTS)[2].partition("\n## ")[0]
-    rows = [line for line in section.splitlines() if line.startswith("|")]
-    head = rows[:2]
+    tables = re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE)
+    return [_split_rows(table.splitlines()) for table in tables]
+
+
+def _split_rows(lines: list[str]) -> dict[str, str]:
     return {
-        title: "\n".join((*head, row))
-        for row in rows[2:]
-        for title in _split_titles(row.split("|")[1].strip())
+        title: "\n".join((*lines[:2], line))
+        for line in lines[2:]
+        for title in _split_titles(line.split("|")[1].strip())
     }
 
 
@@ -91,7 +94,7 @@ def _split_titles(cell: str) -> list[str]:
     return [first, *(f"{first.split()[0]} {other}" for other in others)]
 
 
-def write_task(task_id: str, rates: dict[str, str]) -> str:
+def write_task(task_id: str, rows: list[dict[str, str]]) -> str:
     """Write the page of a task: film, rule, stages, numbers, and how often it succeeds."""
     task, facts = get_task(task_id), describe_task(get_task(task_id))
     demonstration = load_demonstration(task)
@@ -106,12 +109,12 @@ def write_task(task_id: str, rates: dict[str, str]) -> str:
             "",
         ]
     lines += [f"**Success:** {task.success_text}.", ""]
-    if task.title in rates:
-        link = "[all results](../results.md#automatic-collection)"
-        lines += [f"## How often it succeeds ({link})", "", rates[task.title], ""]
+    link = "[All results](../results.md#automatic-collection)."
+    found = [table[task.title] for table in rows if task.title in table]
+    lines += ["## Success in simulation", "", link, "", "\n\n".join(found), ""]
     lines += ["## Stages", "", "| stage | left hand grasps | right hand grasps |", "|---|---|---|"]
     for stage in facts["stages"]:
-        hands = (", ".join(_show_grasp(stage["grasp"].get(s))) for s in ("left", "right"))
+        hands = (_show_grasp(stage["grasp"].get(side)) for side in ("left", "right"))
         lines.append(f"| `{stage['name']}` | {' | '.join(hands)} |")
     if demonstration.parameters:
         lines += ["", "## Numbers that `dgl tune` searches", ""]
@@ -124,9 +127,8 @@ def write_task(task_id: str, rates: dict[str, str]) -> str:
         "## Try it",
         "",
         "```bash",
-        f"dgl collect {task_id} --episodes 3 --out out/{task_id}",
-        f"dgl eval {task_id} --policy primitive --matcher gam --episodes 3 --seeds 0 "
-        f"--out out/{task_id}-primitive",
+        f"dgl collect {task_id} --episodes 3 --out out/expert",
+        f"dgl eval {task_id} --policy primitive --episodes 3 --seeds 0 --out out/primitive",
         f"dgl view task {task_id}",
         "```",
         "",
@@ -134,8 +136,10 @@ def write_task(task_id: str, rates: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _show_grasp(points: list[str] | None) -> list[str]:
-    return [f"`{point}`" for point in points or ()]
+def _show_grasp(points: list[str] | None) -> str:
+    if points is None:
+        return ""
+    return ", ".join(f"`{point}`" for point in points) or "a place that the shape tells"
 
 
 def move_links(text: str, source: Path, places: dict[Path, Path]) -> str:
