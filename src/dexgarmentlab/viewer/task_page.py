@@ -48,28 +48,30 @@ class TaskPage:
         self.pause_button = gui.add_button("pause")
         self.step_button = gui.add_button("step")
         self.told = gui.add_markdown("")
+        self._lock = threading.Lock()  # clicks arrive in threads of their own
+        self.reset()
         self.reset_button.on_click(lambda _: self.reset())
         self.run_button.on_click(lambda _: self.run())
         self.pause_button.on_click(lambda _: self.pause())
         self.step_button.on_click(lambda _: self.step())
-        self.reset()
 
     def reset(self) -> None:
         """Give up the attempt, and reset the task by the seed."""
-        self._stop()
-        self._setup.env.reset(seed=int(self.seed.value))
-        self._view = SceneView(self._server, self._setup.env, colour=self._colour)
+        with self._lock:
+            self._stop()
+            self._setup.env.reset(seed=int(self.seed.value))
+            self._view = SceneView(self._server, self._setup.env, colour=self._colour)
         self.told.content = f"reset: {self._setup.env.draws['garment']}"
 
     def run(self) -> None:
         """Begin an attempt, or go on with it."""
         self._is_single = False
-        if self._thread is None or not self._thread.is_alive():
-            self._stops = False
-            self._thread = threading.Thread(target=self._attempt, daemon=True)
-            self._may_step.set()
-            self._thread.start()
         self._may_step.set()
+        with self._lock:
+            if self._thread is None or not self._thread.is_alive():
+                self._stops = False
+                self._thread = threading.Thread(target=self._attempt, daemon=True)
+                self._thread.start()
 
     def pause(self) -> None:
         """Let the attempt wait."""
