@@ -87,6 +87,13 @@ def test_a_whole_episode_is_replayed_from_the_parked_arms_on(recorded, attempts)
         fewer.action, HandPoseActions(robot).from_joints(frames.action).astype(np.float32)
     )
     assert fewer.names == HandPoseActions(robot).names
+    grasped = dataclasses.replace(short, content="grasped")
+    ((_, later),) = make_frames(episode, grasped, setup)
+    rows = episode.commands[episode.stages[0].first_step :]
+    np.testing.assert_array_equal(
+        later.action, HandPoseActions(robot).from_joints(rows[4::5]).astype(np.float32)
+    )
+    np.testing.assert_array_equal(later.places, fewer.places)
     other = dataclasses.replace(episode, success=True)
     with pytest.raises(NotReplayableError, match="another verdict"):
         list(make_frames(other, short, setup))

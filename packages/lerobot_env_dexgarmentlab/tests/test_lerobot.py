@@ -12,9 +12,11 @@ from lerobot.configs.types import FeatureType
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.envs.factory import make_env
 
+from dgl_collect import read_episode
 from dgl_collect.exporting.origins import read_origins
 from lerobot_env_dexgarmentlab import DexGarmentLabEnv
 from lerobot_env_dexgarmentlab.dataset import check
+from lerobot_env_dexgarmentlab.env import GarmentLeRobotEnv
 
 SMALL = ["--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32"]
 SMALL += ["--policy.n_encoder_layers=1", "--policy.n_vae_encoder_layers=1"]
@@ -71,6 +73,22 @@ def test_vector_environments_of_lerobot_begin_where_the_episodes_did(dataset):
     with pytest.raises(ValueError, match="actions must"):
         vector.step(np.zeros((1, 5)))
     vector.close()
+
+
+def test_an_episode_may_begin_at_the_grasp_points(dataset):
+    origin = read_origins(dataset).episodes[0]
+    file = sorted((dataset.parent / "run/episodes").glob("*.h5"))[0]
+    recorded = read_episode(file)
+    env = GarmentLeRobotEnv(
+        task="HangTops-v1", control_mode="pd_hand_poses", matcher="exact", start="grasped"
+    )
+    env.reset(seed=origin.seed, options={"garment": origin.garment})
+    np.testing.assert_array_equal(
+        np.stack(env._driver.commands), recorded.commands[: recorded.stages[0].first_step]
+    )
+    env.close()
+    with pytest.raises(ValueError, match="start must be parked or grasped; got 'home'"):
+        GarmentLeRobotEnv(task="HangTops-v1", start="home")
 
 
 def test_two_environments_step_in_processes_of_their_own():

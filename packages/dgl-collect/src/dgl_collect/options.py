@@ -14,6 +14,7 @@ __all__ = [
     "CameraName",
     "CloudKind",
     "EvaluationOptions",
+    "ExportContent",
     "ExportOptions",
     "GarmentChoice",
     "JointControlMode",
@@ -28,6 +29,7 @@ CloudKind = Literal["segmented", "scene"]
 JointControlMode = Literal["pd_joint_pos", "pd_hand_poses"]
 """Control modes of `dgl_tasks.inputs` whose actions are joint targets, or stand for them."""
 
+ExportContent = Literal["whole", "grasped", "stages"]
 MatcherName = Literal["exact", "gam"]
 """`exact` knows the simulated garment; `gam`, the Garment Affordance Model, sees clouds only."""
 
@@ -154,9 +156,10 @@ class ExportOptions:
 
     __pydantic_config__ = STRICT
 
-    content: Literal["whole", "stages"] = "whole"
+    content: ExportContent = "whole"
     """whole: each episode from the parked arms to its verdict, approaches and retreats included, by
-    replay; stages: each recorded stage as an episode of its own, as recorded."""
+    replay; grasped: the same from the grasp points of the first recorded stage on; stages: each
+    recorded stage as an episode of its own, as recorded."""
     control_mode: JointControlMode = "pd_joint_pos"
     """Form of states and actions: a number for each joint, or 22, joints of the arms and weights of
     hand poses."""

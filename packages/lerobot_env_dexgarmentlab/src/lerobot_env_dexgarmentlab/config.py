@@ -44,6 +44,8 @@ class DexGarmentLabEnv(EnvConfig):
     """Finds the places in the environment state: `gam` in clouds, or `exact`."""
     look: str = "studio"
     """`studio`, or `random` floors and fabrics."""
+    start: str = "parked"
+    """`parked` arms, or `grasped`: hands at the matched grasp points of the first stage."""
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(default_factory=dict)
 
@@ -94,6 +96,7 @@ class DexGarmentLabEnv(EnvConfig):
             "garment_split": self.garment_split,
             "matcher": self.matcher,
             "look": self.look,
+            "start": self.start,
         }
 
     def create_envs(

@@ -109,7 +109,7 @@ def check(
         ValueError: If the folder holds no data set of ours, or one of stages.
     """
     origins: Origins = read_origins(folder)
-    if origins.content != "whole":
+    if origins.content == "stages":
         raise ValueError(f"{folder} must hold whole episodes; it holds {origins.content}")
     dataset = LeRobotDataset(repo_id=f"dexgarmentlab/{origins.task}", root=folder)
     rows: Any = dataset.hf_dataset.select_columns(["episode_index", "action"]).with_format("numpy")
@@ -118,6 +118,8 @@ def check(
         task=origins.task,
         control_mode=origins.control_mode,
         look=origins.look,
+        matcher=origins.matcher,
+        start="grasped" if origins.content == "grasped" else "parked",
         cameras="",
         episode_length=max(np.bincount(numbers)) + 1,
     )

@@ -41,6 +41,7 @@ class GarmentLeRobotEnv(gymnasium.Env):
         garment_split: str = "test",
         matcher: str = "gam",
         look: str = "studio",
+        start: str = "parked",
     ) -> None:
         """Prepare the environment; it is built at the first reset, in the process that uses it.
 
@@ -53,9 +54,13 @@ class GarmentLeRobotEnv(gymnasium.Env):
             garment_split: "train" or "test".
             matcher: "gam" or "exact".
             look: "studio" or "random".
+            start: "parked" or "grasped".
         """
+        if start not in ("parked", "grasped"):
+            raise ValueError(f"start must be parked or grasped; got {start!r}")
         self.task, self.task_description = task, get_task(task).description
         self._max_episode_steps = episode_length
+        self._is_grasped = start == "grasped"
         self._cameras, self._size, self._split = tuple(cameras), tuple(size), garment_split
         self._options = RunOptions(
             control_mode=control_mode,  # pyright: ignore[reportArgumentType] - checked there
@@ -80,7 +85,7 @@ class GarmentLeRobotEnv(gymnasium.Env):
         self.action_space = gymnasium.spaces.Box(-2 * np.pi, 2 * np.pi, (numbers,), np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple:
-        """Begin an episode with parked arms.
+        """Begin an episode with parked arms, or with hands at the grasp points.
 
         Args:
             seed: Of all draws.
@@ -102,6 +107,8 @@ class GarmentLeRobotEnv(gymnasium.Env):
         self._driver = Driver(self._setup.env, seed=seed)
         self._hands = starter.begin(self._driver, garment)
         _, self._places = starter.find_places(self._driver)
+        if self._is_grasped:
+            starter.approach(self._driver, self._hands)
         self._steps = 0
         return self._observe(), {"is_success": False}
 

@@ -249,6 +249,7 @@ def _read_source(file: h5py.File, options: ExportOptions) -> Origins:
         look="random" if "floor" in draws else "studio",
         control_mode=options.control_mode,
         content=options.content,
+        matcher=options.matcher,
     )
 
 

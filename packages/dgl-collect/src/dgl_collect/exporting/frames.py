@@ -1,6 +1,7 @@
 """Frames of recorded episodes: whole episodes by replay, or their stages as recorded."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +14,11 @@ from dgl_collect.exporting.trajectory import Trajectory
 from dgl_collect.names import Frames
 from dgl_collect.options import ExportOptions, JointControlMode
 from dgl_collect.point_finder import PointFinder
+from dgl_collect.stage_work import StageWork
+from dgl_tasks import TaskError
 from dgl_tasks.declaration import Task
 from dgl_tasks.hand_span import HandPoseActions
-from dgl_tasks.messages import Command
+from dgl_tasks.messages import Command, Part
 from dgl_tasks.objects import compute_frames
 from dgl_tasks.observation import STEPS_PER_ACTION
 from dgl_tasks.sensing import ENVIRONMENT_CAMERA, GARMENT_CAMERA
@@ -55,6 +58,20 @@ def list_place_names(task: Task) -> tuple[str, ...]:
     return list_places(points, compute_frames(task, draws))[0]
 
 
+class _ArrivedError(Exception):
+    """The hands are at the grasp points."""
+
+
+class _Waiting:
+    """An actor that ends the attempt where it would begin."""
+
+    is_sent, follows_steps = True, False
+
+    def act(self, work: StageWork) -> Part:
+        del work
+        raise _ArrivedError
+
+
 class Starter:
     """Begins episodes as policies of other projects meet them: arms parked, garment looked at."""
 
@@ -77,6 +94,15 @@ class Starter:
         hands = Handling(self._setup.motion, driver.reset(garment))
         driver.drive(hands.park())
         return hands
+
+    def approach(self, driver: "Driver", hands: "Handling") -> None:
+        """Bring the hands to the grasp points of the first recorded stage, as in collection.
+
+        Scripted stages before it are carried out. Where that fails, the arms stay as they are.
+        """
+        runner = self._setup.make_runner(_Waiting(), rounds=1)
+        with suppress(_ArrivedError, TaskError):
+            driver.drive(runner.run(hands))
 
     def find_places(self, driver: "Driver") -> tuple[tuple[str, ...], np.ndarray]:
         """Find the demonstration's points on the garment, and the frames of the objects.
@@ -153,12 +179,18 @@ def _replay(episode: Episode, options: ExportOptions, setup: "Setup") -> Traject
     driver = Driver(env, seed=episode.seed)
     starter = Starter(setup)
     starter.begin(driver, episode.garment_id)
-    parked = len(driver.commands)
-    if not np.allclose(np.stack(driver.commands), commands[:parked], atol=1e-3):
+    first = len(driver.commands)
+    if not np.allclose(np.stack(driver.commands), commands[:first], atol=1e-3):
         raise NotReplayableError("the episode's arms park on another way than today's")
     place_names, places = starter.find_places(driver)
+    if options.content == "grasped":
+        if not episode.stages or episode.stages[0].first_step is None:
+            raise NotReplayableError("the episode does not tell when its first stage began")
+        for row in commands[first : episode.stages[0].first_step]:
+            driver.step(Command(row))
+        first = episode.stages[0].first_step
     seen = {name: [] for name in ("state", "action", "ee_pose", "cloud", *options.cameras)}
-    for step in range(parked, len(commands) - STEPS_PER_ACTION + 1, STEPS_PER_ACTION):
+    for step in range(first, len(commands) - STEPS_PER_ACTION + 1, STEPS_PER_ACTION):
         block = commands[step : step + STEPS_PER_ACTION]
         wanted = {*options.cameras, *([ENVIRONMENT_CAMERA] if options.cloud else [])}
         sensed = driver.sense(*sorted(wanted))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from dgl_collect.options import CloudKind, JointControlMode
+from dgl_collect.options import CloudKind, ExportContent, JointControlMode, MatcherName
 from dgl_files.fields import STRICT, check_fields, read_json_file
 from dgl_files.whole import write_json
 
@@ -48,8 +48,10 @@ class Origins:
     """Look of the scene."""
     control_mode: JointControlMode = "pd_joint_pos"
     """Form of states and actions."""
-    content: Literal["whole", "stages"] = "whole"
-    """Whole episodes, or stages."""
+    content: ExportContent = "whole"
+    """Whole episodes, the same from the grasp points on, or stages."""
+    matcher: MatcherName = "gam"
+    """Finds the places at the start."""
     episodes: tuple[Origin, ...] = ()
     """The episodes in their order."""
 
