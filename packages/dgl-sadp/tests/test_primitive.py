@@ -73,6 +73,31 @@ def test_the_way_turns_with_its_anchors():
     assert end == pytest.approx(other.points["left"][-1], abs=5e-3)
 
 
+def cross(rng):
+    """Go as far as one thing in x, and as far as another in y."""
+    anchors = {n: np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for n in "abcd"}
+    share = np.linspace(0, 1, 15)[:, None]
+    way = share * np.array([anchors["a"][0], anchors["b"][1], 0.1])
+    still = {"left": np.zeros((15, 3))}
+    return Recording(anchors=anchors, points={"left": way}, hands=still, turns=still)
+
+
+def test_x_and_y_have_weights_of_their_own_where_recordings_show_it(tmp_path):
+    rng = np.random.default_rng(5)
+    recordings = [cross(rng) for _ in range(8)]
+    primitive = fit_primitive(recordings)
+    weights = primitive.hands["left"].level[..., -1]  # (2, 6): four anchors, the world, a constant
+    assert weights[:, :4] == pytest.approx(np.array([[1, 0, 0, 0], [0, 1, 0, 0]]), abs=0.02)
+    assert primitive.error < 1e-3
+    path = tmp_path / "p.safetensors"
+    save_primitives(path, TaskPrimitives(task="T-v1", stages={"go": primitive}))
+    read = load_primitives(path).stages["go"]
+    other = cross(rng)
+    for each in (primitive, read):
+        end = plan(each, other).hands["left"].points[-1]
+        assert end == pytest.approx(other.points["left"][-1], abs=2e-3)
+
+
 def carry(rng):
     """Take a tray by both ends from a table onto a shelf, past things that stand about."""
     anchors = {n: np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for n in "abcdefgh"}

@@ -2,9 +2,10 @@
 
 Displacements of each hand are affine functions of *anchors*: points on the garment, frames of
 objects, extents of the cloud, the world's origin. Level weights are the same for x and y, so that
-the way turns, moves and grows with the anchors. Heights follow from heights, and from level
-distances where these help. All hands share their inputs: hands that all recordings keep at one
-height stay at one height.
+the way turns, moves and grows with the anchors, unless weights of its own predict x or y of
+left-out recordings better: robots and objects often stand along the axes. Heights follow from
+heights, and from level distances where these help. All hands share their inputs: hands that all
+recordings keep at one height stay at one height.
 
 Source:
     Calinon, "A tutorial on task-parameterized movement learning and retrieval", 2016; the
@@ -14,7 +15,6 @@ Source:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -113,7 +113,7 @@ class HandModel:
     mean: np.ndarray
     """Mean displacement [m], shape (K, 3)."""
     level: np.ndarray
-    """Weights of the anchors' level vectors, and constants for x and y, shape (A + 2, K)."""
+    """Weights of the anchors' vectors and a constant, for x and for y, shape (2, A + 1, K)."""
     height: np.ndarray
     """Weights of the numbers of `_lay_out_height`, shape (2 A + H + 1, K)."""
     turns: np.ndarray
@@ -121,7 +121,7 @@ class HandModel:
     poses: np.ndarray
     """Mean coordinates of the hand's pose, shape (K, P)."""
     leverage: np.ndarray
-    """Inverse of the level normal matrix, shape (A + 2, A + 2)."""
+    """Inverse of the normal matrices of `level`, shape (2, A + 1, A + 1)."""
     noise: np.ndarray
     """Standard deviation of displacements, from recordings left out [m], shape (K,)."""
 
@@ -132,13 +132,13 @@ class HandModel:
             vectors: From the hand's start to the anchors [m], shape (A, 3).
             heights: As of `_lay_out_height`.
         """
-        xy = _lay_out_level(vectors) @ self.level
+        xy = np.einsum("ri,rik->rk", _lay_out_level(vectors), self.level)
         return np.stack([*xy, heights @ self.height], axis=1)
 
     def compute_spread(self, vectors: np.ndarray) -> float:
         """Compute the standard deviation of the last displacement [m]."""
         level = _lay_out_level(vectors)
-        share = np.einsum("ri,ij,rj->r", level, self.leverage, level).mean()
+        share = np.einsum("ri,rij,rj->r", level, self.leverage, level).mean()
         return float(self.noise[-1] * np.sqrt(1 + share))
 
     def expect(self, vectors: np.ndarray, heights: np.ndarray) -> np.ndarray:
@@ -221,9 +221,9 @@ def fit_primitive(recordings: Sequence[Recording]) -> Primitive:
 
     Displacements are regressed on the anchors by ridge regression, at each time of the common
     course, with the penalty that predicts recordings best that are left out. In the same way it is
-    chosen if heights depend on level distances, which would otherwise fit a few recordings by
-    chance. Recordings are aligned in time with one of them first, then with the ways that the
-    regression expects.
+    chosen if x or y has weights of its own, which must halve its squared error, and if heights
+    depend on level distances: a few recordings would fit them by chance. Recordings are aligned in
+    time with one of them first, then with the ways that the regression expects.
 
     Args:
         recordings: With the same hands and coordinates; anchors that some lack are left out.
@@ -308,22 +308,31 @@ def _fit_hands(
     anchors = len(next(iter(vectors[0].values())))
     without_distances[..., -1 - anchors : -1] = 0.0
     z = np.concatenate([sample[:, None, :, 2] for sample in samples.values()], axis=2)  # (n, 1, HK)
-    fit_z = _regress([without_distances, heights], z, constants=1)
+    few, all_heights = (_regress(d, z, constants=1) for d in (without_distances, heights))
+    (fit_z,) = _choose([few], [all_heights], worth=1.0)
+    shared, own = [], []  # of each hand: the fits of x and y
+    for side, sample in samples.items():
+        level = np.stack([_lay_out_level(v[side]) for v in vectors])  # (n, 2, A + 1)
+        wanted = np.moveaxis(sample[..., :2], 2, 1)
+        shared.append(_regress_both(level, wanted))
+        own.append([_regress(level[:, [r]], wanted[:, [r]], constants=1) for r in range(2)])
+    chosen = [
+        _choose([fits[r] for fits in shared], [fits[r] for fits in own], worth=2.0)
+        for r in range(2)
+    ]
     models = {}
     for k, (side, sample) in enumerate(samples.items()):
-        level = np.stack([_lay_out_level(v[side]) for v in vectors])  # (n, 2, A + 2)
-        fit = _regress([level], np.moveaxis(sample[..., :2], 2, 1), constants=2)
-        count = sample.shape[1]
-        own = slice(k * count, (k + 1) * count)
-        squares = (fit.left_out**2).sum(axis=1) + (fit_z.left_out[..., own] ** 2).sum(axis=1)
+        fits, count = [chosen[r][k] for r in range(2)], sample.shape[1]
+        errors = [fit.left_out for fit in fits] + [fit_z.left_out[..., k * count : (k + 1) * count]]
+        squares = (np.concatenate(errors, axis=1) ** 2).sum(axis=1).mean(axis=0)
         models[side] = HandModel(
             mean=sample[..., :3].mean(axis=0),
-            level=fit.weights,
-            height=fit_z.weights[:, own],
+            level=np.stack([fit.weights for fit in fits]),
+            height=fit_z.weights[:, k * count : (k + 1) * count],
             turns=sample[..., 3:6].mean(axis=0),
             poses=sample[..., 6:].mean(axis=0),
-            leverage=fit.inverse,
-            noise=np.sqrt(squares.mean(axis=0) / (1 + fit.share)),
+            leverage=np.stack([fit.inverse for fit in fits]),
+            noise=np.sqrt(squares / (1 + np.mean([fit.share for fit in fits]))),
         )
     return models
 
@@ -333,46 +342,66 @@ class _Fit(NamedTuple):
 
     weights: np.ndarray
     """Shape (F, K)."""
-    left_out: np.ndarray
-    """Errors of recordings left out, shape (n, r, K)."""
     inverse: np.ndarray
     """Of the normal matrix, shape (F, F)."""
+    left_out: np.ndarray
+    """Errors of recordings left out, shape (n, r, K)."""
     share: float
     """Mean leverage of a recording that is left out."""
 
+    @property
+    def score(self) -> float:
+        """Logarithm of the squared errors of recordings left out."""
+        return float(np.log((self.left_out**2).sum() + 1e-12))
 
-def _regress(designs: Sequence[np.ndarray], wanted: np.ndarray, *, constants: int) -> _Fit:
-    """Regress with the design and the penalty that predict recordings best that are left out.
+
+def _choose(simple: Sequence[_Fit], rich: Sequence[_Fit], *, worth: float) -> Sequence[_Fit]:
+    """Choose the rich fits of all hands if they divide the squared errors by `worth`."""
+    gain = sum(fit.score for fit in simple) - sum(fit.score for fit in rich)
+    return rich if gain > len(simple) * np.log(worth) else simple
+
+
+def _regress_both(level: np.ndarray, wanted: np.ndarray) -> list[_Fit]:
+    """Regress x and y, both (n, K) in (n, 2, K), with the same weights; return the fit of each."""
+    vectors, none = level[..., :-1], np.zeros_like(level[:, :1, -1])
+    ones = none + 1.0
+    constants = np.stack([np.c_[ones, none], np.c_[none, ones]], axis=1)
+    fit = _regress(np.concatenate([vectors, constants], axis=2), wanted, constants=2)
+    anchors = np.arange(vectors.shape[2])
+    fits = []
+    for r in range(2):
+        used = np.r_[anchors, len(anchors) + r]
+        inverse = fit.inverse[np.ix_(used, used)]
+        fits.append(_Fit(fit.weights[used], inverse, fit.left_out[:, [r]], fit.share))
+    return fits
+
+
+def _regress(design: np.ndarray, wanted: np.ndarray, *, constants: int) -> _Fit:
+    """Regress with the penalty that predicts recordings best that are left out.
 
     Args:
-        designs: Rows of each recording, shape (n, r, F), of which one is chosen, the first of
-            equals; the last columns are constants.
+        design: Rows of each recording, shape (n, r, F); the last columns are constants.
         wanted: Shape (n, r, K).
         constants: Number of these columns, which have no penalty.
     """
-    free = np.ones(designs[0].shape[2])
-    free[-constants:] = 0.0
+    free = np.arange(design.shape[2]) < design.shape[2] - constants
 
     def solve(x: np.ndarray, y: np.ndarray, penalty: float) -> tuple[np.ndarray, np.ndarray]:
         x, y = x.reshape(-1, x.shape[2]), y.reshape(-1, y.shape[2])
         inverse = np.linalg.inv(x.T @ x + np.diag(penalty * len(x) * free + 1e-9))
         return inverse @ x.T @ y, inverse
 
-    best: tuple[float, _Fit] | None = None
-    for design, penalty in product(designs, _PENALTIES):
+    fits = []
+    for penalty in _PENALTIES:
         errors, shares = [], []
         for k in range(len(design)):
             rest = np.arange(len(design)) != k
             weights, inverse = solve(design[rest], wanted[rest], penalty)
             errors.append(wanted[k] - design[k] @ weights)
             shares.append(np.einsum("ri,ij,rj->r", design[k], inverse, design[k]).mean())
-        error = np.stack(errors)
-        score = float((error**2).sum())
-        if best is None or score < best[0]:
-            weights, inverse = solve(design, wanted, penalty)
-            best = score, _Fit(weights, error, inverse, float(np.mean(shares)))
-    assert best is not None
-    return best[1]
+        whole = solve(design, wanted, penalty)
+        fits.append(_Fit(*whole, np.stack(errors), float(np.mean(shares))))
+    return min(fits, key=lambda fit: fit.score)
 
 
 def _find_vectors(
@@ -387,8 +416,8 @@ def _find_vectors(
 
 
 def _lay_out_level(vectors: np.ndarray) -> np.ndarray:
-    """Lay out the rows of x and y, shape (2, A + 2)."""
-    return np.concatenate([vectors[:, :2].T, np.eye(2)], axis=1)
+    """Lay out the rows of x and y, shape (2, A + 1)."""
+    return np.concatenate([vectors[:, :2].T, np.ones((2, 1))], axis=1)
 
 
 def _lay_out_height(vectors: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -26,7 +26,7 @@ __all__ = [
 
 PRIMITIVES_FILE = "primitives.safetensors"
 """Name of the file in the folder of a training."""
-_KIND, _VERSION = "dgl_sadp.primitives", "1"
+_KIND, _VERSION = "dgl_sadp.primitives", "2"
 _MAX_BYTES = 2**24
 _MODEL = tuple(each.name for each in dataclasses.fields(HandModel))
 _TIMES = ("durations", "distances")
@@ -119,11 +119,11 @@ def _find_shapes(
         knots, size = poses
         sizes: Mapping[str, tuple[int, ...]] = {
             "mean": (knots, 3),
-            "level": (anchors + 2, knots),
+            "level": (2, anchors + 1, knots),
             "height": (2 * anchors + len(parts["hands"]) + 1, knots),
             "turns": (knots, 3),
             "poses": (knots, size),
-            "leverage": (anchors + 2, anchors + 2),
+            "leverage": (2, anchors + 1, anchors + 1),
             "noise": (knots,),
         }
         shapes |= {f"{stage}.{side}.{each}": sizes[each] for each in _MODEL}
