@@ -64,6 +64,7 @@ bench: setup ## Measure the physics
 
 build: setup ## Build the wheels of all packages into dist/
 	uv build --all-packages --wheel --out-dir dist
+	uv build --wheel --out-dir dist $(LEROBOT)
 
 pin: setup ## Resolve anew and write the exact versions into pyproject.toml
 	$(RUN) python scripts/pin.py --upgrade

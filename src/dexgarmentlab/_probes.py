@@ -4,6 +4,7 @@ A probe does the real thing in small, returns facts about it, and raises when it
 """
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,9 +14,23 @@ import numpy as np
 __all__ = ["PROBES", "assert_shows_box", "main"]
 
 
+_PACKAGES = ("dexgarmentlab", "dgl-physics", "dgl-assets", "dgl-gam", "dgl-sadp", "dgl-tasks")
+_PACKAGES += ("dgl-collect", "dgl-files")
+
+
 def probe_packages() -> dict[str, object]:
-    """Import what the tasks are built on; a missing system library shows here."""
+    """Import what the tasks are built on; a missing package or system library shows here."""
     import warnings
+    from importlib import metadata
+
+    missing = [
+        name
+        for package in _PACKAGES
+        for name in _list_required(package)
+        if not any(metadata.distributions(name=name))
+    ]
+    if missing:
+        raise RuntimeError(f"not installed: {', '.join(sorted(set(missing)))}")
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Deprecations inside of other libraries.
@@ -33,6 +48,14 @@ def probe_packages() -> dict[str, object]:
         "h5py": h5py.__version__,
         "mani_skill": mani_skill.__version__,
     }
+
+
+def _list_required(package: str) -> list[str]:
+    """List the distributions that a package needs, without its extras."""
+    from importlib import metadata
+
+    needed = [r for r in metadata.requires(package) or () if "extra ==" not in r]
+    return [re.split(r"[^A-Za-z0-9._-]", r, maxsplit=1)[0] for r in needed if ";" not in r]
 
 
 def probe_rendering() -> dict[str, object]:

@@ -125,6 +125,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if is_domain_error(error):
             console.error(_one_line(error) + _tell_cache(error))
             return EXIT_FAILURE
+        if isinstance(error, ModuleNotFoundError) and not _is_own(error.name or ""):
+            console.error(f"{error.name} is not installed; in a clone, `make setup` installs it")
+            return EXIT_FAILURE
         console.error(
             f"internal error, {type(error).__name__}: {_one_line(error)}"
             + ("" if is_debug else " (repeat with --debug for the traceback)")
@@ -146,6 +149,10 @@ def is_domain_error(error: BaseException) -> bool:
         if package in _OWN_PACKAGES and rest.split(".")[-1] == "errors":
             return True
     return False
+
+
+def _is_own(module: str) -> bool:
+    return module.partition(".")[0] in _OWN_PACKAGES
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -193,7 +200,7 @@ def _help() -> str:
 
 def _unknown(name: str) -> str:
     names = [verb.name for verb in VERBS]
-    closest = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    closest = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     hint = f" Did you mean `dgl {closest[0]}`?" if closest else ""
     return f"unknown verb {name!r}.{hint} The verbs are: {', '.join(names)}."
 

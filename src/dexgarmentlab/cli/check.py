@@ -24,7 +24,7 @@ class CheckOptions:
     format: Annotated[Literal["lerobot"], tyro.conf.Positional, tyro.conf.arg(metavar="FORMAT")]
     """lerobot."""
     dataset: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET")]
-    """Folder of a data set that `dgl export` wrote, of whole episodes."""
+    """Folder of a data set that `dgl export` wrote, of episodes instead of stages."""
     episodes: int | None = None
     """The first so many episodes. Default: all."""
     json: bool = False

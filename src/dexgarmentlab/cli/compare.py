@@ -38,6 +38,8 @@ def run(options: CompareOptions) -> int:
     """Compare, and show each method and every two of them."""
     from dgl_collect.evaluation.comparison import compare, read_evaluation
 
+    if len(set(options.folders)) < len(options.folders):
+        raise ValueError(f"folders must differ; got {' '.join(map(str, options.folders))}")
     evaluations = {folder: read_evaluation(folder) for folder in options.folders}
     comparison = compare(evaluations)
     for folder, evaluation in evaluations.items():

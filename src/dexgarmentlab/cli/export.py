@@ -60,8 +60,8 @@ def run(options: ExportOptions) -> int:
     from dgl_collect.exporting.writers import get_writer
     from dgl_collect.workers import stop_signals
 
-    files = list_episodes(options.episodes)
     writer = get_writer(options.format)
+    files = list_episodes(options.episodes)
     check_writable(options.out.parent)
     source = read_source(files, options.frames)
     find_recorded_task(source.task, options.task)

@@ -16,13 +16,13 @@ class TrainPrimitiveOptions:
     """Learn task-parameterised movement primitives, one for each stage, in seconds.
 
     The ways of the hands become affine functions of the points on the garment, the extents of its
-    cloud, and the frames of objects. Five to ten episodes are enough; they may be of any robot.
+    cloud, and the frames of objects. Three episodes suffice, ten are better; any robot's will do.
 
     Example: dgl train primitive --data out/fold_tops/episodes --out runs/fold_tops
     """
 
     data: Path
-    """Folder of episodes (*.h5) of one task."""
+    """Folder of episodes (*.h5) of one task, or of the run that collected them."""
     out: Path
     """Folder for primitives.safetensors; see `dgl eval --policy primitive --checkpoints`."""
     episodes: int | None = None
@@ -51,7 +51,7 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
         what = "has primitives already" if path.exists() else "is a file"
         raise ValueError(f"--out must be a new folder; {options.out} {what}")
     check_writable(options.out)
-    paths = sorted(options.data.glob("*.h5"))
+    paths = sorted(options.data.glob("*.h5")) or sorted(options.data.glob("episodes/*.h5"))
     if not paths:
         raise ValueError(f"--data must hold episodes (*.h5); {options.data} has none")
     if options.episodes is not None and not 1 <= options.episodes <= len(paths):

@@ -39,8 +39,8 @@ class GarmentOptions:
     """
 
     garment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ID")]
-    """Id of the catalogue."""
-    other: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="OTHER")] = None
+    """Id of the catalogue, such as Tops_LongSleeve/000123; `dgl assets list` has the categories."""
+    other: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[OTHER]")] = None
     """Garment of the same category to find points on. Default: the category's first."""
     matcher: Literal["exact", "gam"] = "exact"
     """Finds points: `exact`, or the Garment Affordance Model, which shows its similarity, too."""
@@ -100,9 +100,12 @@ def _view(flags: ServerFlags, build: Callable[[Any], object]) -> int:
 def view_garment(options: GarmentOptions) -> int:
     """Show a garment."""
     from dexgarmentlab.viewer.garment_page import GarmentPage
+    from dgl_assets import load_garment
 
     category = options.garment.partition("/")[0]
     other = options.other or f"{category}/000000"
+    for garment_id in (options.garment, other):
+        load_garment(garment_id)  # a wrong id is told before a server starts
     return _view(
         options.server,
         lambda server: GarmentPage(server, options.garment, other, matcher=options.matcher),

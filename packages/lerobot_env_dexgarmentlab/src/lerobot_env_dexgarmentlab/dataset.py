@@ -101,7 +101,7 @@ def check(
     """Send the actions of a data set through the environment that `lerobot-eval` evaluates in.
 
     Args:
-        folder: A data set of `write`, of whole episodes.
+        folder: A data set of `write`, of episodes instead of stages.
         episodes: The first so many; all when None.
         on_episode: Called after each.
 
@@ -110,7 +110,9 @@ def check(
     """
     origins: Origins = read_origins(folder)
     if origins.content == "stages":
-        raise ValueError(f"{folder} must hold whole episodes; it holds {origins.content}")
+        raise ValueError(
+            f"{folder} must hold episodes, whole or grasped; it holds {origins.content}"
+        )
     dataset = LeRobotDataset(repo_id=f"dexgarmentlab/{origins.task}", root=folder)
     rows: Any = dataset.hf_dataset.select_columns(["episode_index", "action"]).with_format("numpy")
     numbers, actions = np.asarray(rows["episode_index"]), np.asarray(rows["action"])

@@ -77,7 +77,7 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
         learned[name].check(task, options)
         return
     module, _, attribute = name.partition(":")
-    if not module or not attribute:
+    if not module or not attribute or attribute.startswith("//"):
         names = ", ".join([*SCRIPTED, *learned])
         raise ValueError(
             f"--policy must be one of {names}, module:factory, or ws://HOST:PORT; got {name!r}"

@@ -69,7 +69,8 @@ class Connection:
         except (OSError, ValueError, WebSocketException) as err:
             self.close()
             raise PolicyUnavailableError(
-                f"no policy server answers at {self.address}: {err}"
+                f"no policy server answers at {self.address}, such as dgl serve POLICY TASK --port "
+                f"8000 at ws://127.0.0.1:8000: {err}"
             ) from err
 
     def close(self) -> None:
