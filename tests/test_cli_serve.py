@@ -6,6 +6,7 @@ import pytest
 
 from dexgarmentlab.cli import main
 from dexgarmentlab.learned_methods import CheckpointMethod
+from dgl_collect.remote import ServedStages
 
 
 @pytest.fixture
@@ -16,10 +17,10 @@ def served(monkeypatch):
     class Server:
         port = 4321
 
-        def __init__(self, make_policies, **settings):
-            if settings["port"] == 1:
+        def __init__(self, make_served, *, host, port):
+            if port == 1:
                 raise PermissionError(13, "Permission denied")
-            made.append((make_policies(), settings))
+            made.append((make_served(), host, port))
 
         def run(self):
             raise KeyboardInterrupt
@@ -38,13 +39,21 @@ def served(monkeypatch):
 def test_a_policy_is_served_on_this_machine_alone_until_an_interrupt(served, capsys):
     assert main(["serve", "halo", "FoldTops-v1", "--port", "0"]) == 0
     assert "halo of FoldTops-v1 at ws://127.0.0.1:4321" in capsys.readouterr().out
-    (policies, settings), stopped = served
-    assert policies == "policies"
-    assert settings == {
-        "task": "FoldTops-v1", "cloud": "segmented", "is_sent": True, "host": "127.0.0.1",
-        "port": 0,
-    }  # fmt: skip
+    (halo, *where), stopped = served
+    assert halo == ServedStages(
+        policies="policies", task="FoldTops-v1", cloud="segmented", is_sent=True
+    )
+    assert where == ["127.0.0.1", 0]
     assert stopped == "stopped"
+
+
+def test_primitives_of_the_box_are_served(served, capsys):
+    for name in ("primitive", "blind"):
+        assert main(["serve", name, "HangCoat-v1"]) == 0
+        assert f"{name} of HangCoat-v1 at ws://127.0.0.1:4321" in capsys.readouterr().out
+    primitive, blind = served[0][0], served[2][0]
+    assert primitive.metadata == {"protocol": "dexgarmentlab.skill", "task": "HangCoat-v1"}
+    assert (primitive.skill.is_blind, blind.skill.is_blind) == (False, True)
 
 
 def test_what_cannot_be_served_is_told_in_a_line(served, capsys, monkeypatch):

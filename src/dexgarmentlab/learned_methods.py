@@ -12,9 +12,10 @@ from dgl_assets.robots.importing import load_robot
 from dgl_collect.attempt import Attempts
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import DEFAULT_CLOUD
-from dgl_collect.evaluation.methods import LearnedMethod, make_evaluation_attempts
+from dgl_collect.evaluation.methods import make_evaluation_attempts
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
+from dgl_collect.remote import ServedStages
 from dgl_collect.stage_runner import StageRunner
 from dgl_sadp import DiffusionPolicy, PolicyRunner, find_policy, load_policy, read_card
 
@@ -92,6 +93,15 @@ class CheckpointMethod:
             policy, card, demonstration, is_sent=self.use_gam, chunks=options.chunks
         )
 
+    def prepare_served(
+        self, task: "Task", options: EvaluationOptions
+    ) -> Callable[[], ServedStages]:
+        """Load the policy for a policy server; raises as `prepare` does."""
+        make = self.prepare(task, options)
+        return lambda: ServedStages(
+            policies=make().policies, task=task.id, cloud=options.cloud, is_sent=self.use_gam
+        )
+
     def _locate(self, task: "Task", options: EvaluationOptions) -> Path:
         """Find the policy's file, or the folder of its training."""
         path = options.checkpoints
@@ -104,7 +114,7 @@ class CheckpointMethod:
         return path
 
 
-METHODS: Mapping[str, LearnedMethod] = {
+METHODS: Mapping[str, CheckpointMethod | PrimitiveMethod] = {
     "halo": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=True, is_shipped=True),
     "sadp": CheckpointMethod(policies=("sadp", "sadp-g"), use_gam=False),
     "gam-dp3": CheckpointMethod(policies=("dp3",), use_gam=True),

@@ -1,6 +1,6 @@
 """Primitives from episodes, and as the skill of a demonstration."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import opened_episode, read_stage_names, take
 from dgl_collect.errors import CollectionError, DemonstrationError
 from dgl_collect.names import list_anchors, name_scene
+from dgl_collect.remote import ServedSkill
 from dgl_collect.skill import follow_recordings
 from dgl_files.fields import decode_json
 from dgl_sadp.errors import PrimitiveError, SadpError
@@ -97,10 +98,19 @@ class PrimitiveMethod:
         return setup.make_runner(
             Expert(follows_steps=False),
             demonstration=follow_recordings(setup.demonstration),
-            skill=PrimitiveSkill(
-                primitives=self._load(setup.env.task, options), is_blind=self.is_blind
-            ),
+            skill=self.load(setup.env.task, options),
         )
+
+    def prepare_served(
+        self, task: "Task", options: "EvaluationOptions"
+    ) -> Callable[[], ServedSkill]:
+        """Load the skill for a policy server; raises as `check` does."""
+        skill = self.load(task, options)
+        return lambda: ServedSkill(skill=skill, task=task.id)
+
+    def load(self, task: "Task", options: "EvaluationOptions") -> PrimitiveSkill:
+        """Load the skill; raises as `check` does."""
+        return PrimitiveSkill(primitives=self._load(task, options), is_blind=self.is_blind)
 
     def _load(self, task: "Task", options: "EvaluationOptions") -> TaskPrimitives:
         demonstration = load_demonstration(task, options.demonstration)

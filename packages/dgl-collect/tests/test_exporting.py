@@ -147,6 +147,29 @@ def test_robomimic_files_have_its_groups_and_attributes(tmp_path):
         assert second.attrs["num_samples"] == 3
 
 
+def test_robomimic_reads_its_files(tmp_path):
+    obs_utils = pytest.importorskip("robomimic.utils.obs_utils")
+    dataset = pytest.importorskip("robomimic.utils.dataset")
+    made = [make_trajectory(0, cloud=None), make_trajectory(1, frames=3, cloud=None)]
+    get_writer("robomimic")(tmp_path / "r.hdf5", iter(made), SOURCE)
+    obs_utils.initialize_obs_utils_with_obs_specs({"obs": {"low_dim": ["state"]}})
+    sequences = dataset.SequenceDataset(
+        str(tmp_path / "r.hdf5"),
+        obs_keys=["state"],
+        dataset_keys=["actions", "rewards", "dones"],
+        seq_length=2,
+        load_next_obs=True,
+    )
+    assert len(sequences) == 4 + 3
+    assert sequences.n_demos == 2
+    window = sequences[1]
+    np.testing.assert_array_equal(window["actions"], made[0].action[1:3])
+    np.testing.assert_array_equal(window["obs"]["state"], made[0].state[1:3])
+    np.testing.assert_array_equal(window["next_obs"]["state"], made[0].state[2:4])
+    np.testing.assert_array_equal(sequences[4]["obs"]["state"], made[1].state[:2])
+    assert sequences[2]["dones"].tolist() == [0, 1]
+
+
 @pytest.fixture
 def run(fakes, monkeypatch, tmp_path):
     """Exports episodes in this process; a replay gives frames drawn with the episode's seed."""

@@ -10,11 +10,21 @@ import numpy as np
 import pytest
 from websockets.sync.server import serve
 
+from dgl_collect.actors import Expert
+from dgl_collect.demonstration import load_demonstration
+from dgl_collect.errors import DemonstrationError
 from dgl_collect.evaluation.methods import check_method
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
-from dgl_collect.remote import Connection, PolicyServer, RemotePolicy, make_remote_method
-from dgl_collect.remote.client import RemoteStage
+from dgl_collect.remote import (
+    Connection,
+    PolicyServer,
+    RemotePolicy,
+    ServedSkill,
+    ServedStages,
+    make_remote_method,
+)
+from dgl_collect.remote.client import RemoteSkill, RemoteStage
 from dgl_collect.remote.wire import pack, unpack
 from dgl_tasks import get_task
 from dgl_tasks.errors import PolicyUnavailableError
@@ -146,15 +156,32 @@ class Steps:
 
 
 @pytest.fixture
-def ours():
+def serve_ours():
+    """Starts servers of ours, and stops them."""
+    running = []
+
+    def run(make_served):
+        server = PolicyServer(make_served, port=0)
+        threading.Thread(target=server.run, daemon=True).start()
+        running.append(server)
+        return server
+
+    yield run
+    for server in running:
+        server.stop()
+
+
+@pytest.fixture
+def ours(serve_ours):
     """A server of ours with two stages."""
-    server = PolicyServer(
-        lambda: {n: Learned(policy=Steps(n), chunks=k) for k, n in enumerate("ab", start=3)},
-        task="FoldTops-v1", cloud="segmented", is_sent=True, port=0,
-    )  # fmt: skip
-    threading.Thread(target=server.run, daemon=True).start()
-    yield server
-    server.stop()
+    return serve_ours(
+        lambda: ServedStages(
+            policies={n: Learned(policy=Steps(n), chunks=k) for k, n in enumerate("ab", start=3)},
+            task="FoldTops-v1",
+            cloud="segmented",
+            is_sent=True,
+        )
+    )
 
 
 def test_a_stage_is_shown_the_same_as_a_policy_here(ours):
@@ -176,17 +203,80 @@ def test_a_stage_is_shown_the_same_as_a_policy_here(ours):
         assert answer.read() == b"OK\n"
 
 
-def test_servers_of_ours_act_in_stages_and_others_from_the_start(ours, start):
+class Straight:
+    """A skill that leads each hand to an anchor."""
+
+    def plan(self, stage, starts, anchors):
+        if stage != "lift":
+            raise DemonstrationError(f"no stage {stage!r}")
+        hands = {
+            side: SimpleNamespace(
+                points=np.linspace(start, anchors["end"], 5),
+                turns=np.zeros((5, 3)),
+                poses=np.ones((5, 2)),
+            )
+            for side, start in starts.items()
+        }
+        return SimpleNamespace(hands=hands, spread=0.02)
+
+
+def test_a_skill_plans_the_same_as_here(serve_ours):
+    server = serve_ours(lambda: ServedSkill(skill=Straight(), task="FoldTops-v1"))
+    skill = RemoteSkill(connection=Connection(f"ws://127.0.0.1:{server.port}"))
+    starts, anchors = {"left": np.zeros(3), "right": np.ones(3)}, {"end": np.arange(3.0)}
+    far, near = (each.plan("lift", starts, anchors) for each in (skill, Straight()))
+    assert far.spread == near.spread
+    for side, way in near.hands.items():
+        for name, array in vars(way).items():
+            np.testing.assert_array_equal(getattr(far.hands[side], name), array)
+    with pytest.raises(PolicyUnavailableError, match="no stage 'drop'"):
+        skill.plan("drop", starts, anchors)
+
+
+def test_a_skill_refuses_what_is_no_way(start):
+    way = {name: np.zeros((2, 3)) for name in ("points", "turns", "poses")}
+    table = [
+        (
+            {"actions": np.zeros((1, 3))},
+            r"hold the ways of the hands \['left'\]; got \['actions'\]",
+        ),
+        ({"hands": {"right": way}, "spread": 0.1}, r"hold the ways of the hands \['left'\]"),
+        ({"hands": {"left": way}}, "must hold a spread"),
+        (
+            {"hands": {"left": {**way, "turns": np.zeros(3)}}, "spread": 0.1},
+            r"must hold turns of shape \(n, A\); got shape \(3,\)",
+        ),
+    ]
+    replies = iter([reply for reply, _ in table])
+
+    def answer(socket):
+        socket.send(pack({}))
+        for _ in socket:
+            socket.send(pack(next(replies)))
+
+    skill = RemoteSkill(connection=Connection(start(answer)))
+    for _, message in table:
+        with pytest.raises(PolicyUnavailableError, match=message):
+            skill.plan("lift", {"left": np.zeros(3)}, {})
+
+
+def test_servers_of_ours_act_in_stages_and_others_from_the_start(ours, serve_ours, start):
     made = []
     setup = SimpleNamespace(
         env=SimpleNamespace(task=get_task("FoldTops-v1"), cloud="segmented"),
-        make_runner=lambda actor: made.append(actor) or "runner",
+        demonstration=load_demonstration(get_task("FoldTops-v1")),
+        make_runner=lambda actor, **more: made.append((actor, more)) or "runner",
     )
     address = f"ws://127.0.0.1:{ours.port}"
     assert make_remote_method(setup, EvaluationOptions(policy=address)) == "runner"
-    (actor,) = made
+    ((actor, _),) = made
     assert isinstance(actor, PolicyActor)
     assert {name: each.chunks for name, each in actor.policies.items()} == {"a": 3, "b": 4}
+    whole = serve_ours(lambda: ServedSkill(skill=Straight(), task="FoldTops-v1"))
+    options = EvaluationOptions(policy=f"ws://127.0.0.1:{whole.port}")
+    assert make_remote_method(setup, options) == "runner"
+    assert isinstance(made[1][0], Expert)
+    assert isinstance(made[1][1]["skill"], RemoteSkill)
     setup.env.task = get_task("FoldDress-v1")
     with pytest.raises(ValueError, match="serves the task FoldTops-v1; got FoldDress-v1"):
         make_remote_method(setup, EvaluationOptions(policy=address))

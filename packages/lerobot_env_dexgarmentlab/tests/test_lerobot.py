@@ -15,9 +15,9 @@ from lerobot.envs.factory import make_env
 from dgl_collect import read_episode
 from dgl_collect.exporting.origins import read_origins
 from lerobot_env_dexgarmentlab import DexGarmentLabEnv
-from lerobot_env_dexgarmentlab.dataset import check
 from lerobot_env_dexgarmentlab.env import GarmentLeRobotEnv
 
+SCRIPTS = Path(sys.executable).parent
 SMALL = ["--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32"]
 SMALL += ["--policy.n_encoder_layers=1", "--policy.n_vae_encoder_layers=1"]
 SMALL += ["--policy.chunk_size=5", "--policy.n_action_steps=5"]
@@ -48,10 +48,12 @@ def test_lerobot_reads_what_was_written(dataset):
 
 
 def test_exported_actions_succeed_in_the_evaluated_environment(dataset):
-    found = check(dataset)
-    assert [each.recorded for each in found] == [True, True]
-    assert any(each.reached for each in found)  # 12 Hz are not 60: one may be lost
-    assert all(each.actions > 50 for each in found)
+    command = [SCRIPTS / "dgl", "check", "lerobot", dataset, "--json"]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
+    found = json.loads(done.stdout)["episodes"]
+    assert [each["recorded"] for each in found] == [True, True]
+    assert any(each["reached"] for each in found)  # 12 Hz are not 60: one may be lost
+    assert all(each["actions"] > 50 for each in found)
 
 
 def test_vector_environments_of_lerobot_begin_where_the_episodes_did(dataset):
@@ -116,9 +118,8 @@ def test_the_file_for_the_hub_makes_environments_as_lerobot_loads_it(monkeypatch
 
 
 def test_act_is_trained_and_evaluated_by_lerobots_own_commands(dataset, tmp_path):
-    scripts = Path(sys.executable).parent
     train = [
-        scripts / "lerobot-train", "--dataset.repo_id=local/hang", f"--dataset.root={dataset}",
+        SCRIPTS / "lerobot-train", "--dataset.repo_id=local/hang", f"--dataset.root={dataset}",
         "--dataset.video_backend=pyav", "--dataset.use_imagenet_stats=false", "--policy.type=act",
         "--policy.device=cpu", *SMALL, "--steps=2", "--batch_size=2", "--num_workers=0",
         "--save_freq=2", "--eval_freq=0", f"--output_dir={tmp_path / 'act'}",
@@ -126,7 +127,7 @@ def test_act_is_trained_and_evaluated_by_lerobots_own_commands(dataset, tmp_path
     ]  # fmt: skip
     subprocess.run(train, check=True)
     evaluate = [
-        scripts / "lerobot-eval", "--env.discover_packages_path=lerobot_env_dexgarmentlab",
+        SCRIPTS / "lerobot-eval", "--env.discover_packages_path=lerobot_env_dexgarmentlab",
         "--env.type=dexgarmentlab", "--env.task=HangTops-v1", "--env.control_mode=pd_hand_poses",
         "--env.cameras=environment_camera,left_wrist_camera", "--env.width=64",
         "--env.height=48", "--env.episode_length=3", "--env.matcher=exact",

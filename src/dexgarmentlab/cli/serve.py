@@ -24,15 +24,16 @@ class ServeOptions:
     """
 
     policy: Annotated[
-        Literal["halo", "sadp", "gam-dp3", "dp3", "dp"],
+        Literal["primitive", "blind", "halo", "sadp", "gam-dp3", "dp3", "dp"],
         tyro.conf.Positional,
         tyro.conf.arg(metavar="POLICY"),
     ]
-    """halo, sadp, gam-dp3, dp3 or dp."""
+    """primitive, blind, halo, sadp, gam-dp3, dp3 or dp."""
     task: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="TASK")]
     """The task: an id such as FoldTops-v1, or a file or module of your own that declares one."""
     checkpoints: Path | None = None
-    """The folder of a training, or its file. Default of halo: what comes with dgl-sadp."""
+    """The folder of a training, or its file. Default of
+    primitive, blind and halo: what comes with dgl-sadp."""
     demonstration: Path | None = None
     """A demonstration of your own (JSON). Default: the one that belongs to the task."""
     cloud: CloudKind = "segmented"
@@ -47,16 +48,14 @@ class ServeOptions:
 
 def run(options: ServeOptions) -> int:
     """Serve until an interrupt."""
-    from dexgarmentlab.learned_methods import METHODS, CheckpointMethod
+    from dexgarmentlab.learned_methods import METHODS
     from dgl_collect.options import EvaluationOptions
     from dgl_collect.remote import PolicyServer
 
     if not 0 <= options.port < 2**16:
         raise ValueError(f"--port must be from 0 to 65535; got {options.port}")
     task = find_task(options.task)
-    method = METHODS[options.policy]
-    assert isinstance(method, CheckpointMethod)
-    load = method.prepare(
+    make_served = METHODS[options.policy].prepare_served(
         task,
         EvaluationOptions(
             policy=options.policy,
@@ -67,14 +66,7 @@ def run(options: ServeOptions) -> int:
         ),
     )
     try:
-        server = PolicyServer(
-            lambda: load().policies,
-            task=task.id,
-            cloud=options.cloud,
-            is_sent=method.use_gam,
-            host=options.host,
-            port=options.port,
-        )
+        server = PolicyServer(make_served, host=options.host, port=options.port)
     except OSError as err:
         where = f"{options.host}:{options.port}"
         raise ValueError(f"cannot listen at {where}: {err.strerror or err}") from err

@@ -9,4 +9,6 @@ from dgl_collect.remote.client import Connection as Connection
 from dgl_collect.remote.client import RemotePolicy as RemotePolicy
 from dgl_collect.remote.client import is_address as is_address
 from dgl_collect.remote.client import make_remote_method as make_remote_method
+from dgl_collect.remote.served import ServedSkill as ServedSkill
+from dgl_collect.remote.served import ServedStages as ServedStages
 from dgl_collect.remote.server import PolicyServer as PolicyServer

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,27 +10,30 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection as Socket
 
+from dgl_assets.robots import Side
+from dgl_collect.actors import Expert
 from dgl_collect.options import EvaluationOptions
 from dgl_collect.policy_actor import Learned, PolicyActor
+from dgl_collect.remote.served import SKILL, STAGES
 from dgl_collect.remote.wire import pack, unpack
 from dgl_collect.setup import Setup
+from dgl_collect.skill import follow_recordings
 from dgl_tasks.errors import PolicyUnavailableError
 from dgl_tasks.policy import Arrays, FromStart, Method
 
 __all__ = [
-    "STAGES",
     "Connection",
     "RemotePolicy",
+    "RemoteSkill",
     "RemoteStage",
     "is_address",
     "make_remote_method",
 ]
 
-STAGES = "dexgarmentlab.stages"
-"""Protocol of servers of ours, whose policies act in the stages of a task."""
 OPEN_SECONDS, ANSWER_SECONDS = 5.0, 60.0
 LARGEST_ANSWER = 2**24
 """Largest message of a server [bytes]."""
+WAY_NAMES = ("points", "turns", "poses")
 
 
 def is_address(name: str) -> bool:
@@ -78,12 +82,12 @@ class Connection:
         self._socket = None
         self._opened.close()
 
-    def ask(self, message: Mapping[str, object]) -> np.ndarray:
-        """Send an observation; return the actions, shape (n, A).
+    def ask(self, message: Mapping[str, object]) -> dict[str, Any]:
+        """Send a message; return the answer.
 
         Raises:
             PolicyUnavailableError: If the connection is lost, the answer takes more than a minute,
-                or it is an error or no actions.
+                or it is an error or no map.
         """
         self.open()
         assert self._socket is not None
@@ -92,14 +96,29 @@ class Connection:
         except (OSError, WebSocketException) as err:
             self.close()
             raise PolicyUnavailableError(f"{self.address}: the connection is lost: {err}") from err
-        answer = self._receive(ANSWER_SECONDS)
-        actions = answer.get("actions")
-        if not isinstance(actions, np.ndarray) or actions.ndim != 2:
-            told = f"shape {actions.shape}" if isinstance(actions, np.ndarray) else sorted(answer)
+        return self._receive(ANSWER_SECONDS)
+
+    def ask_actions(self, message: Mapping[str, object]) -> np.ndarray:
+        """Send an observation; return the actions, shape (n, A).
+
+        Raises:
+            PolicyUnavailableError: As `ask` does, or if the answer holds no such actions.
+        """
+        return self.take(self.ask(message), "actions")
+
+    def take(self, answer: Mapping[str, Any], name: str) -> np.ndarray:
+        """Take a matrix from an answer.
+
+        Raises:
+            PolicyUnavailableError: If there is none.
+        """
+        array = answer.get(name)
+        if not isinstance(array, np.ndarray) or array.ndim != 2:
+            told = f"shape {array.shape}" if isinstance(array, np.ndarray) else sorted(answer)
             raise PolicyUnavailableError(
-                f"{self.address}: an answer must hold actions of shape (n, A); got {told}"
+                f"{self.address}: an answer must hold {name} of shape (n, A); got {told}"
             )
-        return actions
+        return array
 
     def _receive(self, seconds: float) -> dict[str, Any]:
         assert self._socket is not None
@@ -150,7 +169,7 @@ class RemotePolicy:
             message["observation/garment_point_cloud"] = self._garment
             message["reset"] = True
             self._garment = None
-        return self._connection.ask({**message, "prompt": self._prompt})
+        return self._connection.ask_actions({**message, "prompt": self._prompt})
 
 
 class RemoteStage:
@@ -175,13 +194,70 @@ class RemoteStage:
         """Ask for the next joint targets."""
         past, self._past = [dict(each) for each in self._past], []
         begins, self._begins = self._begins, None
-        return self._connection.ask(
+        return self._connection.ask_actions(
             {
                 "stage": self._stage,
                 "begins": begins,
                 "past": past,
                 "observation": dict(observation),
             }
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoteHandWay:
+    """Way of one hand; implements `dgl_collect.skill.HandWay`."""
+
+    points: np.ndarray
+    turns: np.ndarray
+    poses: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoteWay:
+    """Ways of the working hands; implements `dgl_collect.skill.Way`."""
+
+    hands: Mapping[str, RemoteHandWay]
+    spread: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoteSkill:
+    """A skill on a server of ours; implements `dgl_collect.skill.Skill`."""
+
+    connection: Connection
+
+    def plan(
+        self, stage: str, starts: Mapping[Side, np.ndarray], anchors: Mapping[str, np.ndarray]
+    ) -> RemoteWay:
+        """Ask for the ways of a stage.
+
+        Raises:
+            PolicyUnavailableError: If the server fails, or answers with something else.
+        """
+        answer = self.connection.ask(
+            {
+                "stage": stage,
+                "starts": {str(side): start for side, start in starts.items()},
+                "anchors": dict(anchors),
+            }
+        )
+        hands, spread = answer.get("hands"), answer.get("spread")
+        if not isinstance(hands, dict) or not set(starts) <= set(hands):
+            raise PolicyUnavailableError(
+                f"{self.connection.address}: an answer must hold the ways of the hands "
+                f"{sorted(map(str, starts))}; got {sorted(answer)}"
+            )
+        if not isinstance(spread, float):
+            raise PolicyUnavailableError(
+                f"{self.connection.address}: an answer must hold a spread [m]; got {spread!r:.80}"
+            )
+        return RemoteWay(
+            hands={
+                side: RemoteHandWay(**{name: self.connection.take(way, name) for name in WAY_NAMES})
+                for side, way in hands.items()
+            },
+            spread=spread,
         )
 
 
@@ -195,15 +271,21 @@ def make_remote_method(setup: Setup, options: EvaluationOptions) -> Method:
     connection = Connection(options.policy)
     connection.open()
     told, task = connection.metadata, setup.env.task
-    if told.get("protocol") != STAGES:
+    if told.get("protocol") not in (STAGES, SKILL):
         return FromStart(
             policy=RemotePolicy(connection, task.description),
             actions=options.actions,
             control_mode=options.control_mode,
         )
     for name, value in (("task", task.id), ("cloud", setup.env.cloud)):
-        if told[name] != value:
+        if name in told and told[name] != value:
             raise ValueError(f"{options.policy} serves the {name} {told[name]}; got {value}")
+    if told["protocol"] == SKILL:
+        return setup.make_runner(
+            Expert(follows_steps=False),
+            demonstration=follow_recordings(setup.demonstration),
+            skill=RemoteSkill(connection=connection),
+        )
     policies = {
         name: Learned(policy=RemoteStage(connection, name), chunks=options.chunks or chunks)
         for name, chunks in told["stages"].items()
