@@ -351,6 +351,9 @@ class FakeEnv:
     def get_particles(self):
         return np.zeros((1, 3))
 
+    def measure_pulls(self):
+        return {}
+
     def get_frames(self):
         return {}
 

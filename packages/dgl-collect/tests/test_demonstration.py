@@ -316,6 +316,10 @@ FAULTS = (
     (_step(1, "move"), r"steps\[1\]: a step is one of"),
     (_step(2, {"step": "via", "left": []}), r"steps\[2\].*at least 1 item"),
     (
+        _step(2, {"step": "via", "left": [["0", "1", "0"]], "tension": {"left": 3.0}}),
+        "a tension needs `towards` and via points of its hands",
+    ),
+    (
         _step(2, {"step": "via", "left": [["0", "1", "0"]], "right": [["0", "1", "0"]] * 2}),
         r"equally many via points; got \{'left': 1, 'right': 2\}",
     ),

@@ -211,6 +211,20 @@ def test_a_way_points_the_fingers_at_a_place(make_world):
     assert aimed[0] > 0.85
 
 
+def test_a_way_of_a_slack_garment_ends_farther_from_where_it_comes_from(make_world):
+    """And later steps begin there."""
+    over = {"left": (("-0.4", "0.7", "0.3"), ("-0.2", "0.75", "0.35"))}
+    world = make_world()
+    world.pulls = {"left": np.zeros(3)}
+    way = Via(targets=over, towards=("-0.6", "0.75", "0.35"), tension={"left": 3.0})
+    work = make_work(world, make_stage(way))
+    carry_out(world, work)
+    assert work._targets["left"] == pytest.approx(world.get_grasp_point("left"), abs=1e-3)
+    shift = work._targets["left"] - [-0.2, 0.75, 0.35]
+    assert 0.05 < shift[0] <= 0.201
+    assert np.abs(shift[1:]).max() < 0.02
+
+
 FAR = Move(targets={"left": ("-0.4", "3", "0.3")})
 NEAR = Move(targets={"left": ("-0.3", "0.8", "0.3")})
 

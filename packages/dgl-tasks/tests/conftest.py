@@ -145,6 +145,9 @@ class FakeEnv:
     def get_particles(self):
         return self.particles
 
+    def measure_pulls(self):
+        return {side: np.zeros(3) for side in SIDES}
+
     def get_frames(self):
         return {}
 

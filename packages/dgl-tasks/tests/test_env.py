@@ -499,6 +499,9 @@ def test_a_garment_that_a_hand_touches_is_not_released(settled):
     put_particles(settled, touched)
     settled.cloth.step()
     assert settled.count_touching() > 0
+    pulls = settled.measure_pulls()
+    assert np.linalg.norm(pulls["left"]) > 0
+    assert not pulls["right"].any()
     assert not settled.evaluate()["is_released"]
     check_evaluation(settled, "below the threshold")
     (released,) = (c for c in settled.judge().criteria if c.failure == "not released")

@@ -19,6 +19,7 @@ from dgl_tasks.handling import (
     SETTLE_FRAMES,
     SETTLE_WAITS,
     STILL_SHARE,
+    TAUT_MOST,
     WayOut,
     plan_approach,
     plan_leave,
@@ -405,3 +406,54 @@ def test_what_has_been_touched_since_is_waited_for_again(jumping_world):
     world.play(world.hands.settle())
     world.play(world.hands.send(world.motion.hold(1)))
     assert len(world.play(world.hands.settle())) == SETTLE_FRAMES
+
+
+# Taut --------------------------------------------------------------------------------------------
+
+
+class Band:
+    """A world whose left hand holds an elastic band that comes from a place."""
+
+    STIFFNESS = 40.0  # N/m
+
+    def __init__(self, world, place, length):
+        self.world, self.place, self.length = world, place, length
+        world.pulls = {side: np.zeros(3) for side in SIDES}
+
+    def play(self, rows, tension):
+        part = self.world.hands.send_taut(rows, {"left": tension}, towards=self.place)
+        item = next(part)
+        while True:
+            self.world.target = np.array(item.target)
+            way = self.place - self.world.get_grasp_point("left")
+            far = np.linalg.norm(way)
+            self.world.pulls["left"] = self.STIFFNESS * max(far - self.length, 0.0) * way / far
+            try:
+                item = part.send(self.world)
+            except StopIteration:
+                return
+
+
+@pytest.mark.parametrize(("length", "moved"), [(0.25, "towards"), (0.45, "away from")])
+def test_a_hand_keeps_a_band_taut(world, length, moved):
+    world.motion.reset(world.target)
+    world.motion.move(POINT, STANDARD)
+    rows = world.motion.hold(400)
+    place = POINT["left"] + [0.36, 0.0, 0.05]
+    band = Band(world, place, length)
+    band.play(rows, 2.0)  # 5 cm longer than its length
+    assert np.linalg.norm(world.pulls["left"]) == pytest.approx(2.0, rel=0.05)
+    end = world.get_grasp_point("left")
+    closer = np.linalg.norm(place - end) < np.linalg.norm(place - POINT["left"])
+    assert closer == (moved == "towards")
+    np.testing.assert_allclose(end[1:], POINT["left"][1:], atol=2e-3)  # level, along the band
+
+
+def test_a_slack_band_leads_a_hand_no_farther_than_allowed(world):
+    world.motion.reset(world.target)
+    world.motion.move(POINT, STANDARD)
+    place = POINT["left"] - [0.36, 0.0, 0.0]
+    Band(world, place, 2.0).play(world.motion.hold(400), 2.0)
+    assert np.linalg.norm(world.get_grasp_point("left") - POINT["left"]) == pytest.approx(
+        TAUT_MOST, abs=2e-3
+    )

@@ -302,7 +302,13 @@ class StageWork:
         self, step: Move | Via, rows: np.ndarray, targets: Mapping[Side, np.ndarray]
     ) -> Part:
         """Move the hands to their targets [m], and check the hold at the end."""
-        yield from self.hands.send(rows, recorded="stage" if step.recorded else None)
+        recorded = "stage" if step.recorded else None
+        if isinstance(step, Via) and step.tension and step.towards:
+            towards = self._compute(step.towards)
+            yield from self.hands.send_taut(rows, step.tension, towards=towards, recorded=recorded)
+            targets, _ = self.hands.get_hands(tuple(targets))
+        else:
+            yield from self.hands.send(rows, recorded=recorded)
         self._targets |= targets
         if self._has_closed and not self._has_released:
             yield from self._check(step, f"move {self._lifts + 1}")

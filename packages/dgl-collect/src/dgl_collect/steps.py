@@ -69,6 +69,7 @@ PoseName: TypeAlias = Annotated[str, AfterValidator(_check_pose)]
 """One of `HAND_POSES`."""
 Distance: TypeAlias = Annotated[float, Ge(1e-3), Le(3.0)]
 Offset: TypeAlias = Annotated[float, Ge(-1.0), Le(1.0)]
+Force: TypeAlias = Annotated[float, Ge(0.1), Le(100.0)]
 Spacing: TypeAlias = Annotated[float, Ge(1e-4), Le(0.1)]
 """Distance between samples of a line [m], one a control step; 0.01 is 0.6 m/s."""
 Frames: TypeAlias = Annotated[int, Ge(1), Le(3600)]
@@ -164,6 +165,8 @@ class Via(Step):
     a pull along them."""
     spacing: Spacing = 0.01
     """Spacing on the longer line."""
+    tension: Mapping[Side, Force] = field(default_factory=dict)
+    """Pull of the garment, from `towards`, that these hands keep by shifts from their way [N]."""
     checked: bool = False
     """As in `Move`."""
 
@@ -172,6 +175,8 @@ class Via(Step):
         counts = {side: len(points) for side, points in self.targets.items()}
         if len(set(counts.values())) != 1:
             raise ValueError(f"hands must have equally many via points; got {counts}")
+        if self.tension and (self.towards is None or not set(self.tension) <= set(self.targets)):
+            raise ValueError("a tension needs `towards` and via points of its hands")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -94,6 +94,7 @@ class Driver:
             joint_state=env.agent.read_joints(),
             ee_pose=env.agent.read_hands(),
             frames=env.get_frames(),
+            pulls=env.measure_pulls(),
             obstacles=[
                 Obstacle(name=name, prop=item.prop, pose=item.pose)
                 for name, item in env.objects.items()

@@ -17,7 +17,7 @@ from dgl_assets import garment_ids
 from dgl_assets.garments.catalogue import Split
 from dgl_assets.importing import AnyGarment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
-from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES, Robot, Side
 from dgl_assets.robots.importing import load_robot
 from dgl_files.fields import check_value, show
 from dgl_physics import SolverConfig
@@ -502,6 +502,15 @@ class GarmentEnv(BaseEnv):
     ) -> torch.Tensor:
         """Reward in [0, 1], shape (1,)."""
         return torch.tensor([self.compute_reward_terms().normalized])
+
+    def measure_pulls(self) -> dict[Side, np.ndarray]:
+        """Measure the force of the garment on each hand [N], shape (3,), world frame."""
+        pulls: dict[Side, np.ndarray] = {side: np.zeros(3) for side in SIDES}
+        for body, force in zip(self.cloth.bodies[0], self.cloth.get_forces()[0], strict=True):
+            side = self.agent.hand_links.get(body.entity.name)
+            if side is not None:
+                pulls[side] += force[:3]
+        return pulls
 
     def count_touching(self) -> int:
         """Count the links of the robot that touch the garment."""

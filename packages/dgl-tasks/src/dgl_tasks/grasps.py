@@ -182,3 +182,9 @@ def point_along_fingers(quaternion: np.ndarray) -> np.ndarray:
     if length < 1e-3:
         raise ValueError(f"fingers must not point straight up or down; got quaternion {quaternion}")
     return along / length
+
+
+def point_level(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Give the level direction from one point to another [m], each of shape (3,)."""
+    way = (end - start) * [1.0, 1.0, 0.0]
+    return way / max(float(np.linalg.norm(way)), 1e-9)

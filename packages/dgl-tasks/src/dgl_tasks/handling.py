@@ -49,6 +49,15 @@ STILL_LOOK_FRAMES = 10
 STILL_SHARE = 0.01
 """Share of the garment's pixels, from above and in front, that may differ between the pictures."""
 
+TAUT_FRAMES = 5
+"""Control steps over which the pull on a hand that keeps the garment taut is measured."""
+TAUT_GAIN = 0.008
+"""Its shift in these for each newton of difference [m/N]."""
+TAUT_BY = 0.02
+"""Most shift in these [m]."""
+TAUT_MOST = 0.2
+"""Largest shift from its way [m]."""
+
 
 _Short: TypeAlias = Annotated[float, Ge(0.0), Le(1.0)]
 
@@ -224,6 +233,43 @@ class Handling:
         for row in rows:
             self.sensed = yield Command(row, recorded, is_passage)
 
+    def send_taut(
+        self,
+        rows: np.ndarray,
+        tension: Mapping[Side, float],
+        *,
+        towards: np.ndarray,
+        recorded: Literal["approach", "stage"] | None = None,
+    ) -> Part:
+        """Yield planned joint targets, and keep the garment between hands and a place taut.
+
+        Hands shift level towards the place while the garment pulls them more than they are to be
+        pulled, and away from it while it pulls less.
+
+        Args:
+            rows: Joint targets [rad], shape (N, D).
+            tension: Pull that each of these hands keeps, in its mean over `TAUT_FRAMES` [N].
+            towards: Place that the garment comes from [m], shape (3,), world frame.
+            recorded: As of `send`.
+        """
+        wanted: dict[Side, float] = dict.fromkeys(tension, 0.0)
+        shifts: dict[Side, float] = dict(wanted)
+        for first in range(0, len(rows), TAUT_FRAMES):
+            part = rows[first : first + TAUT_FRAMES]
+            pulls = dict.fromkeys(tension, 0.0)
+            for number, row in enumerate(part):
+                share = 1 / (TAUT_FRAMES - number)
+                nearer: dict[Side, float] = {
+                    side: s + share * (wanted[side] - s) for side, s in shifts.items()
+                }
+                shifted, shifts = self.motion.shift(row, nearer, towards=towards)
+                yield from self.send(shifted[None], recorded=recorded)
+                for side in tension:
+                    pulls[side] += float(np.linalg.norm(self.sensed.pulls[side])) / len(part)
+            for side, pull in pulls.items():
+                change = np.clip(TAUT_GAIN * (pull - tension[side]), -TAUT_BY, TAUT_BY)
+                wanted[side] = float(np.clip(shifts[side] + change, -TAUT_MOST, TAUT_MOST))
+
     def execute(
         self, actions: np.ndarray, *, recorded: Literal["approach", "stage"] | None = None
     ) -> Part:
@@ -263,7 +309,7 @@ class Handling:
         out = out or WayOut()
         if not all(self._is_open(side) for side in sides):
             yield from self.send(self.motion.set_hands(dict.fromkeys(sides, "open")))
-        points, orientations = self._get_hands(sides)
+        points, orientations = self.get_hands(sides)
         yield from self._pass(self.motion.hold(RELEASE_FRAMES))
         before = self.motion.target
         parts = [self.motion.set_hands(dict.fromkeys(sides, out.pose))]
@@ -306,7 +352,7 @@ class Handling:
             caught = self._see_caught(sides)
             if not caught:
                 return
-            points, orientations = self._get_hands(caught)
+            points, orientations = self.get_hands(caught)
             down: dict[Side, np.ndarray] = {
                 side: point - np.array([0, 0, 0.15]) for side, point in points.items()
             }
@@ -333,7 +379,7 @@ class Handling:
         }
         return [side for side in sides if near[side] < CAUGHT_DISTANCE]
 
-    def _get_hands(
+    def get_hands(
         self, sides: Iterable[Side]
     ) -> tuple[dict[Side, np.ndarray], dict[Side, np.ndarray]]:
         """Give grasp point and orientation of each of these hands at the last targets."""

@@ -13,7 +13,7 @@ from dgl_tasks.control import ArmKinematics, plan_line
 from dgl_tasks.declaration import Task
 from dgl_tasks.errors import UnreachableError
 from dgl_tasks.free_way import Waypoint, choose_orientations
-from dgl_tasks.grasps import grasp_to_wrist, wrist_to_grasp
+from dgl_tasks.grasps import grasp_to_wrist, point_level, wrist_to_grasp
 from dgl_tasks.rotations import to_quaternion, to_rotation
 
 HAND_FRAMES = 20
@@ -44,6 +44,11 @@ CHECKED_EVERY = 5
 
 Rehearsal = Callable[[Side, float], object]
 """Plans one hand's motion, turned inward about the vertical [rad]; raises `UnreachableError`."""
+
+SHIFT_SHARES = (1.0, 0.7, 0.4, 0.0)
+"""Shares of a shift that are tried until one is within reach."""
+MOST_SHIFTED = 0.8
+"""Largest change of a joint by a shift [rad]."""
 
 
 class BimanualMotion:
@@ -236,6 +241,36 @@ class BimanualMotion:
         }
         rows = self.follow(places, turns, hands)
         return self._finish(_ramp(np.concatenate([before[None], rows]))), ends
+
+    def shift(
+        self, row: np.ndarray, shifts: Mapping[Side, float], *, towards: np.ndarray
+    ) -> tuple[np.ndarray, dict[Side, float]]:
+        """Shift the hands of a planned sample level towards a place, as far as the arms reach.
+
+        Args:
+            row: Joint targets [rad], shape (D,).
+            shifts: Of each hand [m].
+            towards: The place [m], shape (3,), world frame.
+
+        Returns:
+            Joint targets [rad], shape (D,), and the shifts that were reached.
+        """
+        row, reached = row.copy(), {}
+        for side, wanted in shifts.items():
+            arm, part = self._arms[side], self.robot.joint_slice(side, "arm")
+            pose = arm.compute_pose(row[part])
+            grasp = wrist_to_grasp(pose[:3], pose[3:], side, robot=self.robot)
+            way = point_level(grasp, towards)
+            for share in SHIFT_SHARES:
+                reached[side] = share * wanted
+                try:
+                    row[part] = arm.solve(
+                        pose[:3] + reached[side] * way, pose[3:], row[part], max_step=MOST_SHIFTED
+                    )
+                    break
+                except UnreachableError:
+                    continue
+        return self._finish(row[None])[0], reached
 
     def _is_clear(self, side: Side, joints: np.ndarray) -> bool:
         row = self.target.copy()

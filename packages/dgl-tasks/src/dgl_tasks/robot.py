@@ -140,6 +140,12 @@ class BimanualUR10eShadow(BaseAgent):
         return {"pd_joint_pos": joints, "pd_hand_poses": joints, "pd_ee_pose": poses}
 
     @cached_property
+    def hand_links(self) -> dict[str, Side]:
+        """Sides of the hands' links, by the link's name."""
+        trees = self.model.hand.trees
+        return {f"{side}_{link.name}": side for side in SIDES for link in trees[side].links}
+
+    @cached_property
     def hand_pose_actions(self) -> HandPoseActions:
         """Converts joint targets to actions of `pd_hand_poses`, and back."""
         return HandPoseActions(self.model)

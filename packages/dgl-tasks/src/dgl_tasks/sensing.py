@@ -44,6 +44,8 @@ class Sensed:
     """Left and right end effector: xyz [m] and quaternion wxyz, shape (2, 7), world frame."""
     frames: Mapping[str, Mapping[str, np.ndarray]]
     """Known frames of the objects, by object and name [m], shape (3,), world frame."""
+    pulls: Mapping[Side, np.ndarray] = field(default_factory=dict)
+    """Force of the garment on each hand in the last step [N], shape (3,), world frame."""
     obstacles: Sequence[Obstacle] = ()
     """Objects to keep out of."""
     workspace: Workspace
