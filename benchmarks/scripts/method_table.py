@@ -1,17 +1,20 @@
-"""Make the table and the picture of all tasks and methods from finished evaluations.
+"""Make the table of all tasks and methods from finished evaluations, and the picture of a table.
 
-    python benchmarks/scripts/method_table.py out/table --picture docs/images/methods.png
+    python benchmarks/scripts/method_table.py out/table
+    python benchmarks/scripts/method_table.py docs/results.md --picture docs/images/methods.png
 
 The folder holds TASK/METHOD, the folders of `dgl eval TASK-v1 --policy METHOD`. The table counts
 successes at the first try and with retries, with McNemar's exact p of the expert and the primitive
-on the starts that both have run, with retries.
+on the starts that both have run, with retries. A page's table may hold rows of several runs.
 """
 
 import argparse
+import re
 from pathlib import Path
 
 from dgl_collect.evaluation.comparison import compare, read_evaluation
 from dgl_collect.evaluation.results import RESULTS_FILE, ResultsRecord, count
+from dgl_collect.results import wilson_interval
 from dgl_tasks import get_task, task_ids
 
 METHODS = {"expert": "#8f96a3", "primitive": "#e86b3f", "halo": "#2d7fd1", "blind": "#d8dbe1"}
@@ -47,7 +50,23 @@ def format_table(found: dict[str, dict[str, ResultsRecord]]) -> str:
     return "\n".join(lines)
 
 
-def draw(found: dict[str, dict[str, ResultsRecord]], path: Path) -> None:
+def read_table(text: str) -> dict[str, dict[str, tuple[int, int, int]]]:
+    """Read first tries, successes and episodes of each method of each task from a page."""
+    found: dict[str, dict[str, tuple[int, int, int]]] = {}
+    titles = {get_task(task).title for task in task_ids()}
+    for line in text.partition(f"| task | `{next(iter(METHODS))}`")[2].splitlines()[2:]:
+        title, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        if title not in titles:
+            break
+        numbers = {m: re.findall(r"\d+", c) for m, c in zip(METHODS, cells, strict=False) if c}
+        found[title] = {
+            method: (int(first), int(succeeded), int(episodes))
+            for method, (first, succeeded, episodes) in numbers.items()
+        }
+    return found
+
+
+def draw(found: dict[str, dict[str, tuple[int, int, int]]], path: Path) -> None:
     """Draw success with retries, with Wilson's intervals, and at the first try as a line."""
     import matplotlib as mpl
 
@@ -60,12 +79,12 @@ def draw(found: dict[str, dict[str, ResultsRecord]], path: Path) -> None:
         places, rates, errors, firsts = [], [], [], []
         for place, methods in enumerate(found.values()):
             if method in methods:
-                counted = count(methods[method].runs)
-                low, high = counted.interval
+                first, succeeded, episodes = methods[method]
+                low, high = wilson_interval(succeeded, episodes)
                 places.append(place + (number - (len(METHODS) - 1) / 2) * width)
-                rates.append(100 * counted.succeeded / counted.episodes)
+                rates.append(100 * succeeded / episodes)
                 errors.append((rates[-1] - 100 * low, 100 * high - rates[-1]))
-                firsts.append(100 * counted.first_try / counted.episodes)
+                firsts.append(100 * first / episodes)
         if places:
             axes.bar(places, rates, 0.9 * width, color=colour, label=method)
             axes.errorbar(places, rates, list(zip(*errors, strict=True)), fmt="none",
@@ -73,9 +92,7 @@ def draw(found: dict[str, dict[str, ResultsRecord]], path: Path) -> None:
             half = 0.4 * width
             left, right = [x - half for x in places], [x + half for x in places]
             axes.hlines(firsts, left, right, colors="black", linewidths=1.6)
-    axes.set_xticks(
-        range(len(found)), [get_task(task).title.replace(" ", "\n", 1) for task in found]
-    )
+    axes.set_xticks(range(len(found)), [title.replace(" ", "\n") for title in found])
     axes.set_ylabel("episodes that succeed [%]")
     axes.set_ylim(0, 101)
     axes.spines[["top", "right"]].set_visible(False)
@@ -88,13 +105,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("source", type=Path, help="folder of evaluations, or page with a table")
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
-    found = read(arguments.folder)
-    print(format_table(found))
+    source: Path = arguments.source
+    text = format_table(read(source)) if source.is_dir() else source.read_text(encoding="utf-8")
+    if source.is_dir():
+        print(text)
     if arguments.picture is not None:
-        draw(found, arguments.picture)
+        draw(read_table(text), arguments.picture)
 
 
 if __name__ == "__main__":
