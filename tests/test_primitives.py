@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -148,6 +149,28 @@ def test_episodes_that_do_not_fit_are_refused(episodes, trained, tmp_path, capsy
         code, told = train(*arguments)
         assert code != 0
         assert message in told
+
+    def change(name, edit):
+        folder = tmp_path / name
+        shutil.copytree(episodes, folder)
+        with h5py.File(folder / "1.h5", "r+") as opened:
+            edit(opened)
+        return str(folder)
+
+    def damage(opened):
+        opened["stage_1/action"][3, 5] = np.nan
+
+    copies = tmp_path / "copies"
+    shutil.copytree(episodes, copies)
+    shutil.copy(copies / "0.h5", copies / "copy.h5")
+    for folder, message in (
+        (change("failed", lambda file: file.attrs.update(success=False)), "1.h5: it must be of a"),
+        (change("damaged", damage), "1.h5: stage_1 must hold finite numbers"),
+        (str(copies), "copy.h5 must be another episode than"),
+    ):
+        code, told = train("--data", folder)
+        assert code != 0
+        assert message in told.replace("\n", "")
     file = tmp_path / "file"
     file.touch()
     for folder, message in (

@@ -166,10 +166,11 @@ def learn_primitives(
         robots: Folder of imported robots.
 
     Raises:
-        PrimitiveError: If the recordings of a stage are too few or do not fit.
-        CorruptEpisodeError: If a file is damaged, of another task or of other stages.
+        PrimitiveError: If the recordings of a stage are too few or do not fit, or two are the same.
+        CorruptEpisodeError: If a file is damaged, of another task or stages, or of a failure.
     """
     recordings = [read_recordings(task, demonstration, path, robots=robots) for path in paths]
+    _check_copies(paths, recordings)
     stages: dict[str, Primitive] = {}
     for stage in demonstration.learned_stages:
         try:
@@ -181,6 +182,17 @@ def learn_primitives(
         "error_cm": {name: round(100 * each.error, 2) for name, each in stages.items()},
     }
     return TaskPrimitives(task=task.id, stages=stages, card=card)
+
+
+def _check_copies(paths: Sequence[Path], recordings: Sequence[Mapping[str, Recording]]) -> None:
+    """Refuse an episode that is there twice: it would pass as one left out."""
+    seen: dict[bytes, Path] = {}
+    for path, stages in zip(paths, recordings, strict=True):
+        ways = [way for each in stages.values() for way in each.points.values()]
+        key = b"".join(way.tobytes() for way in ways)
+        if key in seen:
+            raise PrimitiveError(f"{path} must be another episode than {seen[key]}; it is a copy")
+        seen[key] = path
 
 
 def read_recordings(
@@ -195,7 +207,7 @@ def read_recordings(
         robots: Folder of imported robots.
 
     Raises:
-        CorruptEpisodeError: If the file is damaged, of another task or of other stages.
+        CorruptEpisodeError: If the file is damaged, of another task or stages, or of a failure.
         RobotError: If its robot is not there.
     """
     import h5py
@@ -208,6 +220,8 @@ def read_recordings(
                 f"it must be of {task.id} with stages {[stage.name for stage in stages]}; "
                 f"got {file.attrs['task']} with {names}"
             )
+        if not file.attrs["success"]:
+            raise ValueError("it must be of a success; it is of a failure")
         robot = load_robot(str(file.attrs["robot"]), robots)
         frames = compute_frames(task, decode_json(str(file.attrs["randomisation"])))
         motion = BimanualMotion(task, robot=robot)
@@ -220,6 +234,8 @@ def read_recordings(
             first = int(group.attrs.get("approach_frames", 0))
             begin = take(group, "joint_state", h5py.Dataset)[first : first + 1]
             targets = take(group, "action", h5py.Dataset)[first:]
+            if not all(np.isfinite(each).all() for each in (cloud, begin, targets)):
+                raise ValueError(f"stage_{number} must hold finite numbers; got some that are not")
             recordings[stage.name] = _make_recording(
                 motion,
                 stage,

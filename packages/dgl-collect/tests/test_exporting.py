@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import zarr
 
-from dgl_assets.robots import DEFAULT_ROBOT
+from dgl_assets.robots import DEFAULT_ROBOT, SIDES
 from dgl_collect import NotReplayableError, OutputFolderError, read_episode, write_episode
 from dgl_collect.exporting import ExportOptions, export_episodes
-from dgl_collect.exporting.frames import make_frames
+from dgl_collect.exporting.frames import find_work, make_frames
 from dgl_collect.exporting.origins import Origin, Origins, read_origins
 from dgl_collect.exporting.trajectory import Trajectory, read_trajectory, write_trajectory
 from dgl_collect.exporting.writers import get_writer
@@ -65,18 +65,19 @@ def test_a_whole_episode_is_replayed_from_the_parked_arms_on(recorded, attempts)
     episode, setup = read_episode(recorded), attempts._setup
     options = ExportOptions(cameras=CAMERAS, size=(64, 48), cloud=True, matcher="exact")
     ((name, frames),) = make_frames(episode, options, setup)
-    parked = episode.stages[0].first_step - 3
-    rows = episode.commands[parked:]
-    assert (name, len(frames)) == ("", len(rows) // 5) == ("", 6)
-    np.testing.assert_array_equal(frames.action, rows[4:30:5])
     robot = setup.motion.robot
+    rows = episode.commands[episode.stages[0].first_step - 3 :]
+    begin, end = find_work(rows, robot)
+    assert begin == 10  # its arms rest in the first two frames
+    assert (name, len(frames)) == ("", (end - begin) // 5) == ("", 4)
+    np.testing.assert_array_equal(frames.action, rows[begin:end][4::5][:4])
     for side in ("left", "right"):
         arm = robot.joint_slice(side, "arm")
         np.testing.assert_allclose(frames.state[0, arm], robot.arm.parked[side], atol=0.01)
     assert frames.names == robot.joint_names
-    assert frames.images["left_wrist_camera"].shape == (6, 48, 64, 3)
+    assert frames.images["left_wrist_camera"].shape == (4, 48, 64, 3)
     assert frames.images["video_camera"].std() > 10
-    assert frames.cloud.shape == (6, 2048, 6)
+    assert frames.cloud.shape == (4, 2048, 6)
     places = dict(zip(frames.place_names, frames.places, strict=True))
     assert places["hanger.target.z"] == pytest.approx(setup.env.get_frames()["hanger"]["target"][2])
     assert places["left_waistband.x"] < places["right_waistband.x"]
@@ -97,6 +98,31 @@ def test_a_whole_episode_is_replayed_from_the_parked_arms_on(recorded, attempts)
     other = dataclasses.replace(episode, success=True)
     with pytest.raises(NotReplayableError, match="another verdict"):
         list(make_frames(other, short, setup))
+
+
+def make_commands(*parts):
+    """Joint targets of a way: rest, work, way back, rest; numbers of control steps of each."""
+    rest, work, back, end = parts
+    parked = DEFAULT_ROBOT.compute_start("open")
+    for side in SIDES:
+        parked[DEFAULT_ROBOT.joint_slice(side, "arm")] = DEFAULT_ROBOT.arm.parked[side]
+    turned = parked + np.outer(np.sin(np.linspace(0, 2, work + 1)[1:]), np.linspace(0, 1, 60))
+    turned[-1, 0] += 0.3  # it ends beside the line from the parked arms
+    way = turned[-1] + np.linspace(0, 1, back + 1)[1:, None] ** 2 * (parked - turned[-1])
+    return np.concatenate([np.tile(parked, (rest, 1)), turned, way, np.tile(parked, (end, 1))])
+
+
+def test_rest_and_the_way_back_are_no_work():
+    for rest, back, end in ((12, 40, 200), (7, 33, 60), (1, 25, 5)):
+        found = find_work(make_commands(rest, 50, back, end), DEFAULT_ROBOT)
+        begin, last = found
+        assert begin == (rest - 1) // 5 * 5
+        assert rest + 50 - 1 <= last <= rest + 50 + 5
+        assert last % 5 == 0
+    moving = make_commands(12, 50, 1, 1)[:62]  # ends away from the parked arms
+    assert find_work(moving, DEFAULT_ROBOT) == (10, 62)
+    still = np.tile(moving[0], (30, 1))
+    assert find_work(still, DEFAULT_ROBOT) == (0, 30)
 
 
 def test_stages_are_exported_as_they_were_recorded(fakes):

@@ -279,6 +279,8 @@ def test_servers_of_ours_act_in_stages_and_others_from_the_start(ours, serve_our
     assert isinstance(made[1][1]["skill"], RemoteSkill)
     setup.env.task = get_task("FoldDress-v1")
     with pytest.raises(ValueError, match="serves the task FoldTops-v1; got FoldDress-v1"):
+        check_method(setup.env.task, EvaluationOptions(policy=address), {})
+    with pytest.raises(ValueError, match="serves the task FoldTops-v1; got FoldDress-v1"):
         make_remote_method(setup, EvaluationOptions(policy=address))
     other = start(lambda socket: socket.send(pack({})))
     options = EvaluationOptions(policy=other, control_mode="pd_hand_poses", actions=9)
@@ -294,3 +296,12 @@ def test_an_evaluation_without_a_server_does_not_begin(start):
             check_method(task, EvaluationOptions(policy=address), {})
     address = start(lambda socket: socket.send(pack({})))
     check_method(task, EvaluationOptions(policy=address), {})
+
+
+def test_options_that_a_method_does_not_take_are_refused(monkeypatch, tmp_path):
+    task = get_task("FoldTops-v1")
+    with pytest.raises(ValueError, match=r"--checkpoints are of a learned method; got .* expert"):
+        check_method(task, EvaluationOptions(policy="expert", checkpoints=tmp_path), {})
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(ValueError, match="--device cuda needs a GPU"):
+        check_method(task, EvaluationOptions(policy="expert", device="cuda"), {})

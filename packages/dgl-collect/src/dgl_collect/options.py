@@ -157,9 +157,9 @@ class ExportOptions:
     __pydantic_config__ = STRICT
 
     content: ExportContent = "whole"
-    """whole: each episode from the parked arms to its verdict, approaches and retreats included, by
-    replay; grasped: the same from the grasp points of the first recorded stage on; stages: each
-    recorded stage as an episode of its own, as recorded."""
+    """whole: each episode from the first movement of the parked arms until the hands have drawn
+    back, approaches included, by replay; grasped: the same from the grasp points of the first
+    recorded stage on; stages: each recorded stage as an episode of its own, as recorded."""
     control_mode: JointControlMode = "pd_joint_pos"
     """Form of states and actions: a number for each joint, or 22, joints of the arms and weights of
     hand poses."""

@@ -100,6 +100,8 @@ def check(
 ) -> list[CheckedEpisode]:
     """Send the actions of a data set through the environment that `lerobot-eval` evaluates in.
 
+    After its last action, an episode goes on as one of a policy that has nothing more to do.
+
     Args:
         folder: A data set of `write`, of episodes instead of stages.
         episodes: The first so many; all when None.
@@ -129,12 +131,13 @@ def check(
     found = []
     for index, origin in enumerate(origins.episodes[:episodes]):
         vector.reset(seed=[origin.seed], options={"garment": origin.garment})
-        reached, count = False, 0
-        for action in actions[numbers == index]:
-            *_, ended, _, _ = vector.step(action[None])
+        reached, is_over, count = False, False, 0
+        sent = actions[numbers == index]
+        while not reached and not is_over:
+            action = sent[min(count, len(sent) - 1)]  # the last one until the episode's length
+            *_, ended, cut, _ = vector.step(action[None])
+            reached, is_over = bool(ended[0]), bool(cut[0])
             count += 1
-            if reached := bool(ended[0]):
-                break
         found.append(
             CheckedEpisode(index=index, recorded=origin.success, reached=reached, actions=count)
         )

@@ -9,7 +9,7 @@ from typing import Protocol
 from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import Attempts
 from dgl_collect.options import EvaluationOptions
-from dgl_collect.remote import Connection, is_address, make_remote_method
+from dgl_collect.remote import Connection, check_served, is_address, make_remote_method
 from dgl_collect.setup import Setup, make_setup
 from dgl_tasks import load_task
 from dgl_tasks.declaration import Task
@@ -64,12 +64,17 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
         ValueError: If the method or module is unknown, or its checkpoints are missing or unfit.
     """
     name = options.policy
+    if name not in learned and options.checkpoints is not None:
+        raise ValueError(f"--checkpoints are of a learned method; got --policy {name}")
+    if options.device == "cuda" and not _has_cuda():
+        raise ValueError("--device cuda needs a GPU with CUDA, which is not here; use cpu")
     if name in SCRIPTED:
         return
     if is_address(name):
         connection = Connection(name)
         try:
             connection.open()
+            check_served(connection, task, options.cloud)
         finally:
             connection.close()
         return
@@ -88,6 +93,12 @@ def check_method(task: Task, options: EvaluationOptions, learned: LearnedMethods
         found = None
     if found is None:
         raise ValueError(f"--policy {name}: there is no module {module} here or on PYTHONPATH")
+
+
+def _has_cuda() -> bool:
+    import torch
+
+    return torch.cuda.is_available()
 
 
 def make_method(setup: Setup, options: EvaluationOptions, learned: LearnedMethods) -> Method:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dgl_assets.robots import Robot
+from dgl_assets.robots import SIDES, Robot
 from dgl_collect.demonstration import load_demonstration
 from dgl_collect.episodes import Episode
 from dgl_collect.errors import NotReplayableError
@@ -31,11 +31,19 @@ if TYPE_CHECKING:
 __all__ = [
     "Starter",
     "express_joints",
+    "find_work",
     "list_place_names",
     "list_places",
     "make_frames",
     "resize",
 ]
+
+SMALLEST_MOVE = 1e-6
+"""Change of a joint's target in a control step from which it moves [rad]."""
+PARKED_WITHIN = 0.01
+"""Distance in joint space within which arms are parked [rad]."""
+STRAIGHT = 0.9999
+"""Least cosine between parts of a straight way in joint space."""
 
 
 def list_places(
@@ -189,8 +197,12 @@ def _replay(episode: Episode, options: ExportOptions, setup: "Setup") -> Traject
         for row in commands[first : episode.stages[0].first_step]:
             driver.step(Command(row))
         first = episode.stages[0].first_step
+    begin, end = find_work(commands[first:], setup.motion.robot)
+    begin = 0 if options.content == "grasped" else begin
+    for row in commands[first : first + begin]:
+        driver.step(Command(row))
     seen = {name: [] for name in ("state", "action", "ee_pose", "cloud", *options.cameras)}
-    for step in range(first, len(commands) - STEPS_PER_ACTION + 1, STEPS_PER_ACTION):
+    for step in range(first + begin, first + end - STEPS_PER_ACTION + 1, STEPS_PER_ACTION):
         block = commands[step : step + STEPS_PER_ACTION]
         wanted = {*options.cameras, *([ENVIRONMENT_CAMERA] if options.cloud else [])}
         sensed = driver.sense(*sorted(wanted))
@@ -225,6 +237,38 @@ def _replay(episode: Episode, options: ExportOptions, setup: "Setup") -> Traject
         cloud=np.stack(seen["cloud"]) if options.cloud else None,
         images={name: np.stack(seen[name]) for name in options.cameras},
     )
+
+
+def find_work(commands: np.ndarray, robot: Robot) -> tuple[int, int]:
+    """Find the commands between the first movement and the way back to the parked arms.
+
+    At rest, a policy that sees the arms parked could not tell the beginning from the end, and would
+    stay there.
+
+    Args:
+        commands: Joint targets of control steps [rad], shape (N, D).
+        robot: Whose they are.
+
+    Returns:
+        First number and end, whole actions apart from the first command; all if the arms do nothing
+        else.
+    """
+    moves = np.abs(np.diff(commands, axis=0)).max(axis=1, initial=0.0) > SMALLEST_MOVE
+    begin = int(moves.argmax()) // STEPS_PER_ACTION * STEPS_PER_ACTION
+    slices = [robot.joint_slice(side, "arm") for side in SIDES]
+    parked = np.concatenate([robot.arm.parked[side] for side in SIDES])
+    away = np.concatenate([commands[:, part] for part in slices], axis=1) - parked
+    distance = np.linalg.norm(away, axis=1)
+    if distance[-1] > PARKED_WITHIN or (distance <= PARKED_WITHIN).all():
+        return begin, len(commands)
+    end = int(np.flatnonzero(distance > PARKED_WITHIN)[-1])
+    # arms park on a straight line in joint space
+    line = away[end] / distance[end]
+    is_straight = (away @ line >= STRAIGHT * distance)[:-1] & (np.diff(distance) <= 0)
+    while end > 0 and is_straight[end - 1]:
+        end -= 1
+    end = -(-end // STEPS_PER_ACTION) * STEPS_PER_ACTION
+    return (begin, end) if end > begin else (begin, len(commands))
 
 
 def _get_names(setup: "Setup", options: ExportOptions) -> tuple[str, ...]:

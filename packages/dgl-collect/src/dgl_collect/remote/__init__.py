@@ -7,6 +7,7 @@ Source:
 
 from dgl_collect.remote.client import Connection as Connection
 from dgl_collect.remote.client import RemotePolicy as RemotePolicy
+from dgl_collect.remote.client import check_served as check_served
 from dgl_collect.remote.client import is_address as is_address
 from dgl_collect.remote.client import make_remote_method as make_remote_method
 from dgl_collect.remote.served import ServedSkill as ServedSkill

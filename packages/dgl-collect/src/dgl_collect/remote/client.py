@@ -18,6 +18,7 @@ from dgl_collect.remote.served import SKILL, STAGES
 from dgl_collect.remote.wire import pack, unpack
 from dgl_collect.setup import Setup
 from dgl_collect.skill import follow_recordings
+from dgl_tasks.declaration import Task
 from dgl_tasks.errors import PolicyUnavailableError
 from dgl_tasks.policy import Arrays, FromStart, Method
 
@@ -26,6 +27,7 @@ __all__ = [
     "RemotePolicy",
     "RemoteSkill",
     "RemoteStage",
+    "check_served",
     "is_address",
     "make_remote_method",
 ]
@@ -261,6 +263,18 @@ class RemoteSkill:
         )
 
 
+def check_served(connection: Connection, task: Task, cloud: str) -> None:
+    """Check that a server of ours, which tells its task, serves the wanted one.
+
+    Raises:
+        ValueError: If it serves another task, or its policy sees other clouds.
+    """
+    told = connection.metadata
+    for name, value in (("task", task.id), ("cloud", cloud)):
+        if told.get("protocol") in (STAGES, SKILL) and told.get(name, value) != value:
+            raise ValueError(f"{connection.address} serves the {name} {told[name]}; got {value}")
+
+
 def make_remote_method(setup: Setup, options: EvaluationOptions) -> Method:
     """Make the method of a policy server: in stages for ours, from the parked arms for others.
 
@@ -277,9 +291,7 @@ def make_remote_method(setup: Setup, options: EvaluationOptions) -> Method:
             actions=options.actions,
             control_mode=options.control_mode,
         )
-    for name, value in (("task", task.id), ("cloud", setup.env.cloud)):
-        if name in told and told[name] != value:
-            raise ValueError(f"{options.policy} serves the {name} {told[name]}; got {value}")
+    check_served(connection, task, setup.env.cloud)
     if told["protocol"] == SKILL:
         return setup.make_runner(
             Expert(follows_steps=False),
