@@ -335,6 +335,9 @@ class GarmentEnv(BaseEnv):
         )
         add_soft_body(self.cloth, garment, vertices, task.material, task.stiffness)
         self.cloth.build()
+        sides = [self.agent.hand_links.get(body.entity.name) for body in self.cloth.bodies[0]]
+        # rows of the hands' links among the forces, which are read at every control step
+        self._hand_rows = {s: [k for k, side in enumerate(sides) if side == s] for s in SIDES}
         self._appearance.dress(garment, fabric=self.fabric, bodies=self.cloth.bodies[0])
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
@@ -505,12 +508,8 @@ class GarmentEnv(BaseEnv):
 
     def measure_pulls(self) -> dict[Side, np.ndarray]:
         """Measure the force of the garment on each hand [N], shape (3,), world frame."""
-        pulls: dict[Side, np.ndarray] = {side: np.zeros(3) for side in SIDES}
-        for body, force in zip(self.cloth.bodies[0], self.cloth.get_forces()[0], strict=True):
-            side = self.agent.hand_links.get(body.entity.name)
-            if side is not None:
-                pulls[side] += force[:3]
-        return pulls
+        forces = self.cloth.get_forces()[0, :, :3].astype(np.float64)
+        return {side: forces[rows].sum(axis=0) for side, rows in self._hand_rows.items()}
 
     def count_touching(self) -> int:
         """Count the links of the robot that touch the garment."""
