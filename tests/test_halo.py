@@ -14,6 +14,7 @@ from dgl_assets.robots import DEFAULT_ROBOT
 from dgl_collect.demonstration import load_demonstration
 from dgl_sadp import CheckpointError, DiffusionPolicy, get_policy_config
 from dgl_tasks import get_task
+from dgl_tasks.errors import UnknownTaskError
 
 SHIPPED = sorted(Path(str(resources.files("dgl_sadp") / "policies")).glob("*.safetensors"))
 
@@ -27,6 +28,8 @@ def halo() -> HALO:
 def test_a_task_without_a_policy_says_how_to_make_one():
     with pytest.raises(CheckpointError, match=r"dgl train sadp-g --data DIR/episodes --out RUN"):
         HALO.load("FlingTops-v1")
+    with pytest.raises(UnknownTaskError, match="FoldTops-v1"):
+        HALO.load("FoldTops")
 
 
 def test_a_folder_gives_back_the_same_policy_in_16_bits(tmp_path, halo, monkeypatch):

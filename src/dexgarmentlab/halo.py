@@ -13,6 +13,7 @@ from dgl_collect.setup import make_setup
 from dgl_sadp import DiffusionPolicy, find_policy, load_policy, read_card, save_policy
 from dgl_sadp.card import format_card
 from dgl_sadp.checkpoint import POLICY_FILE
+from dgl_tasks import get_task
 
 if TYPE_CHECKING:
     from dgl_tasks.env import GarmentEnv
@@ -48,8 +49,10 @@ class HALO(ModelHubMixin):
             device: "cpu" or "cuda".
 
         Raises:
+            UnknownTaskError: If there is no such task.
             CheckpointError: If there is none; the message tells how to make one.
         """
+        get_task(task)
         return cls.read(find_policy(task), device=device)
 
     @classmethod

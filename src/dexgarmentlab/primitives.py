@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dgl_assets import AssetError
 from dgl_assets.robots import SIDES
 from dgl_assets.robots.importing import load_robot
 from dgl_collect.actors import Expert
 from dgl_collect.demonstration import load_demonstration
-from dgl_collect.episodes import opened_episode, read_stage_names, take
+from dgl_collect.episodes import find_episodes, opened_episode, read_stage_names, take
 from dgl_collect.errors import CollectionError, DemonstrationError
 from dgl_collect.names import list_anchors, name_scene
 from dgl_collect.remote import ServedSkill
@@ -132,7 +133,7 @@ def load_skill(
     try:
         path = find_primitives(task.id) if named is None else Path(named)
         if path.is_dir() and not (path / PRIMITIVES_FILE).is_file():
-            paths = sorted(path.glob("*.h5"))
+            paths = find_episodes(path)
             primitives = learn_primitives(task, demonstration, paths, robots=options.robots)
         else:
             primitives = _load_fitting(path, task, demonstration)
@@ -207,8 +208,8 @@ def read_recordings(
         robots: Folder of imported robots.
 
     Raises:
-        CorruptEpisodeError: If the file is damaged, of another task or stages, or of a failure.
-        RobotError: If its robot is not there.
+        CorruptEpisodeError: If the file is damaged, of another task or stages, of a failure, or of
+            a robot that is not there.
     """
     import h5py
 
@@ -222,7 +223,10 @@ def read_recordings(
             )
         if not file.attrs["success"]:
             raise ValueError("it must be of a success; it is of a failure")
-        robot = load_robot(str(file.attrs["robot"]), robots)
+        try:
+            robot = load_robot(str(file.attrs["robot"]), robots)
+        except AssetError as err:
+            raise ValueError(f"robot: {err}") from err  # with the name of the file
         frames = compute_frames(task, decode_json(str(file.attrs["randomisation"])))
         motion = BimanualMotion(task, robot=robot)
         recordings = {}

@@ -129,6 +129,7 @@ def test_unfit_parameters_are_refused():
         ({"lift": LIFT, "share": SHARE, "by": LIFT}, named.format("by")),
         ({"lift": LIFT, "share": SHARE, "max": LIFT}, "formulas have already; got 'max'"),
         ({"lift": LIFT}, "formula.*unknown name 'share'"),
+        ({"lift": LIFT, "share": SHARE, "sag": LIFT}, r"be in formulas; \['sag'\] are in none"),
         ({"share": SHARE}, "formula 'lift / 10' .*unknown name 'lift'"),
     ):  # fmt: skip
         with pytest.raises(DemonstrationError, match=message) as refused:

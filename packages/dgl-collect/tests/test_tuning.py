@@ -169,6 +169,6 @@ def test_what_cannot_be_searched_is_refused(run, tmp_path):
     fold = FOLDER / "FoldTops.json"
     with pytest.raises(DemonstrationError, match="must be 'FlingTops-v1'"):
         run(options=RunOptions(demonstration=fold))
-    with pytest.raises(DemonstrationError, match="this file names none"):
+    with pytest.raises(DemonstrationError, match="names none, those of FlingDress-v1, Fl"):
         tune(TuneConfig(task="FoldTops-v1", out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()

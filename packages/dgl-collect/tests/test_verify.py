@@ -15,12 +15,14 @@ import numpy as np
 import pytest
 
 from dgl_collect import CollectConfig, collect
+from dgl_collect.attempt import describe_episode
 from dgl_collect.attempt_jobs import make_attempt_seed
 from dgl_collect.errors import FileUnavailableError
 from dgl_collect.results import drop_lost_attempts, read_results, summarize
 from dgl_collect.verify import verify_run
 from dgl_collect.video import VideoWriter, save_png
 from dgl_files.whole import write_json
+from dgl_tasks.errors import PolicyUnavailableError
 
 GOOD, BAD = (
     next(k for k in range(8) if (make_attempt_seed(0, k) % 2 == 0) == success)
@@ -247,3 +249,16 @@ def test_attempts_whose_episode_is_lost_are_dropped_and_others_kept(out):
         spoil()
         assert [result.index for result in drop_lost_attempts(out)] == left
         assert [result.index for result in read_results(out / "attempts.jsonl")] == left
+
+
+def test_an_attempt_whose_policy_server_was_lost_is_dropped(out):
+    lost = describe_episode(
+        PolicyUnavailableError("ws://127.0.0.1:9: the connection is lost"),
+        index=COUNT,
+        seed=0,
+        measurements={},
+    )
+    with (out / "attempts.jsonl").open("a") as file:
+        file.write(f"{lost.to_line()}\n")
+    assert len(read_results(out / "attempts.jsonl")) == COUNT + 1
+    assert [result.index for result in drop_lost_attempts(out)] == list(range(COUNT))

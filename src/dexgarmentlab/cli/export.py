@@ -107,10 +107,12 @@ def list_episodes(paths: Iterable[Path]) -> list[Path]:
     Raises:
         ValueError: If a path is missing, or a folder holds no episode.
     """
+    from dgl_collect.episodes import find_episodes
+
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = sorted(path.glob("*.h5")) or sorted(path.glob("episodes/*.h5"))
+            inside = find_episodes(path)
             if not inside:
                 raise ValueError(f"no episodes (*.h5) in {path}")
             found += inside

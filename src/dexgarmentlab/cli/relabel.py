@@ -46,9 +46,10 @@ class RelabelOptions:
 def run(options: RelabelOptions) -> int:
     """Relabel, and say what was left out."""
     from dgl_collect import RunOptions
+    from dgl_collect.episodes import find_episodes
     from dgl_collect.relabel import Relabeller, relabel_episodes
 
-    paths = sorted(options.data.glob("*.h5"))
+    paths = find_episodes(options.data)
     if not paths:
         raise ValueError(f"no episodes (*.h5) in {options.data}")
     check_writable(options.out)

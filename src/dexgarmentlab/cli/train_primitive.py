@@ -41,7 +41,7 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
     """Learn the primitives, and tell the errors of episodes that were left out."""
     from dexgarmentlab.primitives import learn_primitives
     from dgl_collect.demonstration import load_demonstration
-    from dgl_collect.episodes import opened_episode
+    from dgl_collect.episodes import find_episodes, opened_episode
     from dgl_sadp.primitive_file import PRIMITIVES_FILE, save_primitives
 
     if not options.data.is_dir():
@@ -51,7 +51,7 @@ def train_primitive(options: TrainPrimitiveOptions) -> int:
         what = "has primitives already" if path.exists() else "is a file"
         raise ValueError(f"--out must be a new folder; {options.out} {what}")
     check_writable(options.out)
-    paths = sorted(options.data.glob("*.h5")) or sorted(options.data.glob("episodes/*.h5"))
+    paths = find_episodes(options.data)
     if not paths:
         raise ValueError(f"--data must hold episodes (*.h5); {options.data} has none")
     if options.episodes is not None and not 1 <= options.episodes <= len(paths):

@@ -19,7 +19,7 @@ from dgl_assets.props import make_prop
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.formula import Value, check_formula
 from dgl_collect.names import name_scene
-from dgl_collect.parameters import fill_in
+from dgl_collect.parameters import check_used, fill_in
 from dgl_collect.steps import (
     CONDITION_NAMES,
     GARMENT_NAMES,
@@ -130,9 +130,11 @@ def parse_demonstration(content: Mapping, *, source: str) -> Demonstration:
             found = content.get("format") if isinstance(content, Mapping) else content
             raise ValueError(f"format must be {FORMAT_VERSION}; got {show(found)}")
         fields = {key: value for key, value in content.items() if key != "format"}
-        return from_plain(Demonstration, fill_in(fields))
+        demonstration = from_plain(Demonstration, fill_in(fields))
+        check_used(fields)
     except ValueError as err:
         raise DemonstrationError(f"{source}: {err}") from err
+    return demonstration
 
 
 def check_demonstration(demonstration: Demonstration, task: Task, *, source: str) -> None:

@@ -285,6 +285,11 @@ def opened_episode(path: Path | str) -> Iterator[h5py.File]:
         raise CorruptEpisodeError(path, fault) from err
 
 
+def find_episodes(folder: Path) -> list[Path]:
+    """List the episode files of a folder, or of a run's folder, by name."""
+    return sorted(folder.glob("*.h5")) or sorted(folder.glob("episodes/*.h5"))
+
+
 def read_stage_names(file: h5py.File) -> list[str]:
     """Read the names of the stages; check that all data lie in the file and fit into memory.
 

@@ -1,16 +1,17 @@
 """Named numbers of a demonstration, which formulas use and `dgl tune` searches."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Len
 
-from dgl_collect.formula import Value, evaluate_formula
+from dgl_collect.formula import Value, evaluate_formula, find_names
 from dgl_files.fields import STRICT, check_fields, check_value, from_plain, show
 
-__all__ = ["Parameter", "fill_in"]
+__all__ = ["Parameter", "check_used", "fill_in"]
 
 NUMBERS = frozenset(
     ("at_most", "back", "by", "come_from", "frames", "height", "lift", "moved_at_most", "pitch")
@@ -74,6 +75,27 @@ def fill_in(content: Mapping[str, Any]) -> dict[str, Any]:
                     places[name] = dict(zip("xyz", points[name], strict=False))
     _fill_in_numbers(whole.get("stages"), values)
     return whole
+
+
+def check_used(content: Mapping[str, Any]) -> None:
+    """Check that each parameter of a demonstration's JSON object is in a formula.
+
+    Raises:
+        ValueError: If one is in none.
+    """
+    used = set(_list_names([content.get(key) for key in ("points", "stages")]))
+    if unused := sorted(set(content.get("parameters", ())) - used):
+        raise ValueError(f"parameters must be in formulas; {unused} are in none")
+
+
+def _list_names(tree: Any) -> Iterator[str]:
+    """List the names in all texts that are formulas."""
+    if isinstance(tree, str):
+        with suppress(ValueError):  # some other text
+            yield from find_names(tree)
+    elif isinstance(tree, list | dict):
+        for each in tree.values() if isinstance(tree, dict) else tree:
+            yield from _list_names(each)
 
 
 def _fill_in_numbers(tree: Any, values: Mapping[str, Value]) -> None:

@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 ATTEMPTS_FILE = "attempts.jsonl"
 PLACEMENT_ERROR = "placement_error_m"
 """Measurement: horizontal distance from the garment's middle to its place at the end [m]."""
+POLICY_UNAVAILABLE = "policy unavailable"
+"""Reason of an attempt whose policy server did not answer: it says nothing about the policy."""
 VERSIONED_PACKAGES = (
     "dexgarmentlab", "dgl-physics", "dgl-assets", "dgl-gam", "dgl-sadp", "dgl-tasks", "dgl-collect",
     "h5py", "mani-skill", "numpy", "sapien", "torch", "warp-lang",
@@ -145,7 +147,10 @@ def inspect_results(path: Path) -> tuple[list[AttemptResult], list[str]]:
 
 
 def drop_lost_attempts(folder: Path) -> list[AttemptResult]:
-    """Remove the lines of attempts whose episode file is missing or cannot be opened.
+    """Remove the lines of attempts that are to be made again.
+
+    They are those whose episode file is missing or cannot be opened, and those whose policy server
+    did not answer.
 
     Args:
         folder: Of a run.
@@ -162,12 +167,14 @@ def drop_lost_attempts(folder: Path) -> list[AttemptResult]:
     kept = [result for result in results if not _is_lost(folder, result)]
     if len(kept) < len(results):
         count = len(results) - len(kept)
-        logger.warning("%d attempts are made again: their episodes are lost", count)
+        logger.warning("%d attempts are made again: an episode or the server was lost", count)
         write_text(path, "".join(f"{result.to_line()}\n" for result in kept))
     return kept
 
 
 def _is_lost(folder: Path, result: AttemptResult) -> bool:
+    if result.reason == POLICY_UNAVAILABLE:
+        return True
     if "episode" not in result.files:
         return False
     try:

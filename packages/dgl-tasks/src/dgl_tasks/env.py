@@ -337,7 +337,9 @@ class GarmentEnv(BaseEnv):
         self.cloth.build()
         sides = [self.agent.hand_links.get(body.entity.name) for body in self.cloth.bodies[0]]
         # rows of the hands' links among the forces, which are read at every control step
-        self._hand_rows = {s: [k for k, side in enumerate(sides) if side == s] for s in SIDES}
+        self._hand_rows: dict[Side, list[int]] = {
+            side: [k for k, its in enumerate(sides) if its == side] for side in SIDES
+        }
         self._appearance.dress(garment, fabric=self.fabric, bodies=self.cloth.bodies[0])
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:

@@ -12,7 +12,12 @@ from dgl_assets.garments.catalogue import Split
 from dgl_collect.actors import Expert
 from dgl_collect.attempt import draw_garment
 from dgl_collect.attempt_jobs import AttemptRequest
-from dgl_collect.demonstration import check_demonstration, find_file, parse_demonstration
+from dgl_collect.demonstration import (
+    FOLDER,
+    check_demonstration,
+    find_file,
+    parse_demonstration,
+)
 from dgl_collect.errors import DemonstrationError
 from dgl_collect.options import RunOptions
 from dgl_collect.results import AttemptResult
@@ -150,11 +155,18 @@ def read_content(task: Task, path: Path | None) -> dict[str, Any]:
     check_demonstration(demonstration, task, source=file.name)
     if not demonstration.parameters:
         raise DemonstrationError(
-            f"{file.name}: a search needs parameters with their ranges; this file names none"
+            f"{file.name}: a search needs parameters with their ranges; this file names none, "
+            f"those of {', '.join(list_tunable())} do"
         )
     if demonstration.recordings is not None:
         content["recordings"] = str(file.absolute().parent / demonstration.recordings)
     return content
+
+
+def list_tunable() -> list[str]:
+    """List the tasks of this package whose demonstrations name parameters."""
+    contents = [decode_json(path.read_text(encoding="utf-8")) for path in FOLDER.glob("*.json")]
+    return sorted(content["task"] for content in contents if content.get("parameters"))
 
 
 def set_values(content: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
