@@ -104,6 +104,12 @@ def test_unknown_categories_and_splits_are_refused():
         load_garment("Sock/000000")
     with pytest.raises(AssetNotFoundError, match="unknown category 'Sock'"):
         garment_ids("Sock", "train")
+    for measures, message in (
+        ({"hand": "third"}, "no garment of Glove has the measures"),
+        ({"leg": (0.0, 1.0)}, "measures of Glove are .*; got .'leg'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            garment_ids("Glove", "test", count=20, measures=measures)
     with pytest.raises(ValueError, match=r"split must be one of \('test', 'train'\); got 'all'"):
         garment_ids("Tops_LongSleeve", "all")
     with pytest.raises(ValueError, match=r"count must be in \[0, 2000\].* got 2001"):
@@ -160,3 +166,14 @@ def test_the_example_of_the_catalogue_runs(tmp_path, monkeypatch):
     paths = example.main(tmp_path, count=1, size=32)
     assert [path.stem for path in paths] == list(list_categories())
     assert all(path.exists() for path in paths)
+
+
+def test_garments_of_some_measures_are_those_that_have_them():
+    measures = {"hand": "right", "cuff_length": (0.05, 0.12)}
+    chosen = garment_ids("Glove", "test", count=40, measures=measures)
+    every = garment_ids("Glove", "test", count=40)
+    assert 0 < len(chosen) < len(every)
+    for garment_id in every:
+        found = load_garment(garment_id).parameters
+        fits = found["hand"] == "right" and 0.05 <= found["cuff_length"] <= 0.12
+        assert (garment_id in chosen) == fits

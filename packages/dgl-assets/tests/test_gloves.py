@@ -41,6 +41,17 @@ def test_a_glove_is_an_oriented_disk_open_at_the_wrist(gloves):
         assert np.allclose(glove.canonical[loop, 1], 2)
 
 
+def test_the_cuff_is_what_lies_beyond_the_wrist(gloves):
+    for glove in gloves:
+        middles = glove.canonical[glove.faces].mean(axis=1)
+        for layer, side in (("back", 1), ("palm", -1)):
+            cuff = glove.face_panels == glove.panels.index(f"{layer}_cuff")
+            hand = glove.face_panels == glove.panels.index(f"{layer}_hand")
+            assert cuff.any()
+            assert middles[cuff, 1].min() > 1 > middles[hand, 1].max()
+            assert (side * middles[cuff, 2] > 0).all()
+
+
 def test_triangles_are_even(gloves):
     lengths = np.concatenate([_measure_edges(glove) for glove in gloves])
     angles = np.concatenate(

@@ -8,6 +8,7 @@ import pytest
 from dgl_assets.props import (
     PROP_KINDS,
     CoatHangerParameters,
+    GloveStandParameters,
     HangerParameters,
     HatStandParameters,
     PersonParameters,
@@ -201,6 +202,14 @@ def test_hat_stand_has_the_original_height_and_width(props):
     # a hat's rim lies on the seat, beside the dome
     rim = np.array([[0.07, 0.0, 0.6], [0.0, 0.0, 0.65]])
     np.testing.assert_allclose(stand.compute_distance(rim), 0.0, atol=1e-6)
+
+
+def test_glove_stand_leaves_its_gap_between_the_boards(props):
+    stand, p = props["glove_stand"], GloveStandParameters()
+    np.testing.assert_allclose(stand.landmarks["target"], [0, 0, p.height])
+    assert stand.extent[0, 2] == pytest.approx(0.0)
+    middle = np.array([[0.0, y, z] for y in (-0.09, 0.09) for z in (p.height - 0.03, p.height)])
+    np.testing.assert_allclose(stand.compute_distance(middle), p.gap / 2, atol=1e-6)
 
 
 def test_coat_hanger_is_symmetric_and_hangs_by_its_hook(props):

@@ -91,6 +91,49 @@ def test_a_seam_that_is_folded_at_rest_turns_freely(sheet):
     assert len(hinges) == 2 * len(topology.compute_hinges(faces))
 
 
+def test_factors_stiffen_their_hinges_and_the_seams_between_them(sheet):
+    vertices, faces = sheet(0.05, 0.05, 0.0125)
+    high = vertices[:, 1] > vertices[:, 1].mean()
+    plain = make_bending(vertices, faces, B)
+    stiff = make_bending(vertices, faces, B, factors=np.where(high, 9.0, 1.0))
+    both = high[plain.vertices[:, :2]].sum(axis=1)
+    np.testing.assert_allclose(plain.compliance / stiff.compliance, np.array([1, 5, 9])[both])
+    cut = np.array([[0.0, 0], [1, 0], [0, 1]])[:, [0, 1, 1]] * [0.01, 0.01, 0]
+    folded, pair = np.vstack([cut, cut[2]]), np.array([[0, 1, 2], [1, 0, 3]])
+    for factors, count in (([9, 9, 1, 1], 1), ([9, 1, 9, 9], 0), (None, 0)):
+        factors = None if factors is None else np.array(factors, dtype=float)
+        assert len(make_bending(folded, pair, B, factors=factors).vertices) == count
+
+
+def test_a_stiff_band_opens_to_a_circle(builder, run):
+    """Two strips that are sewn at their ends lie flat; stiffened, they become a ring."""
+    count, edge = 10, 0.012
+    along = np.arange(count + 1) * edge
+    strip = np.array([[x, y, 0.0] for y in (0.0, edge, 2 * edge) for x in along])
+    rows = np.arange(3 * (count + 1)).reshape(3, -1)
+    ends = np.isin(np.arange(len(strip)), rows[:, [0, -1]])
+    other = np.where(ends, np.arange(len(strip)), len(strip) + np.cumsum(~ends) - 1)
+    quads = [
+        (rows[i, j], rows[i, j + 1], rows[i + 1, j + 1], rows[i + 1, j])
+        for i in range(2)
+        for j in range(count)
+    ]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    rest = np.concatenate([strip, strip[~ends]])
+    both = np.concatenate([faces, other[faces][:, ::-1]])
+    start = rest.copy()
+    bulge = 0.004 * np.sin(np.pi * rest[:, 0] / along[-1])
+    start[:, 2] += np.where(np.arange(len(rest)) < len(strip), bulge, -bulge)
+    for factor, least, most in ((1.0, 0.0, 0.5), (1000.0, 0.8, 1.25)):
+        b = builder.__class__()
+        b.add_garment(start, both, rest=rest, stiffness=np.full(len(rest), factor))
+        r = run(b, gravity=(0.0, 0.0, 0.0))
+        r.step(240)
+        x = r.x
+        depth = np.ptp(x[:, 2])
+        assert least < depth / np.ptp(x[:, 0]) < most
+
+
 def test_nothing_bends_without_hinges_or_stiffness(sheet, builder, run):
     triangle = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=float)
     assert len(make_bending(triangle, np.array([[0, 1, 2]]), B).vertices) == 0

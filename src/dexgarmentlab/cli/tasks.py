@@ -45,10 +45,10 @@ def run(options: TasksOptions) -> int:
 
 def describe_task(task: "Task") -> dict[str, Any]:
     """Put what a user wants to know of a task into plain values; lengths [m], angles [rad]."""
-    from dgl_assets import garment_ids
     from dgl_assets.props import make_prop
     from dgl_collect import DemonstrationError
     from dgl_collect.demonstration import load_demonstration
+    from dgl_tasks.task_garment import list_task_garments
 
     stages, lacks = (), None
     try:
@@ -60,7 +60,7 @@ def describe_task(task: "Task") -> dict[str, Any]:
         "title": task.title,
         "description": task.description,
         "category": task.category,
-        "garments": {split: len(garment_ids(task.category, split)) for split in SPLITS},
+        "garments": {split: len(list_task_garments(task, split)) for split in SPLITS},
         "objects": [
             {
                 "name": item.name,

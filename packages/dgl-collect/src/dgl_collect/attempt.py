@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from dgl_assets import garment_ids
 from dgl_assets.garments.catalogue import Split
 from dgl_collect.actors import Expert
 from dgl_collect.attempt_jobs import AttemptRequest
@@ -20,8 +19,10 @@ from dgl_collect.skill import follow_recordings
 from dgl_collect.video import VideoWriter, save_png
 from dgl_physics import MeshError, PhysicsError
 from dgl_tasks import TaskError
+from dgl_tasks.declaration import Task
 from dgl_tasks.evaluation import EpisodeResult, run_episode
 from dgl_tasks.policy import Method
+from dgl_tasks.task_garment import list_task_garments
 
 logger = logging.getLogger(__name__)
 
@@ -125,7 +126,7 @@ class Attempts:
         if garment is not None:
             return garment, {"split": "own"}
         split = choose_split(self._garments, request.index)
-        return draw_garment(self.env.task.category, split, request.seed), {"split": split}
+        return draw_garment(self.env.task, split, request.seed), {"split": split}
 
     def _make_episode(self, seed: int, result: EpisodeResult, recorder: EpisodeRecorder) -> Episode:
         """Build the episode of an attempt from its recorded stages."""
@@ -156,9 +157,9 @@ def choose_split(choice: GarmentChoice, attempt_index: int) -> Split:
     return choice
 
 
-def draw_garment(category: str, split: Split, seed: int) -> str:
-    """Draw the garment of an attempt from a split of its category."""
-    ids = garment_ids(category, split)
+def draw_garment(task: Task, split: Split, seed: int) -> str:
+    """Draw the garment of an attempt from a split of those of its task."""
+    ids = list_task_garments(task, split)
     return ids[int(np.random.default_rng([seed, 3]).integers(len(ids)))]
 
 

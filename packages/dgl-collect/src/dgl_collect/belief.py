@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -48,6 +49,13 @@ class BelievedView:
 
     midline = np.empty((0, 3))
     """Not seen."""
+
+    places: Mapping[str, np.ndarray] = MappingProxyType({})
+    """Not seen."""
+
+    def enclose(self, points: np.ndarray) -> np.ndarray:
+        """Tell of no point that the garment encloses it: that is not seen."""
+        return np.zeros(len(points), dtype=bool)
 
     @property
     def frames(self) -> Mapping[str, Mapping[str, np.ndarray]]:

@@ -7,7 +7,12 @@ from dgl_physics.stencils import StencilBlock
 
 
 def make_bending(
-    rest: np.ndarray, faces: np.ndarray, stiffness: float, *, damping_time: float = 0.0
+    rest: np.ndarray,
+    faces: np.ndarray,
+    stiffness: float,
+    *,
+    factors: np.ndarray | None = None,
+    damping_time: float = 0.0,
 ) -> StencilBlock:
     """Make the bending constraints of a mesh that is flat when nothing bends it.
 
@@ -27,6 +32,8 @@ def make_bending(
         rest: Rest positions [m], shape (V, 3).
         faces: Vertex indices, shape (F, 3).
         stiffness: Flexural rigidity B per width [N m].
+        factors: Factor on it at each vertex, shape (V,); 1 everywhere when None. Seams between
+            vertices that it stiffens bend as the sheet does: a band goes over them.
         damping_time: Relaxation time of the damping [s].
 
     Returns:
@@ -43,7 +50,10 @@ def make_bending(
         Surfaces, SGP 2006, section 3: the coefficients K.
     """
     hinges = topology.compute_hinges(faces)
-    hinges = hinges[topology.is_flat_hinge(rest, hinges)]
+    is_bent = topology.is_flat_hinge(rest, hinges)
+    if factors is not None:
+        is_bent |= factors[hinges[:, :2]].min(axis=1) > 1
+    hinges = hinges[is_bent]
     if stiffness == 0 or len(hinges) == 0:
         return StencilBlock(
             vertices=np.zeros((0, 4), dtype=np.int32),
@@ -64,10 +74,11 @@ def make_bending(
     trace = np.trace(q, axis1=1, axis2=2)
     mean_square = (trace**2 + 2 * (q**2).sum(axis=(1, 2))) / 8
     factor = (area / 3).sum() / (mean_square / area).sum()
+    rigidity = stiffness * (1.0 if factors is None else factors[hinges[:, :2]].mean(axis=1))
     return StencilBlock(
         vertices=hinges,
         weights=weights,
-        compliance=area / (factor * stiffness),
+        compliance=area / (factor * rigidity),
         damping_time=damping_time,
     )
 

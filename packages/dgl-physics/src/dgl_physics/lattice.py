@@ -76,7 +76,7 @@ def fill_closed_surface(
     shape = np.maximum(np.ceil((high - low) / cell - 1e-6).astype(int), 1)
     origin = 0.5 * (low + high) - 0.5 * cell * shape
     cubes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    cubes = cubes[_is_inside(origin + cell * (cubes + 0.5), vertices, faces)]
+    cubes = cubes[is_inside(origin + cell * (cubes + 0.5), vertices, faces)]
     if not len(cubes):
         raise MeshError(
             f"no cube of {cell:.3g} m fits into the closed surface; raise resolution ({resolution})"
@@ -90,8 +90,20 @@ def fill_closed_surface(
     return points, tets, _make_skin(vertices, faces, points, tets)
 
 
-def _is_inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Test points by the winding number of the surface (van Oosterom and Strackee 1983)."""
+def is_inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Test points by the winding number of a closed surface.
+
+    Args:
+        points: [m], shape (N, 3).
+        vertices: [m], shape (V, 3).
+        faces: Counter-clockwise seen from outside, shape (F, 3).
+
+    Returns:
+        Shape (N,), bool.
+
+    Source:
+        van Oosterom and Strackee 1983, "The solid angle of a plane triangle".
+    """
     solid_angle = np.zeros(len(points))
     for part in _chunks(len(points), len(faces)):
         a, b, c = (vertices[faces[:, k]] - points[part, None] for k in range(3))

@@ -19,7 +19,7 @@ from dgl_physics.membrane import compute_edge_stiffness, compute_moduli, make_ya
 from dgl_physics.quiet import quiet_warp
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
-from dgl_physics.solid_entry import make_solid_entry, make_tet_entry
+from dgl_physics.solid_entry import check_stiffness, make_solid_entry, make_tet_entry
 from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.stencils import Stencils, upload_stencils
 
@@ -127,6 +127,7 @@ class ModelBuilder:
         material: ClothMaterial | None = None,
         rest: np.ndarray | None = None,
         pinned: np.ndarray | tuple[int, ...] = (),
+        stiffness: np.ndarray | None = None,
         env: int | None = None,
     ) -> None:
         """Add a garment to one environment, or the same to all.
@@ -140,6 +141,8 @@ class ModelBuilder:
                 Two columns also define the fabric's frame: weft along the first, warp along the
                 second.
             pinned: Vertices that do not move.
+            stiffness: Factor on the flexural rigidity at each vertex, shape (V,); 1 everywhere
+                when None. Seams that are folded at rest turn freely where it is 1 or less.
             env: Environment; all when None.
 
         Raises:
@@ -154,7 +157,7 @@ class ModelBuilder:
                 f"rest must have shape ({len(vertices)}, 2) or (..., 3); got {rest.shape}"
             )
         entry = _make_constraints(
-            vertices, faces.astype(np.int32), rest, material or ClothMaterial()
+            vertices, faces.astype(np.int32), rest, material or ClothMaterial(), stiffness
         )
         entry["inverse_mass"][list(pinned)] = 0.0
         self._place(entry, env)
@@ -358,7 +361,11 @@ class ModelBuilder:
 
 
 def _make_constraints(
-    vertices: np.ndarray, faces: np.ndarray, rest: np.ndarray, material: ClothMaterial
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    rest: np.ndarray,
+    material: ClothMaterial,
+    stiffness: np.ndarray | None,
 ) -> dict:
     moduli = compute_moduli(
         material.stretch_stiffness, material.shear_stiffness if rest.shape[1] == 2 else None
@@ -368,7 +375,11 @@ def _make_constraints(
         rest = np.column_stack([rest, np.zeros(len(rest))])
     edges = topology.compute_edges(faces)
     bending = make_bending(
-        rest, faces, material.bending_stiffness, damping_time=material.bending_damping
+        rest,
+        faces,
+        material.bending_stiffness,
+        factors=None if stiffness is None else check_stiffness(stiffness, len(vertices)),
+        damping_time=material.bending_damping,
     )
     areas = topology.compute_vertex_areas(rest, faces)
     radius = topology.compute_radii(rest, edges, material.thickness)

@@ -105,6 +105,8 @@ class Start:
     """Rotation about x before the yaw [rad]: the slope of the garment when it is dropped."""
     height: Factor = 0.2
     """Height of the garment's lowest point when it is dropped [m], from `on`."""
+    level: str | None = None
+    """Landmark of the garment that is at the height instead of the lowest point."""
     settle_frames: Annotated[int, Ge(0)] = 60
     """Frames of 1/60 s from the drop to the end of a reset."""
     value_below: float | None = None
@@ -125,6 +127,9 @@ class Task:
     title: str
     category: str
     """Garment category in `dgl_assets`."""
+    measures: Mapping[str, str | Range] = field(default_factory=dict)
+    """Of the garments that are drawn: words, and limits of numbers, by the name of the measure,
+    such as {"hand": "right", "cuff_length": (0.05, 0.15)}."""
     description: str
     success_text: str
     """The success rule in words."""
@@ -142,7 +147,8 @@ class Task:
     material: ClothMaterial | SolidMaterial = field(default_factory=ClothMaterial)
     """Of the garment: cloth, or the wall of an elastic shell."""
     stiffness: Mapping[str, float] = field(default_factory=dict)
-    """Of a shell: factor on Young's modulus by panel of the garment, where it is not 1."""
+    """Factor on a cloth's flexural rigidity or a solid's Young's modulus by panel of the garment,
+    where it is not 1."""
     hand_friction: HandFriction = field(default_factory=HandFriction)
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""

@@ -13,7 +13,6 @@ from gymnasium.spaces import Box
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.structs.types import SimConfig
 
-from dgl_assets import garment_ids
 from dgl_assets.garments.catalogue import Split
 from dgl_assets.importing import AnyGarment
 from dgl_assets.materials import FabricMaterial, sample_fabric_material
@@ -57,7 +56,7 @@ from dgl_tasks.studio import (
     sample_studio_fabric,
 )
 from dgl_tasks.success import Criterion, Verdict, compute_covered_area, get_frame
-from dgl_tasks.task_garment import find_task_garment, name_garment
+from dgl_tasks.task_garment import find_task_garment, list_task_garments, name_garment
 from dgl_tasks.tasks import load_task, task_ids
 from dgl_tasks.views import TrueView
 
@@ -150,7 +149,7 @@ class GarmentEnv(BaseEnv):
         self._cameras = tuple(cameras)
         self._look: LookName = look
         self.cloud: CloudKind = cloud
-        self._garment_ids = garment_ids(self.task.category, garment_split)
+        self._garment_ids = list_task_garments(self.task, garment_split)
         self._appearance: Appearance
         self._start_view: TrueView
         self._start_verdict: Verdict
@@ -311,6 +310,7 @@ class GarmentEnv(BaseEnv):
             faces=garment.faces,
             upright=garment.vertices,
             landmarks={name: particles[place] for name, place in places.items()},
+            marks={name: garment.landmarks[name] for name in self.task.success.marks},
             flat_area=compute_covered_area(flat),
             frames=self.get_frames(),
         )
@@ -323,7 +323,9 @@ class GarmentEnv(BaseEnv):
         c, s = np.cos(roll), np.sin(roll)
         tilt = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         vertices = self.garment.vertices @ (turn @ tilt).T
-        vertices += [x, y, start.height - vertices[:, 2].min()]
+        heights = vertices[:, 2]
+        level = heights.min() if start.level is None else heights[garment.landmarks[start.level]]
+        vertices += [x, y, start.height - level]
         if start.on is not None:
             vertices += get_frame(self.get_frames(), start.on)
         scene = self.scene.sub_scenes[0]

@@ -21,24 +21,24 @@ def add_soft_body(
 ) -> None:
     """Add a garment to a simulation.
 
-    Its vertices are the first particles; the inner side of a shell's wall follows.
+    Its vertices are the first particles; the inner side of a solid wall follows. A shell of cloth
+    has no wall.
 
     Args:
         cloth: The simulation.
         garment: A sheet of cloth, or an elastic shell.
         vertices: Initial vertices [m], shape (V, 3); a shell is moved, but not bent.
-        material: Of a sheet a cloth's, of a shell a solid's.
-        stiffness: Of a shell: factor on Young's modulus by panel, where it is not 1.
+        material: A cloth's, or, for the wall of a shell, a solid's.
+        stiffness: Factor on a cloth's flexural rigidity or a solid's Young's modulus by panel,
+            where it is not 1.
 
     Raises:
-        ValueError: If the material is of the other kind, or there is no such panel.
+        ValueError: If a sheet's material is a solid's, or there is no such panel.
         MeshError: If the mesh cannot be simulated.
     """
-    kind = SolidMaterial if garment.wall_thickness is not None else ClothMaterial
-    if not isinstance(material, kind):
+    if isinstance(material, SolidMaterial) and garment.wall_thickness is None:
         raise ValueError(
-            f"the material of {garment.category} must be a {kind.__name__}; "
-            f"got a {type(material).__name__}"
+            f"the material of {garment.category} must be a ClothMaterial; got a SolidMaterial"
         )
     factors = _spread_stiffness(garment, stiffness) if stiffness else None
     if isinstance(material, SolidMaterial):
@@ -50,7 +50,13 @@ def add_soft_body(
             stiffness=factors,
         )
     else:
-        cloth.add_garment(vertices, garment.faces, rest=garment.rest_vertices, material=material)
+        cloth.add_garment(
+            vertices,
+            garment.faces,
+            rest=garment.rest_vertices,
+            material=material,
+            stiffness=factors,
+        )
 
 
 def _spread_stiffness(garment: AnyGarment, stiffness: Mapping[str, float]) -> np.ndarray | None:

@@ -119,6 +119,15 @@ class SceneView(Protocol):
         ...
 
     @property
+    def places(self) -> Mapping[str, np.ndarray]:
+        """The rule's `marks` of the garment by name, now [m], shape (3,); none where unknown."""
+        ...
+
+    def enclose(self, points: np.ndarray) -> np.ndarray:
+        """Tell which points [m], shape (N, 3), the garment encloses; none where it is unknown."""
+        ...
+
+    @property
     def flat_area(self) -> float:
         """Area of the garment lying flat [m^2], counted as `compute_covered_area` does."""
         ...
@@ -139,6 +148,11 @@ class SuccessRule(ABC):
     @property
     def landmarks(self) -> tuple[str, ...]:
         """Names in `SceneView.landmarks` that the rule needs."""
+        return ()
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names in `SceneView.places` that the rule needs."""
         return ()
 
     @property

@@ -3,10 +3,16 @@
 from pathlib import Path
 
 from dgl_assets import Garment
+from dgl_assets.garments.catalogue import Split, garment_ids
 from dgl_assets.importing import AnyGarment, ImportedGarment, find_garment
 from dgl_tasks.declaration import Task
 
-__all__ = ["find_task_garment", "name_garment"]
+__all__ = ["find_task_garment", "list_task_garments", "name_garment"]
+
+
+def list_task_garments(task: Task, split: Split) -> tuple[str, ...]:
+    """List the ids of the catalogue's garments that episodes of a task draw from."""
+    return garment_ids(task.category, split, measures=task.measures)
 
 
 def find_task_garment(source: str | Path | AnyGarment, task: Task) -> AnyGarment:
@@ -25,7 +31,8 @@ def find_task_garment(source: str | Path | AnyGarment, task: Task) -> AnyGarment
         raise ValueError(
             f"garment must be of category {task.category}; got {garment.name}, a {garment.category}"
         )
-    unknown = sorted(set(task.success.landmarks) - set(garment.landmarks))
+    rule = task.success
+    unknown = sorted({*rule.landmarks, *rule.marks} - set(garment.landmarks))
     if unknown:
         is_own = isinstance(garment, ImportedGarment)
         hint = " (dgl_collect.own_garment.prepare_garment finds them)" if is_own else ""

@@ -1,13 +1,14 @@
 """Ground truth of the scene, for success rules."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dgl_tasks.coverage import sample_visible_surface
+from dgl_tasks.enclosing import is_enclosed
 
 SLICE = 0.03
 """Width of the slices whose middles are the midline [m]."""
@@ -25,6 +26,8 @@ class TrueView:
     """Its vertices upright, or lying flat, shape (V, 3)."""
     landmarks: Mapping[str, np.ndarray]
     """As in `SceneView`."""
+    marks: Mapping[str, int] = field(default_factory=dict)
+    """Vertex of each of the rule's marks."""
     flat_area: float
     """As in `SceneView`."""
     frames: Mapping[str, Mapping[str, np.ndarray]]
@@ -53,6 +56,15 @@ class TrueView:
         weights = np.bincount(slices, minlength=count)
         sums = [np.bincount(slices, each, minlength=count) for each in self.particles.T]
         return (np.stack(sums, axis=1) / np.maximum(weights, 1)[:, None])[weights > 0]
+
+    @property
+    def places(self) -> Mapping[str, np.ndarray]:
+        """The marks now [m], shape (3,)."""
+        return {name: self.particles[vertex] for name, vertex in self.marks.items()}
+
+    def enclose(self, points: np.ndarray) -> np.ndarray:
+        """Tell which points [m], shape (N, 3), the garment encloses."""
+        return is_enclosed(points, self.particles, self.faces)
 
     @property
     def surface(self) -> np.ndarray:

@@ -97,9 +97,8 @@ class GarmentLeRobotEnv(gymnasium.Env):
             self._setup = make_setup(self.task, self._options)
         if seed is None:
             seed = int(self.np_random.integers(2**31))
-        category = self._setup.env.task.category
         garment = (options or {}).get("garment") or draw_garment(
-            category,
+            self._setup.env.task,
             self._split,  # pyright: ignore[reportArgumentType] - checked there
             seed,
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import difflib
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -54,6 +56,7 @@ def garment_ids(
     sizes: Sizes = "reach",
     subset: Subset | None = None,
     count: int | None = None,
+    measures: Mapping[str, str | tuple[float, float]] | None = None,
 ) -> tuple[str, ...]:
     """List ids of generated garments.
 
@@ -65,14 +68,17 @@ def garment_ids(
         subset: "paper" for as many as the paper collected with ("train") and evaluated on besides
             ("test"); None for all.
         count: Number of ids from the first on; None for all.
+        measures: Words, and limits (low, high) of numbers, by the name of the measure: garments of
+            other measures are left out.
 
     Returns:
         Ids such as "Tops_LongSleeve/000123": 8,000 for training and 2,000 for testing, for each
-        choice of sizes.
+        choice of sizes, if none is left out.
 
     Raises:
         AssetNotFoundError: If the category does not exist.
-        ValueError: If split, sizes or subset do not exist, or there are fewer than `count` ids.
+        ValueError: If split, sizes, subset or a measure do not exist, there are fewer than `count`
+            ids, or the measures leave none.
     """
     entry = get_category(category)
     check_choice("split", split, ("test", "train"))
@@ -89,7 +95,24 @@ def garment_ids(
     if count is not None and not 0 <= count <= available:
         raise ValueError(f"count must be in [0, {available}] for split {split}; got {count}")
     numbers = range(start, start + (available if count is None else count))
+    if measures:
+        limits = tuple(sorted(measures.items()))
+        numbers = [number for number in numbers if _fits(entry.name, number, limits)]
+        if not numbers:
+            raise ValueError(f"no garment of {category} has the measures {dict(measures)}")
     return tuple(f"{category}/{number:06d}" for number in numbers)
+
+
+@lru_cache(maxsize=50_000)
+def _fits(category: str, number: int, limits: tuple[tuple[str, Any], ...]) -> bool:
+    values = asdict(_draw_measures(get_category(category), number))
+    unknown = sorted(name for name, _ in limits if name not in values)
+    if unknown:
+        raise ValueError(f"measures of {category} are {sorted(values)}; got {unknown}")
+    return all(
+        values[name] == limit if isinstance(limit, str) else limit[0] <= values[name] <= limit[1]
+        for name, limit in limits
+    )
 
 
 def load_garment(
@@ -132,10 +155,14 @@ def check_id(garment_id: str) -> None:
 
 
 def _make(entry: Category, number: int, name: str, *, spacing: float | None) -> Garment:
+    return make_garment(_draw_measures(entry, number), spacing=spacing, name=name)
+
+
+def _draw_measures(entry: Category, number: int) -> Any:
     # The category is part of the seed, so that equal numbers of two categories have other bodies.
     rng = np.random.default_rng([zlib.crc32(entry.name.encode()), number])
     sizes: Sizes = "reach" if number < entry.train_count + entry.test_count else "all"
-    return make_garment(sample_measures(entry.name, rng, sizes=sizes), spacing=spacing, name=name)
+    return sample_measures(entry.name, rng, sizes=sizes)
 
 
 def _parse_id(garment_id: str) -> tuple[Category, int]:

@@ -41,6 +41,21 @@ POSES: dict[str, dict[str, float]] = {
         }.items()
     },
     "t_pose": {f"{side}_shoulder_abduction": 1.55 for side in ("left", "right")},
+    "offer_right": {
+        "left_shoulder_abduction": 0.13,
+        "left_elbow_flexion": 0.22,
+        "right_shoulder_abduction": 1.2,
+        "right_shoulder_rotation": 1.22,
+        "right_elbow_flexion": 1.2,
+        "right_elbow_pronation": -1.45,
+        "right_wrist_deviation": -0.3,
+        "right_thumb1_spread": -0.34,
+        **{
+            f"right_{finger}{k}_flexion": 0.05
+            for finger in ("index", "middle", "ring", "little")
+            for k in (1, 2, 3)
+        },
+    },
     "reach_right": {
         "left_shoulder_abduction": 0.13,
         "left_elbow_flexion": 0.22,

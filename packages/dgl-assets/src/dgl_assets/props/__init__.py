@@ -12,6 +12,7 @@ from dgl_assets.props.registry import PROP_KINDS as PROP_KINDS
 from dgl_assets.props.registry import PropParameters as PropParameters
 from dgl_assets.props.registry import make_prop as make_prop
 from dgl_assets.props.shapes import PropShape as PropShape
+from dgl_assets.props.stands import GloveStandParameters as GloveStandParameters
 from dgl_assets.props.stands import HatStandParameters as HatStandParameters
 from dgl_assets.props.stands import PothookParameters as PothookParameters
 from dgl_assets.props.tables import PlatformParameters as PlatformParameters

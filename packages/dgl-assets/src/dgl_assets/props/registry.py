@@ -14,8 +14,10 @@ from dgl_assets.props.hanger import (
 from dgl_assets.props.person import PersonParameters, make_person_prop
 from dgl_assets.props.prop import Prop
 from dgl_assets.props.stands import (
+    GloveStandParameters,
     HatStandParameters,
     PothookParameters,
+    make_glove_stand,
     make_hat_stand,
     make_pothook,
 )
@@ -32,6 +34,7 @@ PropParameters = (
     | PothookParameters
     | PlatformParameters
     | HatStandParameters
+    | GloveStandParameters
     | TableParameters
     | PersonParameters
 )
@@ -42,6 +45,7 @@ _MAKERS: dict[str, tuple[type[Any], Callable[[Any], Prop]]] = {
     "pothook": (PothookParameters, make_pothook),
     "platform": (PlatformParameters, make_platform),
     "hat_stand": (HatStandParameters, make_hat_stand),
+    "glove_stand": (GloveStandParameters, make_glove_stand),
     "table": (TableParameters, make_table),
     "person": (PersonParameters, make_person_prop),
 }

@@ -1,4 +1,4 @@
-"""Props that carry garments: the hook for coats and the stand for hats."""
+"""Props that carry garments: the hook for coats, the stand for hats, the fork for gloves."""
 
 from __future__ import annotations
 
@@ -74,6 +74,26 @@ class HatStandParameters(Measures):
         if not self.dome_radius < self.seat_radius:
             text = f"dome_radius must be less than seat_radius {self.seat_radius}"
             raise ValueError(f"{text}; got {self.dome_radius}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GloveStandParameters(Measures):
+    """A post with two upright boards that clamp a glove, which stands between them, open above."""
+
+    height: float = measure(0.2, 1.5, 0.5)
+    """Of the boards' upper side [m]."""
+    gap: float = measure(0.002, 0.1, 0.007)
+    """Between the boards, along x [m]."""
+    length: float = measure(0.1, 0.4, 0.2)
+    """Of the boards, along y [m]."""
+    depth: float = measure(0.01, 0.1, 0.04)
+    """Of the boards, along z [m]."""
+    thickness: float = measure(0.004, 0.02, 0.01)
+    """Of the boards, along x [m]."""
+    foot_radius: float = measure(0.06, 0.3, 0.09)
+    """[m]."""
+    wood: str = "maple"
+    """One of `dgl_assets.props.WOODS`."""
 
 
 def make_pothook(p: PothookParameters) -> Prop:
@@ -159,5 +179,40 @@ def make_hat_stand(p: HatStandParameters) -> Prop:
             "seat": (0.0, 0.0, h),
             "top": (0.0, 0.0, h + p.dome_height),
         },
+        asdict(p),
+    )
+
+
+def make_glove_stand(p: GloveStandParameters) -> Prop:
+    """Make the stand of Wear Glove; the target is in the middle between the boards, at their top.
+
+    The other landmark is "foot", on the ground below.
+    """
+    half, low, h = p.length / 2, p.height - p.depth, p.height
+    inner, outer, foot, f = p.gap / 2, p.gap / 2 + p.thickness, 0.02, p.foot_radius
+    behind = half + outer  # of the post
+    sizes = (p.thickness / 2, half, p.depth / 2)
+    board = rounded_box("wood", sizes, (0, 0, low + p.depth / 2), radius=0.002, power=9,
+                        segments=32)  # fmt: skip
+    boards = [board.shifted(side * (inner + outer) / 2, 0.0, 0.0) for side in (-1, 1)]
+    post = rounded_box("wood", (outer, outer, (h - foot) / 2), (0, behind, (h + foot) / 2),
+                       radius=0.003, power=9, segments=32)  # fmt: skip
+    base = cylinder("wood", f, 0.0, foot, bevel=0.004, segments=64)
+    disc = PropShape(kind="cylinder", radius=f, half_length=foot / 2, xyz=(0.0, behind, foot / 2))
+    wood = make_wood(p.wood, seed=7)
+    return assemble(
+        "glove_stand",
+        [
+            make_part("boards", boards, wood),
+            make_part("post", post, wood),
+            make_part("foot", base.shifted(0.0, behind, 0.0), wood),
+        ],
+        [
+            make_box((-outer, -half, low), (-inner, half, h)),
+            make_box((inner, -half, low), (outer, half, h)),
+            make_box((-outer, half, foot), (outer, behind + outer, h)),
+            disc,
+        ],
+        {"target": (0.0, 0.0, h), "foot": (0.0, 0.0, 0.0)},
         asdict(p),
     )

@@ -73,7 +73,7 @@ class Trials:
         """Make one trial."""
         setup, task = self._setup, self._setup.env.task
         demonstration = _make_demonstration(self._content, request.values, task)
-        garment = draw_garment(task.category, request.split, request.seed)
+        garment = draw_garment(task, request.split, request.seed)
         verdict: Verdict | None = None
         reason, detail = None, ""
         try:

@@ -16,7 +16,14 @@ import numpy as np
 from dgl_assets.errors import MeshingError
 from dgl_assets.garments.garment import Garment
 from dgl_assets.garments.gloves.parameters import GloveParameters
-from dgl_assets.garments.gloves.pattern import DIGITS, FINGERS, V_THUMB, V_WEB, GlovePattern
+from dgl_assets.garments.gloves.pattern import (
+    DIGITS,
+    FINGERS,
+    V_THUMB,
+    V_WEB,
+    V_WRIST,
+    GlovePattern,
+)
 from dgl_assets.garments.gloves.relief import GloveRelief
 from dgl_assets.garments.gloves.seam_edges import open_seams
 from dgl_assets.garments.meshing import resample_polyline
@@ -103,15 +110,17 @@ def _finish(
     vertices[:, :2] -= (low + high)[:2] / 2
     vertices = vertices.astype(np.float32)
     values = {key: float(value) for key, value in asdict(p).items() if key != "hand"}
+    canonical = _compute_canonical(surface, pattern)
+    panels, face_panels = _part_cuffs(surface, canonical)
     return Garment(
         name=name,
         category=CATEGORY,
         vertices=vertices,
         faces=np.ascontiguousarray(faces),
         rest_vertices=vertices,
-        canonical=_compute_canonical(surface, pattern),
-        face_panels=surface.face_panels,
-        panels=surface.panels,
+        canonical=canonical,
+        face_panels=face_panels,
+        panels=panels,
         landmarks=_collect_landmarks(surface),
         parameters=values | {"hand": p.hand},
         wall_thickness=p.wall_thickness,
@@ -249,6 +258,21 @@ def _compute_canonical(surface: SewnSurface, pattern: GlovePattern) -> np.ndarra
             canonical[ids, :2] = pattern.to_canonical(surface.flat[ids], region)
     canonical[:, 2] = surface.layers
     return canonical.astype(np.float32)
+
+
+def _part_cuffs(surface: SewnSurface, canonical: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Take the part of the hand beyond the wrist for a panel of its own in either layer.
+
+    Returns:
+        Names of the panels, and the panel of each triangle, shape (F,).
+    """
+    panels, face_panels = list(surface.panels), surface.face_panels.copy()
+    is_cuff = canonical[surface.faces, 1].mean(axis=1) > V_WRIST
+    for layer in _LAYERS:
+        hand = panels.index(f"{layer}_hand")
+        face_panels[(face_panels == hand) & is_cuff] = len(panels)
+        panels.append(f"{layer}_cuff")
+    return tuple(panels), face_panels
 
 
 def _collect_landmarks(surface: SewnSurface) -> dict[str, int]:
