@@ -13,7 +13,7 @@ from dgl_assets._archive import read_archive, write_archive
 from dgl_assets.errors import CacheError
 from dgl_assets.garments.garment import Garment
 
-GENERATOR_VERSION = 2
+GENERATOR_VERSION = 3
 """Increased whenever an id gives another garment; files of other versions are refused."""
 
 _ARRAYS = ("vertices", "faces", "rest_vertices", "canonical", "face_panels")
