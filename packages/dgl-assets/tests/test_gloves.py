@@ -41,15 +41,18 @@ def test_a_glove_is_an_oriented_disk_open_at_the_wrist(gloves):
         assert np.allclose(glove.canonical[loop, 1], 2)
 
 
-def test_the_cuff_is_what_lies_beyond_the_wrist(gloves):
+def test_wrist_and_cuff_follow_the_hand(gloves):
     for glove in gloves:
         middles = glove.canonical[glove.faces].mean(axis=1)
         for layer, side in (("back", 1), ("palm", -1)):
-            cuff = glove.face_panels == glove.panels.index(f"{layer}_cuff")
-            hand = glove.face_panels == glove.panels.index(f"{layer}_hand")
-            assert cuff.any()
-            assert middles[cuff, 1].min() > 1 > middles[hand, 1].max()
-            assert (side * middles[cuff, 2] > 0).all()
+            hand, wrist, cuff = (
+                middles[glove.face_panels == glove.panels.index(f"{layer}_{part}")]
+                for part in ("hand", "wrist", "cuff")
+            )
+            assert len(wrist) and len(cuff)
+            assert hand[:, 1].max() < wrist[:, 1].min()
+            assert wrist[:, 1].max() < cuff[:, 1].min()
+            assert (side * np.concatenate([hand, wrist, cuff])[:, 2] > 0).all()
 
 
 def test_triangles_are_even(gloves):

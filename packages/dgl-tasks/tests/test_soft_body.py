@@ -49,19 +49,21 @@ def test_cloth_keeps_its_rest_shape_wherever_it_is_placed(top):
     assert kind == "cloth"
     assert vertices is moved
     assert faces is top.faces
-    assert how == {"rest": top.rest_vertices, "material": material, "stiffness": None}
+    assert how == {
+        "rest": top.rest_vertices, "material": material, "stiffness": None, "shrinkage": None
+    }  # fmt: skip
 
 
-def test_a_shell_of_cloth_has_no_wall(glove):
-    material = ClothMaterial()
-    kind, _, _, how = add(glove, glove.vertices, material, {"back_cuff": 9.0, "palm_cuff": 9.0})
+def test_a_shell_of_cloth_has_bands_of_other_stiffness_and_length(glove):
+    stiff, short = {"back_cuff": 9.0, "palm_cuff": 9.0}, {"back_wrist": 0.5, "palm_wrist": 0.5}
+    kind, _, _, how = add(glove, glove.vertices, ClothMaterial(), stiff, short)
     assert kind == "cloth"
     assert "thickness" not in how
-    is_cuff = np.isin(
-        glove.face_panels, [glove.panels.index(f"{k}_cuff") for k in ("back", "palm")]
-    )
-    np.testing.assert_array_equal(how["stiffness"][np.unique(glove.faces[is_cuff])], 9.0)
-    assert (how["stiffness"] == 1.0).mean() > 0.5
+    for name, factors in (("stiffness", stiff), ("shrinkage", short)):
+        is_there = np.isin(glove.face_panels, [glove.panels.index(panel) for panel in factors])
+        band = np.unique(glove.faces[is_there])
+        np.testing.assert_array_equal(how[name][band], next(iter(factors.values())))
+        np.testing.assert_array_equal(np.delete(how[name], band), 1.0)
 
 
 def test_a_shell_has_its_wall_and_is_stiffer_where_it_is_said_to_be(hat):
@@ -94,5 +96,7 @@ def test_the_vertices_of_a_shell_are_its_first_particles(hat):
 def test_what_does_not_belong_together_is_refused(hat, top):
     with pytest.raises(ValueError, match="of Tops_LongSleeve must be a ClothMaterial; got a Solid"):
         add(top, top.vertices, SolidMaterial())
+    with pytest.raises(ValueError, match="a solid does not shrink"):
+        add(hat, hat.vertices, SolidMaterial(), {}, {"brim": 0.5})
     with pytest.raises(ValueError, match=r"panels \['brim', 'crown'\] of Bowl_Hat; got \['rim'\]"):
         add(hat, hat.vertices, SolidMaterial(), {"rim": 2.0, "brim": 3.0})

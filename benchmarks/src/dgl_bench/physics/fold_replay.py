@@ -71,7 +71,9 @@ class FoldRecord:
             config=config or self.config,
             device=device,
         )
-        add_soft_body(cloth, garment, garment.vertices, task.material, task.stiffness)
+        add_soft_body(
+            cloth, garment, garment.vertices, task.material, task.stiffness, task.shrinkage
+        )
         cloth.build()
         cloth.state.set_particles(self.positions[None], self.velocities[None], self.is_stuck[None])
         cloth.state.set_body_poses(self.poses[None, 0], is_jump=True)

@@ -75,7 +75,9 @@ def prepare_garment(source: Path, task: Task, *, folder: Path = FOLDER) -> OwnGa
             f"{source} is of {garment.category}"
         )
     try:
-        add_soft_body(ModelBuilder(), garment, garment.vertices, task.material, task.stiffness)
+        add_soft_body(
+            ModelBuilder(), garment, garment.vertices, task.material, task.stiffness, task.shrinkage
+        )
     except MeshError as err:
         raise ValueError(f"garment {given} cannot be simulated: {err}") from err
     missing = [name for name in task.success.landmarks if name not in garment.landmarks]

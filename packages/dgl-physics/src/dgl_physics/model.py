@@ -19,7 +19,7 @@ from dgl_physics.membrane import compute_edge_stiffness, compute_moduli, make_ya
 from dgl_physics.quiet import quiet_warp
 from dgl_physics.shape_table import build_shape_table
 from dgl_physics.shapes import Shape
-from dgl_physics.solid_entry import check_stiffness, make_solid_entry, make_tet_entry
+from dgl_physics.solid_entry import check_factors, make_solid_entry, make_tet_entry
 from dgl_physics.solid_material import SolidMaterial
 from dgl_physics.stencils import Stencils, upload_stencils
 
@@ -128,6 +128,7 @@ class ModelBuilder:
         rest: np.ndarray | None = None,
         pinned: np.ndarray | tuple[int, ...] = (),
         stiffness: np.ndarray | None = None,
+        shrinkage: np.ndarray | None = None,
         env: int | None = None,
     ) -> None:
         """Add a garment to one environment, or the same to all.
@@ -143,6 +144,8 @@ class ModelBuilder:
             pinned: Vertices that do not move.
             stiffness: Factor on the flexural rigidity at each vertex, shape (V,); 1 everywhere
                 when None. Seams that are folded at rest turn freely where it is 1 or less.
+            shrinkage: Factor on the rest lengths of edges at each vertex, shape (V,), such as 0.6
+                for an elastic band; 1 everywhere when None.
             env: Environment; all when None.
 
         Raises:
@@ -159,6 +162,9 @@ class ModelBuilder:
         entry = _make_constraints(
             vertices, faces.astype(np.int32), rest, material or ClothMaterial(), stiffness
         )
+        if shrinkage is not None:
+            factors = check_factors(shrinkage, len(vertices), name="shrinkage")
+            entry["rest_length"] = entry["rest_length"] * factors[entry["edges"]].mean(axis=1)
         entry["inverse_mass"][list(pinned)] = 0.0
         self._place(entry, env)
 
@@ -378,7 +384,7 @@ def _make_constraints(
         rest,
         faces,
         material.bending_stiffness,
-        factors=None if stiffness is None else check_stiffness(stiffness, len(vertices)),
+        factors=None if stiffness is None else check_factors(stiffness, len(vertices)),
         damping_time=material.bending_damping,
     )
     areas = topology.compute_vertex_areas(rest, faces)

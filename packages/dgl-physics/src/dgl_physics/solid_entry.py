@@ -45,7 +45,7 @@ def make_solid_entry(
     through = [i + n for i in pinned]
     both = None
     if stiffness is not None:
-        one = check_stiffness(stiffness, n)
+        one = check_factors(stiffness, n)
         both = np.concatenate([one, one])
     return make_tet_entry(
         points, tets, material=material, pinned=[*pinned, *through], stiffness=both
@@ -76,7 +76,7 @@ def make_tet_entry(
         raise ValueError(f"pinned must be in 0..{len(rest) - 1}; got {min(pinned)}..{max(pinned)}")
     tets = tets.astype(np.int32)
     if stiffness is not None:
-        stiffness = check_stiffness(stiffness, len(rest))
+        stiffness = check_factors(stiffness, len(rest))
     mesh = SolidMesh(rest, tets, material, pinned, stiffness)
     edges = tetrahedra.compute_edges(tets)
     faces = tetrahedra.compute_surface(tets)
@@ -104,18 +104,18 @@ def make_tet_entry(
     }
 
 
-def check_stiffness(stiffness: np.ndarray, count: int) -> np.ndarray:
+def check_factors(factors: np.ndarray, count: int, *, name: str = "stiffness") -> np.ndarray:
     """Check factors at vertices, and give them as numbers of double precision.
 
     Raises:
         ValueError: If their number is not `count`, or one is not positive.
     """
-    stiffness = np.asarray(stiffness, dtype=np.float64)
-    if stiffness.shape != (count,):
-        raise ValueError(f"stiffness must have shape ({count},); got {stiffness.shape}")
-    if not (np.isfinite(stiffness) & (stiffness > 0)).all():
-        raise ValueError(f"stiffness must be positive; got {stiffness.min():g}")
-    return stiffness
+    factors = np.asarray(factors, dtype=np.float64)
+    if factors.shape != (count,):
+        raise ValueError(f"{name} must have shape ({count},); got {factors.shape}")
+    if not (np.isfinite(factors) & (factors > 0)).all():
+        raise ValueError(f"{name} must be positive; got {factors.min():g}")
+    return factors
 
 
 def _find_close_pairs(rest: np.ndarray, edges: np.ndarray, reach: float) -> np.ndarray:

@@ -335,7 +335,7 @@ class GarmentEnv(BaseEnv):
             friction=self._get_friction,
             config=SolverConfig(dt=1.0 / CONTROL_FREQUENCY),
         )
-        add_soft_body(self.cloth, garment, vertices, task.material, task.stiffness)
+        add_soft_body(self.cloth, garment, vertices, task.material, task.stiffness, task.shrinkage)
         self.cloth.build()
         sides = [self.agent.hand_links.get(body.entity.name) for body in self.cloth.bodies[0]]
         # rows of the hands' links among the forces, which are read at every control step

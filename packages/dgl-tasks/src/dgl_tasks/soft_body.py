@@ -18,6 +18,7 @@ def add_soft_body(
     vertices: np.ndarray,
     material: ClothMaterial | SolidMaterial,
     stiffness: Mapping[str, float] | None = None,
+    shrinkage: Mapping[str, float] | None = None,
 ) -> None:
     """Add a garment to a simulation.
 
@@ -31,17 +32,21 @@ def add_soft_body(
         material: A cloth's, or, for the wall of a shell, a solid's.
         stiffness: Factor on a cloth's flexural rigidity or a solid's Young's modulus by panel,
             where it is not 1.
+        shrinkage: Factor on the rest lengths of a cloth by panel, where it is not 1.
 
     Raises:
-        ValueError: If a sheet's material is a solid's, or there is no such panel.
+        ValueError: If a sheet's material is a solid's, a solid is to shrink, or there is no such
+            panel.
         MeshError: If the mesh cannot be simulated.
     """
     if isinstance(material, SolidMaterial) and garment.wall_thickness is None:
         raise ValueError(
             f"the material of {garment.category} must be a ClothMaterial; got a SolidMaterial"
         )
-    factors = _spread_stiffness(garment, stiffness) if stiffness else None
+    factors = _spread(garment, stiffness, "stiffness", np.maximum)
     if isinstance(material, SolidMaterial):
+        if shrinkage:
+            raise ValueError(f"a solid does not shrink: shrinkage must be empty; got {shrinkage}")
         cloth.add_solid(
             vertices,
             garment.faces,
@@ -56,22 +61,27 @@ def add_soft_body(
             rest=garment.rest_vertices,
             material=material,
             stiffness=factors,
+            shrinkage=_spread(garment, shrinkage, "shrinkage", np.minimum),
         )
 
 
-def _spread_stiffness(garment: AnyGarment, stiffness: Mapping[str, float]) -> np.ndarray | None:
-    """Give the factor at each vertex, shape (V,): the largest of the panels that meet there."""
-    if isinstance(garment, ImportedGarment):
-        logger.warning("%s has no panels: it is equally stiff all over", garment.name)
+def _spread(
+    garment: AnyGarment, by_name: Mapping[str, float] | None, what: str, among: np.ufunc
+) -> np.ndarray | None:
+    """Give the factor at each vertex, shape (V,): one among those of the panels that meet there."""
+    if not by_name:
         return None
-    unknown = sorted(set(stiffness) - set(garment.panels))
+    if isinstance(garment, ImportedGarment):
+        logger.warning("%s has no panels: its %s is equal all over", garment.name, what)
+        return None
+    unknown = sorted(set(by_name) - set(garment.panels))
     if unknown:
         raise ValueError(
-            f"stiffness must be of panels {sorted(garment.panels)} of {garment.category}; "
+            f"{what} must be of panels {sorted(garment.panels)} of {garment.category}; "
             f"got {unknown}"
         )
-    by_panel = np.array([stiffness.get(name, 1.0) for name in garment.panels])
-    factors = np.zeros(len(garment.vertices))
+    by_panel = np.array([by_name.get(name, 1.0) for name in garment.panels])
+    factors = np.full(len(garment.vertices), 0.0 if among is np.maximum else np.inf)
     for corner in garment.faces.T:
-        np.maximum.at(factors, corner, by_panel[garment.face_panels])
+        among.at(factors, corner, by_panel[garment.face_panels])
     return factors

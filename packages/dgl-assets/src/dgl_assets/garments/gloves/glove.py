@@ -111,7 +111,7 @@ def _finish(
     vertices = vertices.astype(np.float32)
     values = {key: float(value) for key, value in asdict(p).items() if key != "hand"}
     canonical = _compute_canonical(surface, pattern)
-    panels, face_panels = _part_cuffs(surface, canonical)
+    panels, face_panels = _part_wrists(surface, canonical)
     return Garment(
         name=name,
         category=CATEGORY,
@@ -260,18 +260,19 @@ def _compute_canonical(surface: SewnSurface, pattern: GlovePattern) -> np.ndarra
     return canonical.astype(np.float32)
 
 
-def _part_cuffs(surface: SewnSurface, canonical: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-    """Take the part of the hand beyond the wrist for a panel of its own in either layer.
+def _part_wrists(surface: SewnSurface, canonical: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Take wrist and cuff, which belong to the panels of the hand, for panels of their own.
 
     Returns:
         Names of the panels, and the panel of each triangle, shape (F,).
     """
     panels, face_panels = list(surface.panels), surface.face_panels.copy()
-    is_cuff = canonical[surface.faces, 1].mean(axis=1) > V_WRIST
+    v = canonical[surface.faces, 1].mean(axis=1)
     for layer in _LAYERS:
-        hand = panels.index(f"{layer}_hand")
-        face_panels[(face_panels == hand) & is_cuff] = len(panels)
-        panels.append(f"{layer}_cuff")
+        is_hand = face_panels == panels.index(f"{layer}_hand")
+        for part, (low, high) in {"wrist": V_WRIST, "cuff": (V_WRIST[1], 2.0)}.items():
+            face_panels[is_hand & (v > low) & (v <= high)] = len(panels)
+            panels.append(f"{layer}_{part}")
     return tuple(panels), face_panels
 
 

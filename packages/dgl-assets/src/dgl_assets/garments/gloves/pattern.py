@@ -27,8 +27,8 @@ V_THUMB = (0.33, 0.76)
 """v of the thumb's base, on the side of the index finger and on that of the wrist."""
 V_WEB = 0.25
 """v of the beginning of the web between index finger and thumb."""
-V_WRIST = 1.0
-"""v of the line between hand and cuff."""
+V_WRIST = (0.85, 1.15)
+"""v of the ends of the wrist, between hand and cuff."""
 
 _BULGE = 0.08  # canonical: bulge of the corner between web and thumb
 _CAP = 0.3  # canonical length of the rounded tip
