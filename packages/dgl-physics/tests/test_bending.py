@@ -134,6 +134,20 @@ def test_a_stiff_band_opens_to_a_circle(builder, run):
         assert least < depth / np.ptp(x[:, 0]) < most
 
 
+def test_a_band_that_shrinks_comes_to_rest_at_its_length(builder, run, sheet):
+    vertices, faces = sheet(0.1, 0.05, 0.0125)
+    builder.add_garment(vertices, faces, shrinkage=np.full(len(vertices), 0.7))
+    r = run(builder, gravity=(0.0, 0.0, 0.0))
+    r.step(240)
+    assert np.ptp(r.x[:, 0]) == pytest.approx(0.7 * np.ptp(vertices[:, 0]), rel=0.03)
+    for factors, message in (
+        (np.ones(3), "shrinkage must have shape"),
+        (np.zeros(len(vertices)), "shrinkage must be positive"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            builder.add_garment(vertices, faces, shrinkage=factors)
+
+
 def test_nothing_bends_without_hinges_or_stiffness(sheet, builder, run):
     triangle = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=float)
     assert len(make_bending(triangle, np.array([[0, 1, 2]]), B).vertices) == 0

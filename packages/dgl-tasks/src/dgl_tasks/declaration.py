@@ -150,7 +150,7 @@ class Task:
     """Factor on a cloth's flexural rigidity or a solid's Young's modulus by panel of the garment,
     where it is not 1."""
     shrinkage: Mapping[str, float] = field(default_factory=dict)
-    """Factor on the rest lengths of a cloth by panel, where it is not 1: an elastic band has less."""
+    """Factor on the rest lengths of a cloth by panel, where it is not 1, as of an elastic band."""
     hand_friction: HandFriction = field(default_factory=HandFriction)
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
