@@ -19,7 +19,7 @@ import dgl_collect
 from dexgarmentlab.cli import eval as verb
 from dexgarmentlab.cli.flags import WorkerFlags, tell_command
 from dexgarmentlab.learned_methods import make_evaluation_runner
-from dgl_assets import garment_ids
+from dgl_assets import garment_ids, load_garment
 from dgl_collect import AttemptRequest, AttemptResult
 from dgl_collect.actors import Expert, LiftAndDrop
 from dgl_collect.attempt import choose_split, draw_garment
@@ -238,12 +238,16 @@ def test_one_seed_has_no_spread_and_no_episode_no_rate():
 def test_garments_come_from_the_split_by_turns():
     assert [choose_split("both", k) for k in range(4)] == ["train", "test", "train", "test"]
     assert [choose_split("test", k) for k in range(2)] == ["test", "test"]
+    task = get_task("FoldTrousers-v1")
     for split in ("train", "test"):
         ids = set(garment_ids("Trousers", split))
-        drawn = [draw_garment("Trousers", split, seed) for seed in range(20)]
+        drawn = [draw_garment(task, split, seed) for seed in range(20)]
         assert set(drawn) <= ids
         assert len(set(drawn)) > 15
-        assert drawn == [draw_garment("Trousers", split, seed) for seed in range(20)]
+        assert drawn == [draw_garment(task, split, seed) for seed in range(20)]
+        right = dataclasses.replace(task, category="Glove", measures={"hand": "right"})
+        hands = {load_garment(draw_garment(right, split, k)).parameters["hand"] for k in range(3)}
+        assert hands == {"right"}
 
 
 class StandingStill:

@@ -60,8 +60,10 @@ def test_it_says_what_became_of_each_episode(episodes, tmp_path, monkeypatch, ca
 
 def test_folders_without_readable_episodes_are_refused(episodes, tmp_path, capsys):
     command = ["relabel", "--out", str(tmp_path / "out")]
-    assert main([*command, str(tmp_path)]) == 1
-    assert f"no episodes (*.h5) in {tmp_path}" in capsys.readouterr().err
+    none = tmp_path / "none"
+    none.mkdir()
+    assert main([*command, str(none)]) == 1
+    assert f"no episodes (*.h5) in {none}" in capsys.readouterr().err
     for path in episodes[1:]:
         path.unlink()
     assert main([*command, str(episodes[0].parent)]) == 1

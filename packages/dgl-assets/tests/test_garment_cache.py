@@ -82,7 +82,7 @@ def test_files_of_another_version_or_garment_are_refused(built, monkeypatch):
     with pytest.raises(CacheError, match=r"must hold Scarf/000004; got Scarf/000003"):
         load_garment("Scarf/000004", cache=built)
     monkeypatch.setattr(cache_module, "GENERATOR_VERSION", 99)
-    with pytest.raises(CacheError, match="is of version 2 of the generator, expected 99"):
+    with pytest.raises(CacheError, match="is of version 3 of the generator, expected 99"):
         load_garment(SCARF, cache=built)
 
 
