@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, KDTree
+from scipy.spatial.transform import Rotation
 
 from dgl_assets.garments.meshing import compute_edges
 from dgl_assets.people import (
@@ -186,6 +187,18 @@ def test_frames_move_with_their_bones(woman):
     assert -0.1 < (there["right_wrist"][0] - place) @ along < -0.03
     shoulder, acromion = there["right_shoulder"][0], skin[person.landmarks["right_acromion"]]
     assert np.linalg.norm(shoulder - acromion) < 0.05
+
+
+def test_who_offers_a_hand_lets_it_hang_beside_the_body(woman):
+    frames = woman.compute_frames("offer_right")
+    place, quaternion = frames["right_hand"]
+    along, out, _ = Rotation.from_quat(quaternion, scalar_first=True).as_matrix().T
+    assert along[2] < -0.999  # fingers down
+    assert out[0] > 0.999  # palm to the body
+    for digit in ("index", "middle", "ring", "little"):
+        assert (frames[f"right_{digit}_tip"][0] - frames["right_wrist"][0])[2] < -0.1
+    trunk = woman.landmarks["right_acromion"]
+    assert place[0] < woman.pose("offer_right")[trunk][0] - 0.2
 
 
 def test_capsules_fill_the_body(people):

@@ -65,8 +65,9 @@ POSES: dict[str, dict[str, float]] = {
         "right_elbow_pronation": 1.45,
     },
 }
-"""Angles [rad] of named poses. "standing" and "seated" are for hats and scarves; "reach_right"
-holds the right hand out, palm down, for a glove."""
+"""Angles [rad] of named poses. "standing" and "seated" are for hats and scarves; "offer_right"
+lets the right hand hang beside the body, fingers down and palm inward, for a glove; "reach_right"
+holds it out, palm down."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
