@@ -288,6 +288,7 @@ def test_cameras_see_objects_and_random_looks_judge_alike():
         "pothook": (-0.75, 1.35),
         "platform": (0.7, 1.5),
         "hat_stand": (1.15, 1.0),
+        "glove_stand": (1.2, 1.45),
         "table": (-0.75, 1.5),
         "person": (1.6, 0.7),
     }
