@@ -179,3 +179,39 @@ def test_cpu_and_cuda_agree(run, sheet):
         pytest.skip("no CUDA device")
     cpu, cuda = (run(drape_builder(sheet, (0.2,)), device=d).step(60).x for d in ("cpu", "cuda:0"))
     assert np.linalg.norm(cpu - cuda, axis=1).mean() < 5e-4
+
+
+def test_held_particles_stay_and_the_rest_hang_from_them(run, sheet, device):
+    vertices, faces = sheet(0.1, 0.1, 0.0125, height=0.5)
+    builder = ModelBuilder(2)
+    for env in range(2):
+        builder.add_garment(vertices, faces, env=env)
+    scene = run(builder, device=device)
+    edge = np.flatnonzero(vertices[:, 1] > vertices[:, 1].max() - 1e-6)
+    none = np.empty((0, 3))
+    for frame in range(60):
+        places = vertices[edge] + [0, 0, 0.001 * frame]
+        scene.state.hold(edge, places, np.zeros_like(places), env=1)
+        scene.step()
+    free, held = scene.state.get_positions()
+    np.testing.assert_allclose(held[edge], places, atol=1e-6)
+    assert held[:, 2].min() > places[0, 2] - 0.13
+    assert free[:, 2].max() < 0.5 - 4  # has fallen for a second
+    scene.state.hold(np.empty(0, dtype=int), none, none, env=1)
+    scene.step(30)
+    assert scene.state.get_positions()[1][edge, 2].max() < places[0, 2] - 0.5
+
+
+def test_what_cannot_be_held_is_refused(run, sheet, unrefused):
+    builder = ModelBuilder(1)
+    builder.add_garment(*sheet(0.05, 0.05, 0.0125))
+    hold = run(builder).state.hold
+    count, place = builder.build("cpu").particles_per_env, np.zeros((1, 3))
+    rows = [
+        (lambda: hold([count], place, place), f"particles must be in .0, {count}"),
+        (lambda: hold([-1], place, place), "particles must be in"),
+        (lambda: hold([0], place, place, env=1), "env must be in .0, 1.; got 1"),
+        (lambda: hold([0], np.zeros((2, 3)), place), "positions must be finite, of shape"),
+        (lambda: hold([0], place, place * np.nan), "velocities must be finite"),
+    ]
+    assert unrefused(rows) == []

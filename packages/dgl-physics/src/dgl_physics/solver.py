@@ -171,8 +171,8 @@ class SolverXPBD:
             sleep.lay_down,
             dim=count,
             inputs=[
-                self._limits, m.environment, state.still, m.inverse_mass, state.positions,
-                state.velocities, self._inverse_mass, state.anchor,
+                self._limits, m.environment, state.still, state.held, m.inverse_mass,
+                state.positions, state.velocities, self._inverse_mass, state.anchor,
             ],
         )  # fmt: skip
 

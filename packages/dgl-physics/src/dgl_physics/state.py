@@ -39,6 +39,7 @@ class State:
         )
         self.velocities = wp.zeros_like(self.positions)
         self.is_stuck = wp.zeros(len(self.positions), dtype=wp.int32, device=device)
+        self.held = wp.zeros(len(self.positions), dtype=wp.int32, device=device)
         self.still = wp.zeros(model.env_count, dtype=wp.int32, device=device)
         self.anchor = wp.clone(self.positions)
         self.motion = wp.zeros(model.env_count, dtype=wp.float32, device=device)
@@ -139,6 +140,48 @@ class State:
             by_env[envs] = value
             flags.assign(by_env)
         self.is_any_set = True
+
+    def hold(
+        self, particles: np.ndarray, positions: np.ndarray, velocities: np.ndarray, *, env: int = 0
+    ) -> None:
+        """Place particles of an environment and hold them there; those held before are let go.
+
+        Nothing moves a held particle until the next call.
+
+        Args:
+            particles: Indices in the environment, shape (N,); may be empty.
+            positions: [m], shape (N, 3).
+            velocities: [m/s] of the particles once they are let go, shape (N, 3).
+            env: The environment.
+
+        Raises:
+            ValueError: If there is no such particle or environment, or an array is of another
+                shape or not finite.
+        """
+        m, particles = self.model, np.asarray(particles, dtype=np.int64)
+        count = m.particles_per_env
+        if not 0 <= env < m.env_count:
+            raise ValueError(f"env must be in [0, {m.env_count}); got {env}")
+        if len(particles) and (particles.min() < 0 or particles.max() >= count):
+            raise ValueError(
+                f"particles must be in [0, {count}); got {particles.min()} to {particles.max()}"
+            )
+        for name, values in (("positions", positions), ("velocities", velocities)):
+            if np.shape(values) != (len(particles), 3) or not np.isfinite(values).all():
+                raise ValueError(
+                    f"{name} must be finite, of shape {(len(particles), 3)}; "
+                    f"got shape {np.shape(values)}"
+                )
+        held = self.held.numpy().copy()
+        rows = env * count + particles
+        held[env * count : (env + 1) * count] = 0
+        held[rows] = 1
+        self.held.assign(held)
+        for array, values in ((self.positions, positions), (self.velocities, velocities)):
+            if len(rows):
+                present = array.numpy().copy()
+                present[rows] = values
+                array.assign(present)
 
     def set_gravity_scale(self, scale: np.ndarray | float) -> None:
         """Set the factor on gravity of each environment, shape (B,) or one number."""

@@ -45,6 +45,7 @@ from dgl_tasks.observation import CONTROL_FREQUENCY, STEPS_PER_ACTION
 from dgl_tasks.perception import CloudKind, Segments, get_environment_cloud, get_garment_cloud
 from dgl_tasks.rendering import explain_rendering
 from dgl_tasks.reward import RewardTerms, compute_reward_terms
+from dgl_tasks.rim_grip import RimGrip
 from dgl_tasks.robot import BimanualUR10eShadow, let_robot_pass, make_agent_class
 from dgl_tasks.scene_check import check_scene
 from dgl_tasks.sensing import SENSOR_CAMERAS
@@ -157,6 +158,7 @@ class GarmentEnv(BaseEnv):
         self.cloth: SapienCloth
         self.garment: AnyGarment
         self.fabric: FabricMaterial
+        self._rim_grip: RimGrip | None = None
         self.objects: dict[str, PlacedObject] = {}
         self.draws: dict[str, float | str] = {}
         self._bounds: dict[str, ActionBounds] = {}
@@ -342,6 +344,10 @@ class GarmentEnv(BaseEnv):
         self._hand_rows: dict[Side, list[int]] = {
             side: [k for k, its in enumerate(sides) if its == side] for side in SIDES
         }
+        reach = self.task.rim_grip
+        self._rim_grip = None
+        if reach is not None:
+            self._rim_grip = RimGrip(garment.faces, reach, self.agent.model)
         self._appearance.dress(garment, fabric=self.fabric, bodies=self.cloth.bodies[0])
 
     def _get_friction(self, component: sapien.physx.PhysxRigidBaseComponent) -> float | None:
@@ -417,6 +423,8 @@ class GarmentEnv(BaseEnv):
             self.agent.before_simulation_step()
             self.cloth.apply_forces()
             self.scene.step()
+        if self._rim_grip is not None:
+            self._rim_grip.update(self.cloth, self.agent.read_hands(), self._target)
         self.cloth.step()
         self._appearance.mark_moved()
 
@@ -560,6 +568,8 @@ class GarmentEnv(BaseEnv):
         state = cast("dict", super().get_state_dict())
         state["targets"] = {"joints": torch.from_numpy(self._target.astype(np.float32))[None]}
         state["garment"] = read_cloth(self.cloth)
+        if self._rim_grip is not None:
+            state["garment"]["rim_grip"] = torch.from_numpy(self._rim_grip.read_state())[None]
         return state
 
     def set_state_dict(self, state: dict, env_idx: torch.Tensor | None = None) -> None:
@@ -579,6 +589,8 @@ class GarmentEnv(BaseEnv):
         # ManiSkill's default is None, too.
         super().set_state_dict(rigid, env_idx)  # pyright: ignore[reportArgumentType]
         write_cloth(self.cloth, state["garment"])
+        if self._rim_grip is not None:
+            self._rim_grip.write_state(state["garment"]["rim_grip"].numpy())
         self._target = state["targets"]["joints"][0].numpy().astype(np.float64)
         self._appearance.mark_moved()
 

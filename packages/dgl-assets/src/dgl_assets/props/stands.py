@@ -82,7 +82,7 @@ class GloveStandParameters(Measures):
 
     height: float = measure(0.2, 1.5, 0.5)
     """Of the boards' upper side [m]."""
-    gap: float = measure(0.002, 0.1, 0.007)
+    gap: float = measure(0.002, 0.1, 0.013)
     """Between the boards, along x [m]."""
     length: float = measure(0.1, 0.4, 0.2)
     """Of the boards, along y [m]."""

@@ -51,6 +51,7 @@ def lay_down(
     limits: SolverLimits,
     environment: wp.array(dtype=wp.int32),
     still: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
     inverse_mass: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3),
     velocity: wp.array(dtype=wp.vec3),
@@ -59,6 +60,7 @@ def lay_down(
 ):
     """Remove speed and inverse mass of sleeping particles for this frame.
 
+    Held ones lose their inverse mass alone.
     `anchor` holds their positions when they were last moving.
     """
     i = wp.tid()
@@ -69,6 +71,8 @@ def lay_down(
     if count >= limits.sleep_frames:
         w = 0.0
         velocity[i] = wp.vec3(0.0, 0.0, 0.0)
+    if held[i] != 0:
+        w = 0.0
     mobility[i] = w
 
 

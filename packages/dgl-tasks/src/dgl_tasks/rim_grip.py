@@ -1,0 +1,103 @@
+"""Help that no robot has: closed hands to which the rim of a garment sticks."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dgl_assets.importing.topology import find_loops
+from dgl_assets.robots import SIDES, Robot, Side
+from dgl_physics.sapien_bridge import SapienCloth
+from dgl_tasks.grasps import wrist_to_grasp
+from dgl_tasks.hand_span import HandSpan
+from dgl_tasks.observation import CONTROL_FREQUENCY
+from dgl_tasks.rotations import to_rotation
+
+CLOSED = 0.5
+"""Share of the way from open to a pose that grasps, from which a hand counts as closed."""
+_GRASPS = [HandSpan.names.index(name) for name in ("close", "pinch")]
+
+
+class RimGrip:
+    """Holds the vertices of a garment's openings that were near a hand when it closed.
+
+    They keep their places in the hand's frame until its joint targets are less than half closed.
+    """
+
+    def __init__(self, faces: np.ndarray, reach: float, robot: Robot) -> None:
+        """Find the openings.
+
+        Args:
+            faces: Triangles of the garment, shape (F, 3).
+            reach: Largest distance of a vertex from the grasp point of the hand [m].
+            robot: Whose hands they are.
+        """
+        loops = find_loops(faces)
+        self._rim = np.unique(np.concatenate(loops)) if len(loops) else np.empty(0, dtype=int)
+        self._reach, self._robot, self._span = reach, robot, HandSpan(robot)
+        self._held: dict[Side, tuple[np.ndarray, np.ndarray]] = {}
+        self._carries = False
+
+    @property
+    def counts(self) -> Mapping[Side, int]:
+        """Number of vertices that each hand holds."""
+        return {side: len(self._held[side][0]) if side in self._held else 0 for side in SIDES}
+
+    def update(self, cloth: SapienCloth, hands: np.ndarray, targets: np.ndarray) -> None:
+        """Take, carry or let go of vertices, before a step of the cloth.
+
+        Args:
+            cloth: Simulation, whose first particles are the vertices.
+            hands: Poses of `ee`, left and right, xyz [m] and wxyz, shape (2, 7).
+            targets: Of the joints [rad], shape (D,).
+        """
+        for side, pose in zip(SIDES, hands, strict=True):
+            joints = targets[self._robot.joint_slice(side, "hand")]
+            is_closed = self._span.to_coordinates(joints)[_GRASPS].sum() > CLOSED
+            if is_closed and side not in self._held:
+                vertices = cloth.state.get_positions()[0][self._rim]
+                grasp = wrist_to_grasp(pose[:3], pose[3:], side, robot=self._robot)
+                near = np.linalg.norm(vertices - grasp, axis=1) <= self._reach
+                local = to_rotation(pose[3:]).inv().apply(vertices[near] - pose[:3])
+                self._held[side] = self._rim[near], local
+            elif not is_closed:
+                self._held.pop(side, None)
+        if self._held or self._carries:
+            self._carry(cloth, hands)
+
+    def _carry(self, cloth: SapienCloth, hands: np.ndarray) -> None:
+        places: dict[int, np.ndarray] = {}
+        for side, pose in zip(SIDES, hands, strict=True):
+            if side in self._held:
+                particles, local = self._held[side]
+                places |= zip(
+                    particles.tolist(), to_rotation(pose[3:]).apply(local) + pose[:3], strict=True
+                )
+        particles = np.fromiter(places, dtype=int)
+        positions = np.reshape(list(places.values()), (-1, 3))
+        before = cloth.state.get_positions()[0][particles]
+        cloth.state.hold(particles, positions, (positions - before) * CONTROL_FREQUENCY)
+        self._carries = bool(self._held)
+
+    def read_state(self) -> np.ndarray:
+        """Give the held vertices: hand, vertex and place in its frame [m], shape (len(rim) * 5,).
+
+        Rows without a vertex are zero.
+        """
+        rows = np.zeros((2 * len(self._rim), 5), dtype=np.float32)
+        filled = [
+            (1 + SIDES.index(side), particle, *place)
+            for side, (particles, local) in self._held.items()
+            for particle, place in zip(particles, local, strict=True)
+        ]
+        if filled:
+            rows[: len(filled)] = filled
+        return rows.ravel()
+
+    def write_state(self, state: np.ndarray) -> None:
+        """Restore the result of `read_state`."""
+        rows = np.reshape(state, (-1, 5))
+        self._held, self._carries = {}, True  # what is held now is let go
+        for k, side in enumerate(SIDES):
+            mine = rows[rows[:, 0] == k + 1]
+            if len(mine):
+                self._held[side] = mine[:, 1].astype(int), mine[:, 2:].astype(float)
