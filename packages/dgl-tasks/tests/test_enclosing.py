@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 
 from dgl_assets import load_garment
-from dgl_tasks.enclosing import CROTCHES, EnclosesHand, is_enclosed
+from dgl_tasks.enclosing import BASES, EnclosesHand, is_enclosed
 from dgl_tasks.views import TrueView
 
 RULE = EnclosesHand(frame="person.right_hand", hand="person.right")
-BASES = {
-    "thumb": ("thumb_heel", "thumb_crotch"),
-    "index": ("index_knuckle", "index_middle_crotch"),
-    "middle": CROTCHES["middle"],
-    "ring": CROTCHES["ring"],
-    "little": ("ring_little_crotch", "little_knuckle"),
-}
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +22,7 @@ def put_on(glove):
     def place(depth=0.2, shift=(0.0, 0.0, 0.0), **tubes):
         place_of = {name: glove.vertices[k].astype(float) for name, k in glove.landmarks.items()}
         hand = {"right_wrist": (place_of["wrist_palm"] + place_of["wrist_back"]) / 2 + shift}
-        for digit in CROTCHES:
+        for digit in BASES:
             tube = tubes.get(digit, digit)
             base = np.mean([place_of[name] for name in BASES[tube]], axis=0)
             tip = place_of[f"{tube}_tip"]
@@ -47,12 +40,17 @@ def put_on(glove):
     return place
 
 
-def test_a_hand_whose_fingers_are_in_their_tubes_wears_the_glove(put_on):
-    share, fingers, thumb = RULE(put_on()).criteria
-    assert RULE(put_on()).success
+@pytest.mark.parametrize("depth", [0.1, 0.5, 0.9])
+def test_a_hand_whose_fingers_are_in_their_tubes_wears_the_glove(put_on, depth):
+    verdict = RULE(put_on(depth=depth))
+    share, fingers, thumb = verdict.criteria
+    assert verdict.success
     assert share.value > 0.95
     assert (fingers.value, thumb.value) == (4, 1)
-    _, fingers, thumb = RULE(put_on(depth=1.3)).criteria  # tips in the palm
+
+
+def test_fingertips_in_the_palm_are_in_no_tube(put_on):
+    _, fingers, thumb = RULE(put_on(depth=1.3)).criteria
     assert (fingers.value, thumb.value) == (0, 0)
 
 

@@ -139,8 +139,9 @@ def test_a_state_with_a_held_rim_goes_on_alike(env, start):
     assert held["garment"]["rim_grip"].any()
     ends = []
     hands[:, 2] += 0.01
-    for _ in range(2):
-        env.set_state_dict(held)
+    for restored in (False, True):
+        if restored:
+            env.set_state_dict(held)
         env._rim_grip.update(env.cloth, hands, env._target)
         env.cloth.step()
         ends.append(env.get_particles())
@@ -148,6 +149,19 @@ def test_a_state_with_a_held_rim_goes_on_alike(env, start):
     env.set_state_dict(state)
     env.cloth.step()
     assert not env._rim_grip.read_state().any()
+
+
+def test_a_hand_that_closed_on_nothing_takes_nothing_after_a_restore(env, start):
+    _, places = start
+    hands = _pose_hands(env, places)
+    grip = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    above = hands.copy()
+    above[:, 2] += 0.5
+    grip.update(env.cloth, above, _set_hands(env, "close"))
+    again = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    again.write_state(grip.read_state())
+    again.update(env.cloth, hands, _set_hands(env, "close"))
+    assert again.counts == {"left": 0, "right": 0}
 
 
 def test_contact_alone_is_the_default():

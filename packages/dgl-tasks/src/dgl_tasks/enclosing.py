@@ -12,14 +12,14 @@ __all__ = ["EnclosesHand", "is_enclosed"]
 
 SAMPLES = 20
 """Points along the line from the wrist to a fingertip."""
-CROTCHES = {
-    "thumb": ("thumb_crotch",),
-    "index": ("index_middle_crotch",),
+BASES = {
+    "thumb": ("thumb_heel", "thumb_crotch"),
+    "index": ("index_knuckle", "index_middle_crotch"),
     "middle": ("index_middle_crotch", "middle_ring_crotch"),
     "ring": ("middle_ring_crotch", "ring_little_crotch"),
-    "little": ("ring_little_crotch",),
+    "little": ("ring_little_crotch", "little_knuckle"),
 }
-"""Landmarks of a glove between the tubes, by digit."""
+"""Landmarks of a glove at the two sides of a tube's base, by digit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +27,8 @@ class EnclosesHand(AtFrame):
     """A glove is put on: it encloses most of a hand, and the fingers are in their own tubes.
 
     The hand is measured by the lines from the wrist to the five fingertips. A fingertip is in its
-    own tube if the glove encloses it, and the tube's end is nearer to it than the ends of other
-    tubes are, and than the landmarks between this tube and its neighbours are to that end.
+    own tube if the glove encloses it, and of the lines from each tube's base to its end, that of
+    its own tube is the nearest, and the fingertip is beyond its base.
     """
 
     hand: str
@@ -41,25 +41,25 @@ class EnclosesHand(AtFrame):
     @property
     def frames(self) -> tuple[str, ...]:
         """The frame, the wrist and the fingertips."""
-        tips = (f"{self.hand}_{digit}_tip" for digit in CROTCHES)
+        tips = (f"{self.hand}_{digit}_tip" for digit in BASES)
         return (self.frame, f"{self.hand}_wrist", *tips)
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Ends of the tubes, and the landmarks between them."""
-        between = (name for names in CROTCHES.values() for name in names)
-        return tuple(dict.fromkeys((*(f"{digit}_tip" for digit in CROTCHES), *between)))
+        """Ends of the tubes, and landmarks at their bases."""
+        bases = (name for sides in BASES.values() for name in sides)
+        return tuple(dict.fromkeys((*(f"{digit}_tip" for digit in BASES), *bases)))
 
     def __call__(self, view: SceneView) -> Verdict:
         """Measure the share of the hand inside the glove, and count fingers in their tubes."""
         wrist = get_frame(view.frames, f"{self.hand}_wrist")
-        tips = np.stack([get_frame(view.frames, f"{self.hand}_{d}_tip") for d in CROTCHES])
+        tips = np.stack([get_frame(view.frames, f"{self.hand}_{d}_tip") for d in BASES])
         along = np.linspace(0.0, 1.0, SAMPLES + 1)[1:, None]
         lines = wrist + along * (tips - wrist)[:, None]
         inside = view.enclose(lines.reshape(-1, 3)).reshape(len(tips), -1)
         own = {
             digit: bool(inside[k, -1]) and self._is_own(view, digit, tips[k])
-            for k, digit in enumerate(CROTCHES)
+            for k, digit in enumerate(BASES)
         }
         share = Criterion(
             name="share of the hand inside the glove",
@@ -82,10 +82,14 @@ class EnclosesHand(AtFrame):
 
     @staticmethod
     def _is_own(view: SceneView, digit: str, tip: np.ndarray) -> bool:
-        away = {other: np.linalg.norm(view.places[f"{other}_tip"] - tip) for other in CROTCHES}
-        end = view.places[f"{digit}_tip"]
-        length = min(np.linalg.norm(view.places[name] - end) for name in CROTCHES[digit])
-        return bool(away[digit] == min(away.values()) and away[digit] < length)
+        distances, depths = {}, {}
+        for name, sides in BASES.items():
+            base = np.mean([view.places[side] for side in sides], axis=0)
+            along = view.places[f"{name}_tip"] - base
+            depths[name] = (tip - base) @ along / max(along @ along, np.finfo(float).tiny)
+            nearest = base + np.clip(depths[name], 0.0, 1.0) * along
+            distances[name] = np.linalg.norm(tip - nearest)
+        return bool(distances[digit] == min(distances.values()) and depths[digit] > 0)
 
 
 def is_enclosed(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -58,7 +58,8 @@ class RimGrip:
                 grasp = wrist_to_grasp(pose[:3], pose[3:], side, robot=self._robot)
                 near = np.linalg.norm(vertices - grasp, axis=1) <= self._reach
                 local = to_rotation(pose[3:]).inv().apply(vertices[near] - pose[:3])
-                self._held[side] = self._rim[near], local
+                # in the precision of states, so that a restored hand goes on alike
+                self._held[side] = self._rim[near], local.astype(np.float32)
             elif not is_closed:
                 self._held.pop(side, None)
         if self._held or self._carries:
@@ -79,25 +80,24 @@ class RimGrip:
         self._carries = bool(self._held)
 
     def read_state(self) -> np.ndarray:
-        """Give the held vertices: hand, vertex and place in its frame [m], shape (len(rim) * 5,).
+        """Give what each hand holds, shape (2 * (1 + 4 * R),) for R vertices at openings.
 
-        Rows without a vertex are zero.
+        For each hand: 1 if it is closed, and for each vertex 1 if it is held, and its place in
+        the hand's frame [m].
         """
-        rows = np.zeros((2 * len(self._rim), 5), dtype=np.float32)
-        filled = [
-            (1 + SIDES.index(side), particle, *place)
-            for side, (particles, local) in self._held.items()
-            for particle, place in zip(particles, local, strict=True)
-        ]
-        if filled:
-            rows[: len(filled)] = filled
+        rows = np.zeros((2, 1 + 4 * len(self._rim)), dtype=np.float32)
+        for side, (particles, local) in self._held.items():
+            hand = rows[SIDES.index(side)]
+            hand[0] = 1.0
+            at = np.searchsorted(self._rim, particles)
+            hand[1:].reshape(-1, 4)[at] = np.column_stack([np.ones(len(at)), local])
         return rows.ravel()
 
     def write_state(self, state: np.ndarray) -> None:
         """Restore the result of `read_state`."""
-        rows = np.reshape(state, (-1, 5))
         self._held, self._carries = {}, True  # what is held now is let go
-        for k, side in enumerate(SIDES):
-            mine = rows[rows[:, 0] == k + 1]
-            if len(mine):
-                self._held[side] = mine[:, 1].astype(int), mine[:, 2:].astype(float)
+        for side, hand in zip(SIDES, np.reshape(state, (2, -1)), strict=True):
+            if hand[0]:
+                rows = hand[1:].reshape(-1, 4)
+                held = rows[:, 0] > 0
+                self._held[side] = self._rim[held], rows[held, 1:].astype(np.float32)
