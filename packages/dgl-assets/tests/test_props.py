@@ -244,6 +244,25 @@ def test_who_is_seated_has_feet_on_the_ground_and_a_stool_under_the_seat(props):
     assert 0.25 < lower < 0.45  # about the length of the thighs
 
 
+def test_an_offered_hand_is_solid_by_capsules_and_the_rest_by_a_closed_mesh(props):
+    offering = make_prop(PersonParameters(pose="offer_right"))
+    body, *capsules = offering.shapes
+    assert body.kind == "mesh"
+    assert {shape.kind for shape in capsules} == {"capsule"}
+    edges = np.sort(np.concatenate([body.faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    wrist = offering.landmarks["right_wrist"]
+    fingers = [f"right_{name}_tip" for name in ("index", "middle", "ring", "little")]
+    inward = [tip + 0.01 * (wrist - tip) / np.linalg.norm(wrist - tip)
+              for tip in (offering.landmarks[name] for name in fingers)]  # fmt: skip
+    assert (offering.compute_distance(np.array(inward)) < -0.003).all()
+    assert (body.compute_distance(np.array(inward)) > 0.02).all()
+    skin = sample_parts(offering, only_solid=True)
+    hand = skin[np.linalg.norm(skin - offering.landmarks["right_hand"], axis=1) < 0.15]
+    assert offering.compute_distance(hand).max() < 0.008
+    assert [shape.kind for shape in props["person"].shapes] == ["mesh"]
+
+
 def test_masses_are_those_of_the_materials(props):
     wood = 680 * 0.75 * 0.02 * 0.02
     assert wood * 0.9 < props["hanger"].mass < wood * 1.6, "wood with brass caps"

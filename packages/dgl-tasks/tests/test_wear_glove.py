@@ -51,6 +51,7 @@ TASK = replace(
     rim_grip=0.04,
     success=EnclosesHand(frame="person.right_hand", hand="person.right"),
 )
+REACH = TASK.rim_grip
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +85,20 @@ def test_the_glove_stands_upright_and_open(env, start):
 
 def _pose_hands(env, rim):
     """Poses of `ee` whose grasp points are at both ends of the rim in x, shape (2, 7)."""
-    ends = rim[[rim[:, 0].argmin(), rim[:, 0].argmax()]]
+    return _pose_hands_at(rim[[rim[:, 0].argmin(), rim[:, 0].argmax()]])
+
+
+def _pose_hands_at(ends):
     quaternions = [orient("standard", side) for side in SIDES]
     wrists = [grasp_to_wrist(p, q, s) for p, q, s in zip(ends, quaternions, SIDES, strict=True)]
     return np.array([[*w, *q] for w, q in zip(wrists, quaternions, strict=True)])
+
+
+def _measure_along(places, k):
+    """Distance of each vertex of a closed line from the vertex `k`, along the line [m]."""
+    steps = np.linalg.norm(np.diff(places, axis=0, append=places[:1]), axis=1)
+    ways = np.array([steps[np.arange(k, k + n) % len(steps)].sum() for n in range(len(steps))])
+    return np.roll(np.minimum(ways, steps.sum() - ways), k)
 
 
 def _set_hands(env, pose):
@@ -102,10 +113,10 @@ def _set_hands(env, pose):
 def test_the_rim_sticks_to_closed_hands_until_they_open(env, start, pose):
     rim, places = start
     state = env.get_state_dict()
-    grip = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    grip = RimGrip(env.garment.faces, REACH, env.agent.model)
     hands = _pose_hands(env, places)
-    distances = np.linalg.norm(places[:, None] - places[[places[:, 0].argmin()]], axis=2)[:, 0]
-    near = rim[distances <= TASK.rim_grip]
+    near = rim[_measure_along(places, places[:, 0].argmin()) <= REACH]
+    before = env.get_particles()[near, 2]
 
     grip.update(env.cloth, hands, _set_hands(env, "open"))
     assert grip.counts == {"left": 0, "right": 0}
@@ -116,16 +127,16 @@ def test_the_rim_sticks_to_closed_hands_until_they_open(env, start, pose):
         hands[:, 2] += 0.002
         grip.update(env.cloth, hands, _set_hands(env, pose))
         env.cloth.step()
-    risen = env.get_particles()[near, 2] - places[distances <= TASK.rim_grip, 2]
+    risen = env.get_particles()[near, 2] - before
     np.testing.assert_allclose(risen, 0.06, atol=1e-5)
 
-    again = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    again = RimGrip(env.garment.faces, REACH, env.agent.model)
     again.write_state(grip.read_state())
     assert again.counts == grip.counts
     again.update(env.cloth, hands, _set_hands(env, "open"))
     for _ in range(30):
         env.cloth.step()
-    assert (env.get_particles()[near, 2] < places[distances <= TASK.rim_grip, 2] + 0.05).all()
+    assert (env.get_particles()[near, 2] < before + 0.05).all()
     env.set_state_dict(state)
 
 
@@ -154,14 +165,23 @@ def test_a_state_with_a_held_rim_goes_on_alike(env, start):
 def test_a_hand_that_closed_on_nothing_takes_nothing_after_a_restore(env, start):
     _, places = start
     hands = _pose_hands(env, places)
-    grip = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    grip = RimGrip(env.garment.faces, REACH, env.agent.model)
     above = hands.copy()
     above[:, 2] += 0.5
     grip.update(env.cloth, above, _set_hands(env, "close"))
-    again = RimGrip(env.garment.faces, TASK.rim_grip, env.agent.model)
+    again = RimGrip(env.garment.faces, REACH, env.agent.model)
     again.write_state(grip.read_state())
     again.update(env.cloth, hands, _set_hands(env, "close"))
     assert again.counts == {"left": 0, "right": 0}
+
+
+def test_two_hands_at_one_place_hold_different_vertices(env, start):
+    _, places = start
+    grip = RimGrip(env.garment.faces, REACH, env.agent.model)
+    grip.update(env.cloth, _pose_hands_at(places[[3, 3]]), _set_hands(env, "close"))
+    left, right = (grip._held[side][0] for side in SIDES)
+    assert len(left) > 2
+    assert not set(left) & set(right)
 
 
 def test_contact_alone_is_the_default():

@@ -153,9 +153,9 @@ class Task:
     """Factor on the rest lengths of a cloth by panel, where it is not 1, as of an elastic band."""
     hand_friction: HandFriction = field(default_factory=HandFriction)
     rim_grip: Annotated[float, Ge(0.0)] | None = None
-    """Help that no robot has: to a hand that is more than half closed stick the vertices of the
-    garment's openings that were within this distance of its grasp point [m]. None for contact
-    alone."""
+    """Help that no robot has: to a hand that is more than half closed sticks the edge of an opening
+    that was within this distance of its grasp point [m], up to this length to either side of the
+    nearest vertex. None for contact alone."""
     ground_friction: float = 0.5
     """Friction of the ground (original code), a factor on the material's."""
 

@@ -18,9 +18,10 @@ _GRASPS = [HandSpan.names.index(name) for name in ("close", "pinch")]
 
 
 class RimGrip:
-    """Holds the vertices of a garment's openings that were near a hand when it closed.
+    """Holds an arc of a garment's opening that was near a hand when it closed.
 
-    They keep their places in the hand's frame until its joint targets are less than half closed.
+    Its vertices keep their places in the hand's frame until the hand's joint targets are less than
+    half closed.
     """
 
     def __init__(self, faces: np.ndarray, reach: float, robot: Robot) -> None:
@@ -28,11 +29,12 @@ class RimGrip:
 
         Args:
             faces: Triangles of the garment, shape (F, 3).
-            reach: Largest distance of a vertex from the grasp point of the hand [m].
+            reach: Largest distance of the opening from the grasp point of the hand, and length of
+                the arc to either side of the nearest vertex [m].
             robot: Whose hands they are.
         """
-        loops = find_loops(faces)
-        self._rim = np.unique(np.concatenate(loops)) if len(loops) else np.empty(0, dtype=int)
+        self._loops = find_loops(faces)
+        self._rim = np.unique(np.concatenate([np.empty(0, dtype=int), *self._loops]))
         self._reach, self._robot, self._span = reach, robot, HandSpan(robot)
         self._held: dict[Side, tuple[np.ndarray, np.ndarray]] = {}
         self._carries = False
@@ -54,16 +56,30 @@ class RimGrip:
             joints = targets[self._robot.joint_slice(side, "hand")]
             is_closed = self._span.to_coordinates(joints)[_GRASPS].sum() > CLOSED
             if is_closed and side not in self._held:
-                vertices = cloth.state.get_positions()[0][self._rim]
+                vertices = cloth.state.get_positions()[0]
                 grasp = wrist_to_grasp(pose[:3], pose[3:], side, robot=self._robot)
-                near = np.linalg.norm(vertices - grasp, axis=1) <= self._reach
-                local = to_rotation(pose[3:]).inv().apply(vertices[near] - pose[:3])
+                arc = self._find_arc(vertices, grasp)
+                local = to_rotation(pose[3:]).inv().apply(vertices[arc] - pose[:3])
                 # in the precision of states, so that a restored hand goes on alike
-                self._held[side] = self._rim[near], local.astype(np.float32)
+                self._held[side] = arc, local.astype(np.float32)
             elif not is_closed:
                 self._held.pop(side, None)
         if self._held or self._carries:
             self._carry(cloth, hands)
+
+    def _find_arc(self, vertices: np.ndarray, grasp: np.ndarray) -> np.ndarray:
+        """Find the vertices of the arc near a grasp point, sorted, shape (N,)."""
+        distances = np.linalg.norm(vertices - grasp, axis=1)
+        for taken, _ in self._held.values():
+            distances[taken] = np.inf
+        if not len(self._rim) or distances[self._rim].min() > self._reach:
+            return self._rim[:0]
+        loop = min(self._loops, key=lambda each: distances[each].min())
+        loop = np.roll(loop, -distances[loop].argmin())
+        steps = np.linalg.norm(vertices[np.roll(loop, -1)] - vertices[loop], axis=1)
+        forth = np.cumsum(steps) - steps
+        arc = loop[np.minimum(forth, steps.sum() - forth) <= self._reach]
+        return np.sort(arc[np.isfinite(distances[arc])])
 
     def _carry(self, cloth: SapienCloth, hands: np.ndarray) -> None:
         places: dict[int, np.ndarray] = {}

@@ -8,21 +8,23 @@ import logging
 import zipfile
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from dgl_assets._archive import get_cache_folder, read_archive, write_archive
+from dgl_assets.importing.holes import close_small_holes
 from dgl_assets.people import PEOPLE, POSES, Person, make_person
 from dgl_assets.people.skeleton import FINGERS
 from dgl_assets.props.meshes import assemble, make_part, make_wood
 from dgl_assets.props.prop import Finish, Prop, PropPart
-from dgl_assets.props.shapes import PropShape
+from dgl_assets.props.shapes import PropShape, make_capsules
 from dgl_assets.ranges import Measures, measure
 from dgl_assets.robots._solids import cylinder
 
 logger = logging.getLogger(__name__)
 
-GENERATOR_VERSION = 3
+GENERATOR_VERSION = 4
 """Raised whenever the same parameters give another person than before."""
 _DENSITY = 985.0  # of a human body [kg/m^3]
 _STOOL = 0.45  # share of the depth of seat and thighs that sits on it
@@ -36,6 +38,9 @@ FINISHES: dict[str, Finish] = {
     )
 }
 """Finishes of skin and painted clothes."""
+_OFFERED = {"offer_right": "right"}
+"""The hand of a pose on which garments are put. It is solid by capsules: its fingers are thin
+beside the cells in which cloth finds the distance to the mesh of a whole body."""
 _FRAMES = (
     "head_top", "brow", "neck",
     *(
@@ -70,11 +75,12 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
 
     The other landmarks are those of `Person.frames`. Who is seated has a stool.
     """
-    vertices, faces, regions, frames = _load_body(parameters)
+    body = _load_body(parameters)
+    vertices, faces = body.vertices, body.faces
     normals = _compute_normals(vertices, faces)
     parts = []
     for number, finish in enumerate(FINISHES.values()):
-        used, index = np.unique(faces[regions == number], return_inverse=True)
+        used, index = np.unique(faces[body.regions == number], return_inverse=True)
         part = PropPart(
             name=finish.name,
             vertices=vertices[used],
@@ -84,12 +90,14 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
             finish=finish,
         )
         parts.append(part)
-    shapes = [PropShape(kind="mesh", points=vertices, faces=faces)]
+    shapes = [_make_solid(vertices, faces[~body.is_offered])]
+    for ends, radius in zip(body.capsules, body.radii, strict=True):
+        shapes += make_capsules(ends, float(radius))
     if parameters.pose == "seated":
-        part, shape = _make_stool(vertices, faces[regions == list(FINISHES).index("trousers")])
+        part, shape = _make_stool(vertices, faces[body.regions == list(FINISHES).index("trousers")])
         parts.append(part)
         shapes.append(shape)
-    landmarks = {name: tuple(map(float, origin)) for name, origin in frames.items()}
+    landmarks = {name: tuple(map(float, origin)) for name, origin in body.frames.items()}
     return assemble(
         "person",
         parts,
@@ -99,39 +107,83 @@ def make_person_prop(parameters: PersonParameters) -> Prop:
     )
 
 
-def _load_body(
-    parameters: PersonParameters,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Load or make the body of a posed person whose head's top is above the origin.
+class _Body(NamedTuple):
+    """A posed person whose head's top is above the origin."""
+
+    vertices: np.ndarray  # [m], shape (V, 3), float32
+    faces: np.ndarray
+    regions: np.ndarray
+    """Finish of each triangle, shape (F,)."""
+    is_offered: np.ndarray
+    """True for triangles of the hand that garments are put on, shape (F,)."""
+    capsules: np.ndarray
+    """Ends of the capsules of that hand [m], shape (C, 2, 3)."""
+    radii: np.ndarray
+    """Their radii [m], shape (C,)."""
+    frames: dict[str, np.ndarray]
+    """Origins of frames [m], shape (3,)."""
+
+
+_ARRAYS = tuple(name for name in _Body._fields if name != "frames")
+
+
+def _load_body(parameters: PersonParameters) -> _Body:
+    """Load or make the body.
 
     Making it takes seconds, so it is kept on disk.
-
-    Returns:
-        Vertices [m], triangles, the finish of each triangle, and the origins of frames [m].
     """
     text = json.dumps([GENERATOR_VERSION, asdict(parameters)], sort_keys=True)
     path = get_cache_folder("people") / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
     if path.is_file():
         try:
-            kept = read_archive(path, ("vertices", "faces", "regions", *_FRAMES))
+            kept = read_archive(path, (*_ARRAYS, *_FRAMES))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as err:
             logger.warning("%s cannot be read (%s); it is made again", path, err)
         else:
             frames = {name: kept[name] for name in _FRAMES}
-            return kept["vertices"], kept["faces"], kept["regions"], frames
-    person = make_person(parameters.measures, scale=parameters.scale)
-    frames = {name: origin for name, (origin, _) in person.compute_frames(parameters.pose).items()}
-    posed = person.pose(parameters.pose)
-    moved = np.array([*frames["head_top"][:2], posed[:, 2].min()])
-    vertices = (posed - moved).astype(np.float32)
-    frames = {name: frames[name] - moved for name in _FRAMES}
-    regions = _find_regions(person)
+            return _Body(*(kept[name] for name in _ARRAYS), frames=frames)
+    body = _pose_body(parameters)
     try:
-        arrays = {"vertices": vertices, "faces": person.faces, "regions": regions, **frames}
-        write_archive(path, arrays)
+        arrays = {name: getattr(body, name) for name in _ARRAYS}
+        write_archive(path, arrays | body.frames)
     except OSError as err:
         logger.warning("a person cannot be kept in %s (%s)", path.parent, err)
-    return vertices, person.faces, regions, frames
+    return body
+
+
+def _pose_body(parameters: PersonParameters) -> _Body:
+    pose = parameters.pose
+    person = make_person(parameters.measures, scale=parameters.scale)
+    frames = {name: origin for name, (origin, _) in person.compute_frames(pose).items()}
+    posed = person.pose(pose)
+    moved = np.array([*frames["head_top"][:2], posed[:, 2].min()])
+    side = _OFFERED.get(pose)
+    joints = ("wrist", *FINGERS)
+    is_hand = np.array(
+        [side is not None and n.startswith(tuple(f"{side}_{j}" for j in joints))
+         for n in person.skeleton.names]
+    )  # fmt: skip
+    ends, radii = person.compute_capsules(pose)
+    counted = is_hand[[bone for bone, _, _ in person.capsules]]
+    return _Body(
+        vertices=(posed - moved).astype(np.float32),
+        faces=person.faces,
+        regions=_find_regions(person),
+        is_offered=is_hand[_find_bones(person)],
+        capsules=ends[counted] - moved,
+        radii=radii[counted],
+        frames={name: frames[name] - moved for name in _FRAMES},
+    )
+
+
+def _make_solid(vertices: np.ndarray, faces: np.ndarray) -> PropShape:
+    """Make a solid of triangles of the skin, and close the cut at a wrist."""
+    if len(np.unique(faces)) < len(vertices):
+        used, index = np.unique(faces, return_inverse=True)
+        vertices, faces, _, _ = close_small_holes(
+            vertices[used], index.reshape(-1, 3), None, largest=np.inf
+        )
+    return PropShape(kind="mesh", points=vertices.astype(np.float32), faces=faces.astype(np.int32))
 
 
 def _make_stool(vertices: np.ndarray, trousers: np.ndarray) -> tuple[PropPart, PropShape]:
@@ -163,8 +215,12 @@ def _find_regions(person: Person) -> np.ndarray:
         else:
             finish = "shoes" if bone.endswith(("ankle", "toes")) else "skin"
         of_bone.append(names.index(finish))
-    followed = person.weights[person.faces].sum(axis=1).argmax(axis=1)
-    return np.array(of_bone, dtype=np.int8)[followed]
+    return np.array(of_bone, dtype=np.int8)[_find_bones(person)]
+
+
+def _find_bones(person: Person) -> np.ndarray:
+    """Index of the bone that each triangle follows most, shape (F,)."""
+    return person.weights[person.faces].sum(axis=1).argmax(axis=1)
 
 
 def _compute_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
